@@ -1,0 +1,25 @@
+"""kickdyn: what happens when a leg strikes a ball, and where the ball goes."""
+
+from __future__ import annotations
+
+from kickdyn.air import Air as Air
+from kickdyn.ball import Ball as Ball
+from kickdyn.ball import BallState as BallState
+from kickdyn.contact import Contact as Contact
+from kickdyn.errors import InvalidInput as InvalidInput
+from kickdyn.errors import KickdynError as KickdynError
+from kickdyn.errors import NoImpact as NoImpact
+from kickdyn.errors import UrdfError as UrdfError
+from kickdyn.flight.fly import Flight as Flight
+from kickdyn.flight.fly import fly as fly
+from kickdyn.ground import Ground as Ground
+from kickdyn.impact.engine import EngineImpact as EngineImpact
+from kickdyn.impact.engine import engine_strike as engine_strike
+from kickdyn.impact.laws import normal_impulse as normal_impulse
+from kickdyn.impact.strike import Impact as Impact
+from kickdyn.impact.strike import strike as strike
+from kickdyn.impact.strike import strike_at as strike_at
+from kickdyn.leg import Leg as Leg
+from kickdyn.posture import Posture as Posture
+
+__version__ = "0.1.0"

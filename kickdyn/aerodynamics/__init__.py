@@ -1,0 +1,1 @@
+"""Aerodynamic coefficients of a ball: plug-in models, each with its range and its source."""

@@ -1,0 +1,129 @@
+"""Drag coefficients C_D(Re, Sp) of spheres and soccer balls.
+
+`F_D = 1/2 rho A C_D v^2`, against the velocity relative to the air (Eq. 12).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from kickdyn.aerodynamics.model import Coefficient, CoefficientModel, smoothstep
+
+REYNOLDS_PER_SPEED = 333_793 / 22.97
+"""Re per m/s in the wind tunnel of Kiratidis & Leinweber [s/m]; puts their fit in terms of Re."""
+
+SPIN_DRAG = 0.514
+"""Slope of C_D with the spin parameter (Kiratidis & Leinweber 2018, Teamgeist tunnel line)."""
+
+SPIN_DRAG_LIMIT = 0.4
+"""Spin parameter from which C_D grows no more; the data behind `SPIN_DRAG` end near 0.3."""
+
+
+def stokes(reynolds: float, spin_parameter: float = 0.0) -> float:
+    """Return 24/Re, creeping flow (Stokes 1851, Eq. 14): F_D = 3 pi mu D v."""
+    return 24.0 / reynolds
+
+
+def brown_lawler(reynolds: float, spin_parameter: float = 0.0) -> float:
+    """Return C_D of a smooth sphere before its drag crisis.
+
+    Brown & Lawler 2003, J. Environ. Eng. 129:222, Re < 2e5.
+    """
+    correction = 1.0 + 0.150 * math.pow(reynolds, 0.681)
+    return 24.0 / reynolds * correction + 0.407 / (1.0 + 8710.0 / reynolds)
+
+
+def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
+    """Return C_D of a smooth sphere, exactly Stokes' for Re < 1 as in Eq. (14).
+
+    The correction of Brown & Lawler fades in between Re 1 and 10 (C1). Near Re = 1 this is up to
+    13 % below their correlation; `brown_lawler` alone has no such join.
+    """
+    weight = smoothstep(reynolds, 1.0, 10.0)
+    creeping = stokes(reynolds)
+    return creeping + weight * (brown_lawler(reynolds) - creeping) if weight else creeping
+
+
+@dataclass(frozen=True)
+class SoccerBall:
+    """Constants of Kiratidis & Leinweber 2018 (Eur. J. Phys. 39:034001), Eq. 5 and Table 1.
+
+    `a` is the plateau below the drag crisis, `v_c` and `v_s` its middle and width [m/s], `b_min`
+    the least C_D, at `v_min`, and `b_max` that at `v_max` [m/s], above which it is held.
+    """
+
+    a: float
+    v_c: float
+    v_s: float
+    b_min: float
+    b_max: float
+    v_min: float
+    v_max: float = 35.0
+
+    def not_spinning(self, reynolds: float) -> float:
+        """Return C_D without spin in the tunnel's range, Re above 7e4."""
+        v = min(reynolds / REYNOLDS_PER_SPEED, self.v_max)
+        beyond = v - self.v_min
+        crisis = (self.a - self.b_min) / (1.0 + math.exp((v - self.v_c) / self.v_s))
+        rise = beyond / (1.0 + math.exp(-beyond / self.v_s))
+        return crisis + self.b_min + rise * (self.b_max - self.b_min) / (self.v_max - self.v_min)
+
+    def drag(self, reynolds: float, spin_parameter: float = 0.0) -> float:
+        """Return C_D with spin: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4."""
+        weight = smoothstep(reynolds, 2e4, 7e4)
+        if weight == 0.0:
+            return sphere(reynolds)
+        spinning = self.not_spinning(reynolds) + SPIN_DRAG * min(spin_parameter, SPIN_DRAG_LIMIT)
+        return spinning if weight == 1.0 else sphere(reynolds) * (1 - weight) + spinning * weight
+
+
+BALLS = {
+    "brazuca": SoccerBall(0.4740, 12.92, 1.000, 0.1657, 0.2112, 14.61),
+    "tango12": SoccerBall(0.5452, 12.86, 1.304, 0.1657, 0.1953, 16.22),
+    "teamgeist": SoccerBall(0.4927, 12.58, 1.071, 0.1440, 0.1540, 23.17),
+    "jabulani": SoccerBall(0.4839, 18.69, 1.377, 0.1413, 0.1780, 23.29),
+}
+
+
+def constant(value: float) -> Coefficient:
+    """Return a model that is `value` everywhere, for comparison with textbooks."""
+
+    def model(reynolds: float, spin_parameter: float = 0.0) -> float:
+        return value
+
+    return model
+
+
+MODELS = {
+    model.name: model
+    for model in (
+        CoefficientModel("stokes", stokes, (0.0, 1.0), (0.0, math.inf), "Stokes 1851; Eq. (14)"),
+        CoefficientModel(
+            "brown-lawler",
+            brown_lawler,
+            (0.0, 2e5),
+            (0.0, 0.0),
+            "Brown & Lawler 2003, J. Environ. Eng. 129:222",
+        ),
+        CoefficientModel(
+            "sphere",
+            sphere,
+            (0.0, 2e5),
+            (0.0, 0.0),
+            "Eq. (14) below Re 1, then Brown & Lawler 2003",
+        ),
+        *(
+            CoefficientModel(
+                name,
+                ball.drag,
+                (0.0, REYNOLDS_PER_SPEED * ball.v_max),
+                (0.0, SPIN_DRAG_LIMIT),
+                "Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eq. 5, Table 1; "
+                "sphere below Re 2e4",
+            )
+            for name, ball in BALLS.items()
+        ),
+    )
+}
+"""Every drag model by name."""

@@ -1,0 +1,61 @@
+"""A coefficient of a sphere as a function of Reynolds number and spin parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from kickdyn.errors import InvalidInput
+
+Coefficient = Callable[[float, float], float]
+
+
+@dataclass(frozen=True)
+class CoefficientModel:
+    """One published (or composed) coefficient, callable as `model(reynolds, spin_parameter)`.
+
+    Any function of the same two floats can stand in for it; one that uses `math` only can be
+    compiled.
+
+    Args:
+        name: by which `Air` finds it.
+        function: `(reynolds, spin_parameter) -> coefficient`, for reynolds > 0.
+        reynolds: range it is meant for, `rho v D / mu` with D the diameter.
+        spin: range of the spin parameter `r |omega_perp| / v` it is meant for.
+        source: where the numbers come from.
+    """
+
+    name: str
+    function: Coefficient
+    reynolds: tuple[float, float]
+    spin: tuple[float, float]
+    source: str
+
+    def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
+        """Return the coefficient (dimensionless)."""
+        return self.function(reynolds, spin_parameter)
+
+
+def smoothstep(x: float, low: float, high: float) -> float:
+    """Return 0 below `low`, 1 above `high`, and a C1 cubic in log(x) between."""
+    if x <= low:
+        return 0.0
+    if x >= high:
+        return 1.0
+    s = math.log(x / low) / math.log(high / low)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def find(
+    kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient
+) -> Coefficient:
+    """Return the model a name stands for, or the function itself."""
+    if callable(choice):
+        return choice
+    if choice not in models:
+        raise InvalidInput(
+            f"{kind} model {choice!r} is unknown: choose {', '.join(models)}, "
+            "or pass a function of (reynolds, spin_parameter)"
+        )
+    return models[choice]

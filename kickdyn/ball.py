@@ -1,0 +1,119 @@
+"""The ball and its state of motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball: a thin spherical shell, the paper's Eq. (22).
+
+    The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
+    (IFAB, Laws of the Game 2023/24, Law 2).
+
+    Args:
+        mass: [kg], above 0.
+        radius: [m], above 0.
+
+    Raises:
+        InvalidInput: a value is not finite or not above 0.
+    """
+
+    mass: float = 0.43
+    radius: float = 0.69 / (2 * math.pi)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", checks.number("ball mass", self.mass, above=0, unit="kg"))
+        radius = checks.number("ball radius", self.radius, above=0, unit="m")
+        object.__setattr__(self, "radius", radius)
+        if not (0.0 < self.inertia < math.inf):
+            raise InvalidInput(
+                f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
+                f"{self.inertia:g} kg m2: it must be a finite number above 0"
+            )
+
+    @classmethod
+    def paper(cls) -> Ball:
+        """Return the ball of the paper's Table 3: 0.45 kg, radius 0.1 m."""
+        return cls(mass=0.45, radius=0.1)
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia about any diameter [kg m2], 2/3 m r^2 (Eq. 22)."""
+        return 2.0 / 3.0 * self.mass * self.radius * self.radius
+
+    @property
+    def cross_section(self) -> float:
+        """Area that meets the air [m2], pi r^2."""
+        return math.pi * self.radius * self.radius
+
+    @property
+    def volume(self) -> float:
+        """Volume [m3], which buoyancy acts on."""
+        return 4.0 / 3.0 * math.pi * self.radius**3
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class BallState:
+    """Where a ball is and how it moves, at one time or at many.
+
+    Args:
+        position: centre of the ball, shape `(3,)` or `(n, 3)` [m, world frame].
+        velocity: of the centre, same shape [m/s, world frame].
+        spin: angular velocity, same shape [rad/s, world frame].
+        time: [s], a float, or shape `(n,)`.
+
+    Raises:
+        InvalidInput: shapes differ or an entry is not finite.
+    """
+
+    position: Array
+    velocity: Array
+    spin: Array
+    time: float | Array = 0.0
+
+    def __init__(
+        self,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        spin: ArrayLike = (0.0, 0.0, 0.0),
+        time: ArrayLike = 0.0,
+    ) -> None:
+        moments = checks.floats("time", time, unit="s")
+        if moments.ndim > 1:
+            raise InvalidInput(f"time has shape {moments.shape}: it must be a number or (n,)")
+        for name, value, unit in (
+            ("position", position, "m"),
+            ("velocity", velocity, "m/s"),
+            ("spin", spin, "rad/s"),
+        ):
+            array = checks.floats(name, value, unit=unit)
+            if array.shape != (*moments.shape, 3):
+                raise InvalidInput(
+                    f"{name} has shape {array.shape}: it must be {(*moments.shape, 3)}"
+                )
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "time", float(moments) if moments.ndim == 0 else moments)
+
+    @property
+    def speed(self) -> float | Array:
+        """Speed of the centre [m/s]."""
+        speed = np.sqrt(np.einsum("...i,...i", self.velocity, self.velocity))
+        return float(speed) if np.ndim(speed) == 0 else speed
+
+    @property
+    def elevation(self) -> float | Array:
+        """Angle of the velocity above the horizontal [rad], -pi/2 to pi/2."""
+        horizontal = np.hypot(self.velocity[..., 0], self.velocity[..., 1])
+        angle = np.arctan2(self.velocity[..., 2], horizontal)
+        return float(angle) if np.ndim(angle) == 0 else angle

@@ -1,0 +1,73 @@
+"""Checks of numbers that come from outside, so that bad ones stop at the door."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kickdyn.errors import InvalidInput
+
+Array = NDArray[np.float64]
+
+
+def number(
+    name: str,
+    value: object,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    unit: str = "",
+) -> float:
+    """Return `value` as a float, finite and inside the bounds, or raise `InvalidInput`."""
+    limits = [f"above {above:g}"] if above > -math.inf else []
+    limits += [f"at least {at_least:g}"] if at_least > -math.inf else []
+    limits += [f"at most {at_most:g}"] if at_most < math.inf else []
+    valid = f"a finite number {' and '.join(limits)}".rstrip() + (f" [{unit}]" if unit else "")
+    try:
+        if isinstance(value, (str, bytes, bool)):
+            raise TypeError
+        result = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidInput(f"{name} is {value!r}: it must be {valid}") from None
+    if not (math.isfinite(result) and result > above and at_least <= result <= at_most):
+        raise InvalidInput(f"{name} is {result!r}: it must be {valid}")
+    return result
+
+
+def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
+    """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`."""
+    array = floats(name, value, unit=unit)
+    if array.shape != (size,):
+        raise InvalidInput(f"{name} has shape {array.shape}: it must be ({size},)")
+    return array
+
+
+def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
+    """Return `value` as a new, finite float64 array of any shape, or raise `InvalidInput`."""
+    raw: Any = value if type(value) is np.ndarray else np.asanyarray(value)
+    if isinstance(raw, np.ma.MaskedArray) and np.ma.is_masked(raw):
+        raise InvalidInput(f"{name} has masked entries: fill them first")
+    if raw.dtype.kind not in "fiu":
+        raise InvalidInput(f"{name} is {value!r}: it must hold real numbers" + _of(unit))
+    array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"{name} is {array.tolist()}: every entry must be finite" + _of(unit))
+    return array
+
+
+def direction(name: str, value: ArrayLike) -> Array:
+    """Return the unit vector along `value`, shape `(3,)`; any length but zero will do."""
+    array = vector(name, value, 3)
+    largest = float(np.abs(array).max())
+    if largest == 0.0:
+        raise InvalidInput(f"{name} is {array.tolist()}: a vector of length 0 has no direction")
+    array /= largest  # so that squares neither overflow nor vanish
+    return np.asarray(array / math.sqrt(float(array @ array)))
+
+
+def _of(unit: str) -> str:
+    return f" [{unit}]" if unit else ""

@@ -1,0 +1,40 @@
+"""The contact between foot and ball."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.checks import Array
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Contact:
+    """One point contact, for the instant of the impact.
+
+    Args:
+        normal: direction from the foot into the ball, any length but zero, stored as a unit
+            vector, shape `(3,)` [world frame]. The ball's centre is at `contact point + r normal`.
+        restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather,
+            oval) ball measured 0.66 to 0.79 (Peacock & Ball 2016); the paper's Table 2 needs 0.8.
+        friction: Coulomb's coefficient mu, 0 or more. 0, the frictionless contact of
+            Eqs. (8)-(10), when not named; the paper uses 0.4, and 0.37 to 0.63 was measured on
+            nine match balls against leather (Proceedings 2020, 49(1):92).
+
+    Raises:
+        InvalidInput: a normal of length 0, or a coefficient outside its range.
+    """
+
+    normal: Array
+    restitution: float
+    friction: float
+
+    def __init__(self, normal: ArrayLike, restitution: float, friction: float = 0.0) -> None:
+        unit = checks.direction("contact normal", normal)
+        unit.setflags(write=False)
+        object.__setattr__(self, "normal", unit)
+        e = checks.number("restitution", restitution, at_least=0, at_most=1)
+        object.__setattr__(self, "restitution", e)
+        object.__setattr__(self, "friction", checks.number("friction", friction, at_least=0))

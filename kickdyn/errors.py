@@ -1,0 +1,34 @@
+"""What kickdyn raises: one clear line that names the value and what would be valid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class KickdynError(Exception):
+    """Base of every error kickdyn raises on purpose."""
+
+
+class InvalidInput(KickdynError, ValueError):
+    """A value that cannot be used; the message names it and says what is valid."""
+
+
+class UrdfError(InvalidInput):
+    """A robot description that is refused, with every fault found in it.
+
+    Attributes:
+        source: the file, as the caller named it.
+        faults: one line per fault, in the order of the file.
+    """
+
+    def __init__(self, source: str, faults: Sequence[str]) -> None:
+        self.source = source
+        self.faults = tuple(faults)
+        super().__init__(f"{source}: {'; '.join(self.faults)}")
+
+    def __reduce__(self) -> tuple[type[UrdfError], tuple[str, tuple[str, ...]]]:
+        return (UrdfError, (self.source, self.faults))
+
+
+class NoImpact(KickdynError):
+    """The foot does not move towards the ball along the contact normal: nothing is struck."""

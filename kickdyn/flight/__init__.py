@@ -1,0 +1,1 @@
+"""Everything after the impact: where the ball goes."""

@@ -1,0 +1,82 @@
+"""The same impact by Pinocchio's own solver: leg and free ball as one model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.contact import Contact
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.strike import approach
+from kickdyn.leg import Leg
+
+
+@dataclass(frozen=True, eq=False)
+class EngineImpact:
+    """What Pinocchio's solver says of a frictionless strike.
+
+    Attributes:
+        impulse: on the ball, shape `(3,)` [N s, world frame].
+        ball: just after.
+        v_after: joint velocity, shape `(nv,)` [rad/s].
+    """
+
+    impulse: Array
+    ball: BallState
+    v_after: Array
+
+
+def engine_strike(
+    leg: Leg,
+    q: ArrayLike,
+    v: ArrayLike,
+    ball: Ball,
+    touch: Contact,
+    *,
+    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+) -> EngineImpact:
+    """Strike a ball by `pin.impulseDynamics`; arguments and errors as for `strike`.
+
+    The solver knows no friction: `touch.friction` must be 0. It gets one row, n^T (J_ball -
+    J_foot), which always has rank one thanks to the ball; with rows of lower rank it would answer
+    wrongly without a word.
+    """
+    if touch.friction != 0.0:
+        raise InvalidInput(
+            f"friction is {touch.friction:g}: Pinocchio's impulseDynamics knows only 0"
+        )
+    posture = leg.posture(q)
+    v = checks.vector("v", v, leg.nv)
+    centre = posture.contact_point + ball.radius * touch.normal
+    before = BallState(centre, ball_velocity, ball_spin)
+    approach(posture, posture.jacobian @ v, before, touch)
+
+    model = leg.workspace.model.copy()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
+    shell = pin.Inertia(ball.mass, np.zeros(3), ball.inertia * np.eye(3))
+    model.appendBodyToJoint(joint, shell, pin.SE3.Identity())
+    lever = pin.SE3(np.eye(3), -ball.radius * touch.normal)
+    frame = pin.Frame("kickdyn_contact", joint, 0, lever, pin.FrameType.OP_FRAME)
+    ball_frame = model.addFrame(frame)
+    data = model.createData()
+
+    both_q = np.concatenate([posture.q, centre, [0.0, 0.0, 0.0, 1.0]])
+    both_v = np.concatenate([v, before.velocity, before.spin])
+    pin.computeJointJacobians(model, data, both_q)
+    foot_row, ball_row = (
+        touch.normal @ pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)[:3]
+        for frame_id in (leg.frame_id, ball_frame)
+    )
+    row = (ball_row - foot_row).reshape(1, model.nv)
+    after = pin.impulseDynamics(model, data, both_q, both_v, row, touch.restitution, 0.0)
+    impulse = float(data.impulse_c[0]) * touch.normal
+    return EngineImpact(
+        impulse, BallState(centre, after[leg.nv : leg.nv + 3], after[leg.nv + 3 :]), after[: leg.nv]
+    )

@@ -1,0 +1,133 @@
+"""A leg at one configuration: what kinematics and inertia say there."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+from scipy.linalg import lapack
+
+from kickdyn import checks
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from kickdyn.leg import Leg
+
+REACH_TOLERANCE = 1e-9
+"""Share of a wished-for velocity that may be missed before it counts as out of reach."""
+
+
+class Posture:
+    """A leg at a configuration `q`; made by `Leg.posture`, so kinematics has always been run.
+
+    Attributes:
+        leg: the leg.
+        q: configuration, shape `(nq,)` [rad; m for prismatic joints].
+        contact_point: origin of the leg's contact frame, shape `(3,)` [m, world frame].
+        jacobian: KIC of that point, `velocity = jacobian @ v`, shape `(3, nv)` [world frame].
+        inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
+    """
+
+    def __init__(self, leg: Leg, q: ArrayLike) -> None:
+        model, data = leg.workspace.model, leg.workspace.data
+        self.leg = leg
+        self.q = checks.vector("q", q, model.nq)
+        if model.nq != model.nv and not pin.isNormalized(model, self.q, 1e-9):
+            raise InvalidInput(
+                f"q is {self.q.tolist()}: the (cos, sin) pair of a continuous joint must have "
+                "length 1 (Leg.configuration makes one from angles)"
+            )
+        self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.WORLD)
+        placement = pin.updateFramePlacement(model, data, leg.frame_id)
+        self.contact_point: Array = placement.translation.copy()
+        jacobian = pin.getFrameJacobian(model, data, leg.frame_id, pin.LOCAL_WORLD_ALIGNED)
+        self.jacobian: Array = jacobian.reshape(6, model.nv)[:3]
+        self.joint_rotation: Array = data.oMi[leg.contact_joint].rotation.copy()
+        factor, info = lapack.dpotrf(self.inertia, lower=1)
+        if info:
+            raise InvalidInput(
+                f"the joint-space inertia of {leg.name} is not positive definite at "
+                f"q = {self.q.tolist()}: a joint moves no inertia"
+            )
+        self._factor: Array = factor
+        for array in (self.q, self.inertia, self.contact_point, self.jacobian):
+            array.setflags(write=False)
+
+    def __repr__(self) -> str:
+        """Name the leg and its angles."""
+        angles = ", ".join(f"{angle:.4g}" for angle in self.q)
+        return f"Posture({self.leg.name}, q=[{angles}])"
+
+    @cached_property
+    def mobility(self) -> Array:
+        """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix."""
+        rows, _ = lapack.dtrtrs(self._factor, self.jacobian.T, lower=1)
+        return np.asarray(rows.T)
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of M in the 1-norm (LAPACK's estimate)."""
+        norm = float(np.abs(self.inertia).sum(axis=0).max())
+        reciprocal, _ = lapack.dpocon(self._factor, norm, uplo="L")
+        return 1.0 / float(reciprocal) if reciprocal else math.inf
+
+    def delassus(self) -> Array:
+        """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
+        return np.asarray(self.mobility @ self.mobility.T)
+
+    def effective_mass(self, normal: ArrayLike) -> float:
+        """Return 1 / (n^T J M^-1 J^T n) [kg]; inf where the leg is immovable along the normal.
+
+        Args:
+            normal: direction, any length but zero, shape `(3,)` [world frame].
+
+        Raises:
+            InvalidInput: the normal has length 0.
+        """
+        row = checks.direction("normal", normal) @ self.mobility
+        give = float(row @ row)
+        return 1.0 / give if give else math.inf
+
+    def point_velocity(self, v: ArrayLike) -> Array:
+        """Return the contact point's velocity, shape `(3,)` [m/s, world frame]."""
+        return np.asarray(self.jacobian @ checks.vector("v", v, self.leg.nv))
+
+    def joint_velocity(self, point_velocity: ArrayLike) -> Array:
+        """Return the joint velocity of least kinetic energy that moves the contact point so.
+
+        Args:
+            point_velocity: wished for, shape `(3,)` [m/s, world frame].
+
+        Returns:
+            v, shape `(nv,)` [rad/s].
+
+        Raises:
+            InvalidInput: the leg cannot move its contact point in that direction here.
+        """
+        wish = checks.vector("point velocity", point_velocity, 3, unit="m/s")
+        v = self.try_joint_velocity(wish)
+        if v is None:
+            raise InvalidInput(
+                f"point velocity {wish.tolist()} m/s is out of reach of {self!r}: "
+                "its contact point cannot move in that direction there"
+            )
+        return v
+
+    def try_joint_velocity(self, wish: Array) -> Array | None:
+        """Return what `joint_velocity` returns, or None where that is out of reach."""
+        left, gains, right = np.linalg.svd(self.mobility, full_matrices=False)
+        usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
+        part = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
+        v, _ = lapack.dtrtrs(self._factor, right.T @ part, lower=1, trans=1)
+        missed = np.abs(self.jacobian @ v - wish).max()
+        return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
+
+    def solve(self, joint_impulse: Array) -> Array:
+        """Return M^-1 times a joint-space impulse, shape `(nv,)` [rad/s]."""
+        v, _ = lapack.dpotrs(self._factor, joint_impulse, lower=1)
+        return np.asarray(v)

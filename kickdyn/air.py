@@ -13,7 +13,7 @@ from kickdyn.aerodynamics.model import Coefficient, find
 from kickdyn.checks import Array
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Air:
     """Still or moving air of one density.
 
@@ -62,6 +62,19 @@ class Air:
         object.__setattr__(self, "drag", drag)
         object.__setattr__(self, "lift", lift)
         object.__setattr__(self, "buoyancy", bool(buoyancy))
+
+    def __repr__(self) -> str:
+        """Name every value, and the models by name."""
+        models = {"drag": self.drag, "lift": self.lift}
+        names = {
+            key: getattr(model, "name", getattr(model, "__name__", model))
+            for key, model in models.items()
+        }
+        return (
+            f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
+            f"wind={self.wind.tolist()}, drag={names['drag']!r}, lift={names['lift']!r}, "
+            f"buoyancy={self.buoyancy})"
+        )
 
     @classmethod
     def paper(

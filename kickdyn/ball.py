@@ -103,6 +103,7 @@ class BallState:
                 )
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        moments.setflags(write=False)
         object.__setattr__(self, "time", float(moments) if moments.ndim == 0 else moments)
 
     @property

@@ -12,6 +12,8 @@ from kickdyn.errors import InvalidInput
 
 Array = NDArray[np.float64]
 
+_NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, np.complexfloating, np.ma.MaskedArray)
+
 
 def number(
     name: str,
@@ -28,7 +30,7 @@ def number(
     limits += [f"at most {at_most:g}"] if at_most < math.inf else []
     valid = f"a finite number {' and '.join(limits)}".rstrip() + (f" [{unit}]" if unit else "")
     try:
-        if isinstance(value, (str, bytes, bool)):
+        if isinstance(value, _NO_NUMBERS):  # float() would take them
             raise TypeError
         result = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -48,14 +50,19 @@ def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
 
 def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of any shape, or raise `InvalidInput`."""
-    raw: Any = value if type(value) is np.ndarray else np.asanyarray(value)
+    try:
+        raw: Any = value if type(value) is np.ndarray else np.asanyarray(value)
+    except ValueError:  # ragged
+        raise InvalidInput(f"{name} is {value!r}: it must be an array of numbers") from None
     if isinstance(raw, np.ma.MaskedArray) and np.ma.is_masked(raw):
         raise InvalidInput(f"{name} has masked entries: fill them first")
     if raw.dtype.kind not in "fiu":
         raise InvalidInput(f"{name} is {value!r}: it must hold real numbers" + _of(unit))
-    array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
+    with np.errstate(over="ignore"):  # of longdouble
+        array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
     if not np.isfinite(array).all():
-        raise InvalidInput(f"{name} is {array.tolist()}: every entry must be finite" + _of(unit))
+        shown = array.tolist() if array.size <= 20 else f"an array with {_first_bad(array)} in it"
+        raise InvalidInput(f"{name} is {shown}: every entry must be finite" + _of(unit))
     return array
 
 
@@ -67,6 +74,10 @@ def direction(name: str, value: ArrayLike) -> Array:
         raise InvalidInput(f"{name} is {array.tolist()}: a vector of length 0 has no direction")
     array /= largest  # so that squares neither overflow nor vanish
     return np.asarray(array / math.sqrt(float(array @ array)))
+
+
+def _first_bad(array: Array) -> float:
+    return float(array[~np.isfinite(array)][0])
 
 
 def _of(unit: str) -> str:

@@ -57,6 +57,8 @@ class Leg:
         self.upper: Array = self._model.upperPositionLimit.copy()
         self.velocity_limit: Array = self._model.velocityLimit.copy()
         self.effort_limit: Array = self._model.effortLimit.copy()
+        for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
+            limit.setflags(write=False)
         self._workspace = Workspace(self._model)
 
     @classmethod
@@ -105,13 +107,13 @@ class Leg:
             frame: name of one of its frames.
 
         Raises:
-            InvalidInput: not a model, an unsound inertia, or no such frame.
+            InvalidInput: not a model, an unsound inertia or placement, or no such frame.
         """
         if not isinstance(model, pin.Model):
             raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
         if model.nv == 0:
             raise InvalidInput("model has no moving joint")
-        _check_inertias(model)
+        _check_bodies(model)
         return cls(model, frame)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -159,6 +161,15 @@ class Leg:
             step[self.velocity_index(name)] = checks.number(f"joint {name}", value)
         return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
 
+    def angles_deg(self, q: Array) -> dict[str, float]:
+        """Return the joints' values at a configuration [deg; m for prismatic joints]."""
+        step = pin.difference(self._model, pin.neutral(self._model), q)
+        values = {}
+        for name in self.joint_names:
+            value = float(step[self.velocity_index(name)])
+            values[name] = value if self.joint_unit(name) == "m" else math.degrees(value)
+        return values
+
     def velocity_index(self, joint: str) -> int:
         """Return the index of a joint of one degree of freedom in v; raise `InvalidInput`."""
         if joint not in self.joint_names:
@@ -169,6 +180,12 @@ class Leg:
         if self._model.nvs[index] != 1:
             raise InvalidInput(f"joint {joint!r} has {self._model.nvs[index]} degrees of freedom")
         return int(self._model.idx_vs[index])
+
+    def joint_unit(self, joint: str) -> str:
+        """Return `m` for a prismatic joint, `rad` for any other of one degree of freedom."""
+        self.velocity_index(joint)
+        kind = self._model.joints[1 + self.joint_names.index(joint)].shortname()
+        return "m" if kind.startswith("JointModelP") else "rad"
 
     def joint_range(self, joint: str) -> tuple[float, float]:
         """Return lower and upper limit of a joint [rad or m]; +-pi for a continuous one."""
@@ -214,23 +231,36 @@ def _frame_id(model: Any, name: str) -> int:
     return bodies[0] if bodies else matches[0]
 
 
-def _check_inertias(model: Any) -> None:
-    for name, inertia in zip(list(model.names)[1:], list(model.inertias)[1:], strict=True):
-        # The pseudo-inertia is positive definite exactly if the mass is positive, the rotational
-        # inertia too, and the triangle inequality holds.
-        pseudo = inertia.toPseudoInertia().toMatrix()
-        if not np.isfinite(pseudo).all() or np.linalg.eigvalsh(pseudo)[0] < 0 or inertia.mass <= 0:
+def _check_bodies(model: Any) -> None:
+    names = list(model.names)[1:]
+    for name, inertia in zip(names, list(model.inertias)[1:], strict=True):
+        parts = [inertia.mass, *inertia.lever, *inertia.inertia.flat]
+        # Half the trace less a moment is how far the mass spreads along that axis, squared.
+        spread = np.trace(inertia.inertia) / 2 - np.linalg.eigvalsh(np.nan_to_num(inertia.inertia))
+        if not (np.isfinite(parts).all() and inertia.mass > 0 and spread[-1] >= -1e-9 * spread[0]):
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {inertia.mass:g} kg): mass and "
-                "principal moments must be above 0 and satisfy the triangle inequality"
+                f"joint {name!r} moves an unsound inertia (mass {inertia.mass:g} kg): mass must be "
+                "above 0, and the principal moments must satisfy the triangle inequality"
             )
+    for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
+        turn = placement.rotation
+        square = turn @ turn.T - np.eye(3)  # NaN where the placement has one
+        if not (np.abs(square).max() < 1e-9 and np.isfinite(placement.translation).all()):
+            raise InvalidInput(f"joint {name!r} is placed by what is no rigid motion")
+    if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
+        raise InvalidInput(
+            f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"
+        )
+
+
+_stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process
 
 
 @contextmanager
 def _captured_stderr() -> Iterator[list[str]]:
     """Catch what C++ writes to file descriptor 2, which contextlib does not see."""
     lines: list[str] = []
-    with tempfile.TemporaryFile() as sink:
+    with _stderr_lock, tempfile.TemporaryFile() as sink:
         saved = os.dup(2)
         os.dup2(sink.fileno(), 2)
         try:

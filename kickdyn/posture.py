@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from kickdyn import checks
 from kickdyn.checks import Array
@@ -55,7 +55,10 @@ class Posture:
                 f"q = {self.q.tolist()}: a joint moves no inertia"
             )
         self._factor: Array = factor
-        for array in (self.q, self.inertia, self.contact_point, self.jacobian):
+        for array in (
+            *(self.q, self.inertia, self.contact_point),
+            *(self.jacobian, self.joint_rotation, self._factor),
+        ):
             array.setflags(write=False)
 
     def __repr__(self) -> str:
@@ -66,7 +69,9 @@ class Posture:
     @cached_property
     def mobility(self) -> Array:
         """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix."""
-        rows, _ = lapack.dtrtrs(self._factor, self.jacobian.T, lower=1)
+        # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
+        rows = blas.dtrsm(1.0, self._factor, self.jacobian.T, lower=1)
+        rows.setflags(write=False)
         return np.asarray(rows.T)
 
     @cached_property
@@ -123,7 +128,7 @@ class Posture:
         left, gains, right = np.linalg.svd(self.mobility, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         part = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
-        v, _ = lapack.dtrtrs(self._factor, right.T @ part, lower=1, trans=1)
+        v = blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
         missed = np.abs(self.jacobian @ v - wish).max()
         return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
 

@@ -77,9 +77,20 @@ def _numbers(where: str, text: str | None, count: int, faults: list[str]) -> lis
     values = [float(part) for part in parts if _NUMBER.fullmatch(part)]
     if len(parts) != count or len(values) != count or not all(map(math.isfinite, values)):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-        faults.append(f"{where} is {text!r}: it must be {wanted}")
+        faults.append(f"{where} is {_shown(text)}: it must be {wanted}")
         return None
     return values
+
+
+def _shown(text: str | None) -> str:
+    return repr(text) if text is None or len(text) <= 60 else f"{text[:60]!r}..."
+
+
+def _single(where: str, element: Element, tags: tuple[str, ...], faults: list[str]) -> None:
+    for tag in tags:
+        times = len(element.findall(tag))
+        if times > 1:
+            faults.append(f"{where} has {times} of <{tag}>: one is meant")
 
 
 def _origin(where: str, parent: Element, faults: list[str]) -> None:
@@ -103,6 +114,7 @@ def _link(name: str, link: Element, faults: list[str]) -> bool | None:
         faults.append(f"{where} has {len(inertials)} inertials: one is meant")
         return False
     before = len(faults)
+    _single(f"{where} inertial", inertials[0], ("origin", "mass", "inertia"), faults)
     _origin(f"{where} inertial", inertials[0], faults)
     mass = _mass(where, inertials[0].find("mass"), faults)
     inertia = _inertia(where, inertials[0].find("inertia"), faults)
@@ -180,16 +192,18 @@ def _geometry(where: str, geometry: Element | None, faults: list[str]) -> None:
 def _joint(name: str, joint: Element, faults: list[str]) -> None:
     where = f"joint {name!r}"
     kind = joint.get("type", "")
+    _single(where, joint, ("origin", "parent", "child", "axis", "limit"), faults)
     _origin(where, joint, faults)
     if kind not in (*MOVING, "fixed"):
-        faults.append(f"{where} type is {kind!r}: it must be {', '.join(MOVING)} or fixed")
+        faults.append(f"{where} type is {_shown(kind)}: it must be {', '.join(MOVING)} or fixed")
     if joint.find("mimic") is not None:
         faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
     axis = joint.find("axis")
     if kind in MOVING and axis is not None:
         values = _numbers(f"{where} axis", axis.get("xyz"), 3, faults)
-        if values and not any(values):
-            faults.append(f"{where} axis is 0 0 0: it must have a direction")
+        if values and not 1e-100 < max(map(abs, values)) < 1e100:  # its square is needed
+            shown = " ".join(f"{value:g}" for value in values)
+            faults.append(f"{where} axis is {shown}: it must have a direction")
     if kind in ("revolute", "prismatic"):
         _limit(where, joint.find("limit"), faults)
 
@@ -219,7 +233,7 @@ def _tree(links: dict[str, Element], joints: dict[str, Element], faults: list[st
             element = joint.find(role)
             link = None if element is None else element.get("link")
             if link not in links:
-                faults.append(f"joint {name!r} {role} is {link!r}: there is no such link")
+                faults.append(f"joint {name!r} {role} is {_shown(link)}: there is no such link")
             ends[role] = link or ""
         if len(faults) > before:
             continue

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from xml.etree import ElementTree
 
-from kickdyn.errors import UrdfError
+from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.urdf_faults import faults_of
 
 MAX_BYTES = 20_000_000
@@ -20,7 +20,8 @@ class UrdfFile:
     """The text of a URDF that passed every check, and where it came from.
 
     Attributes:
-        text: the document; everything later is read from it, never from the file again.
+        text: the document as it was checked, written out anew; everything later is read from it,
+            never from the file again.
         folder: where the file lies, for its meshes.
         source: the file as the caller named it.
     """
@@ -35,18 +36,23 @@ def read_urdf(path: str | PathLike[str]) -> UrdfFile:
 
     Raises:
         UrdfError: with all faults of the file in one message.
+        InvalidInput: `path` is no path at all.
     """
-    file = Path(path)
-    text = _decode(_read(file), str(path))
-    root = _parse(text, str(path))
+    try:
+        file, source = Path(path), str(path)
+    except TypeError:
+        raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
+    root = _parse(_decode(_read(file, source), source), source)
     faults = faults_of(root)
     if faults:
-        raise UrdfError(str(path), faults)
-    return UrdfFile(text, file.resolve().parent, str(path))
+        raise UrdfError(source, faults)
+    # Written anew, so that Pinocchio's parser cannot read what ours did not: theirs keeps line
+    # ends inside a name, for one.
+    text = ElementTree.tostring(root, encoding="unicode")
+    return UrdfFile(text, file.resolve().parent, source)
 
 
-def _read(file: Path) -> bytes:
-    source = str(file)
+def _read(file: Path, source: str) -> bytes:
     try:
         status = file.stat()
         if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
@@ -54,6 +60,8 @@ def _read(file: Path) -> bytes:
         if status.st_size > MAX_BYTES:
             raise UrdfError(source, [f"has {status.st_size} bytes: at most {MAX_BYTES} are read"])
         return file.read_bytes()
+    except UrdfError:  # a ValueError as well
+        raise
     except FileNotFoundError:
         raise UrdfError(source, ["there is no such file"]) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
@@ -96,7 +104,7 @@ def _parse(text: str, source: str) -> ElementTree.Element:
     if not text.strip():
         raise UrdfError(source, ["is empty"])
     try:
-        parser = ElementTree.XMLParser(target=_StrictBuilder())
+        parser = ElementTree.XMLParser(target=_StrictBuilder(), encoding="utf-8")
         return ElementTree.fromstring(text.encode(), parser=parser)
     except ElementTree.ParseError as error:
         raise UrdfError(source, [f"is not well-formed XML ({error})"]) from None

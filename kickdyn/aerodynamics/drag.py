@@ -38,7 +38,7 @@ def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     """Return C_D of a smooth sphere, exactly Stokes' for Re < 1 as in Eq. (14).
 
     The correction of Brown & Lawler fades in between Re 1 and 10 (C1). Near Re = 1 this is up to
-    13 % below their correlation; `brown_lawler` alone has no such join.
+    16 % below their correlation; `brown_lawler` alone has no such join.
     """
     weight = smoothstep(reynolds, 1.0, 10.0)
     creeping = stokes(reynolds)
@@ -49,8 +49,8 @@ def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
 class SoccerBall:
     """Constants of Kiratidis & Leinweber 2018 (Eur. J. Phys. 39:034001), Eq. 5 and Table 1.
 
-    `a` is the plateau below the drag crisis, `v_c` and `v_s` its middle and width [m/s], `b_min`
-    the least C_D, at `v_min`, and `b_max` that at `v_max` [m/s], above which it is held.
+    `a` is the plateau below the drag crisis, `v_c` and `v_s` its middle and width [m/s]. Above it
+    C_D settles on a line from `b_min` at `v_min` to `b_max` at `v_max` [m/s], and is held there.
     """
 
     a: float

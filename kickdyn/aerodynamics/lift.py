@@ -12,20 +12,23 @@ from kickdyn.aerodynamics.drag import BALLS, SoccerBall
 from kickdyn.aerodynamics.model import CoefficientModel
 
 _GATE = BALLS["brazuca"]
+_LEAST_DRAG = 0.1748588996
+"""Of `_GATE` without spin, at 17.75 m/s."""
 
 
 def saturating(reynolds: float, spin_parameter: float) -> float:
     """Return 0.47 Sp / (0.135 + Sp), faded out below the drag crisis.
 
-    A fit to Kiratidis & Leinweber 2018 (within 0.04 for 20-32 m/s and Sp 0.05-0.30) that stays
-    bounded beyond their data; expect +-20 %. The fade follows the C_D of a ball without spin:
-    lift and drag have their crisis together (Goff et al. 2017, Eur. J. Phys. 38).
+    A fit to Kiratidis & Leinweber 2018 (within 0.04 for 20-32 m/s and Sp 0.05-0.30, but for the
+    Jabulani) that stays bounded beyond their data; expect +-20 %. The fade follows the C_D of a
+    ball without spin: lift and drag have their crisis together (Goff et al. 2017, Eur. J. Phys.
+    38).
     """
     return _gate(_GATE, reynolds) * 0.47 * spin_parameter / (0.135 + spin_parameter)
 
 
 def _gate(ball: SoccerBall, reynolds: float) -> float:
-    drop = (ball.a - ball.not_spinning(reynolds)) / (ball.a - ball.b_min)
+    drop = (ball.a - ball.not_spinning(reynolds)) / (ball.a - _LEAST_DRAG)
     return min(max(drop, 0.0), 1.0)
 
 

@@ -26,7 +26,7 @@ class Flight:
 
     Attributes:
         launch: the start.
-        apex: the highest point, a node of the integration; the launch if the ball never rises.
+        apex: the highest point; the launch if the ball never rises.
         landing: the end, a node too: on the ground, or back at the height of the launch.
         status: `landed`, or `aloft` where the time limit came first; `landing` is then merely the
             last state.
@@ -163,29 +163,27 @@ def _integrate(
     # that marks it would otherwise be zero at the very start.
     motion = rates(ball, air, state.spin)
     begin = np.concatenate([np.zeros(3), state.velocity])
-    speed, wind = float(np.linalg.norm(state.velocity)), float(np.linalg.norm(air.wind))
+    speed, wind = math.hypot(*state.velocity), math.hypot(*air.wind)
     rtol, atol = tolerances(speed, drop, g, wind, tol)
     rise = float(state.velocity[2])
     rises = rise > 0.0 or (rise == 0.0 and motion(0.0, begin.tolist())[5] > 0.0)
     arcs: list[Arc] = []
     if rises:
-        arcs.append(
-            fly_until(lambda _, y: float(y[5]), motion, (0.0, begin), time_limit, rtol, atol)
-        )
+        arcs.append(fly_until(lambda y: float(y[5]), motion, (0.0, begin), time_limit, rtol, atol))
     apex = (arcs[0].end, arcs[0].state) if rises else (0.0, begin)
     if (not rises and drop > 0.0) or (rises and arcs[0].reached):
-        end_height = -drop
-        arcs.append(
-            fly_until(lambda _, y: float(y[2]) - end_height, motion, apex, time_limit, rtol, atol)
-        )
-    end, last = (arcs[-1].end, arcs[-1].state.copy()) if arcs else (0.0, begin)
+        arcs.append(fly_until(lambda y: float(y[2]) + drop, motion, apex, time_limit, rtol, atol))
+    nodes = [(0.0, begin), *((arc.end, arc.state) for arc in arcs)]
+    crests = [crest for arc in arcs for crest in arc.crests]
+    highest = max([*nodes, *crests], key=lambda node: float(node[1][2]))
+    end, last = nodes[-1][0], nodes[-1][1].copy()
     landed = not arcs or arcs[-1].reached
     if landed:
         last[2] = -drop  # by definition; the event's root says so but for rounding
     effects = [name for name in ("drag", "lift") if getattr(air, name) is not None]
     return Flight(
         launch=_at(state, 0.0, begin),
-        apex=_at(state, *apex),
+        apex=_at(state, *highest),
         landing=_at(state, end, last),
         status="landed" if landed else "aloft",
         method=f"{METHOD}, rtol {rtol:g}, {' and '.join(effects) or 'buoyancy only'}",
@@ -200,7 +198,7 @@ def _piecewise(arcs: list[Arc], begin: Array, t: Array) -> Array:
     for arc in arcs:
         inside = (t > began) & (t <= arc.end)
         if inside.any():
-            moved[inside] = arc.trajectory(t[inside])
+            moved[inside] = arc.trajectory(t[inside]).T
         began = arc.end
     return moved
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, OdeSolution
+from scipy.optimize import brentq
 
 from kickdyn.checks import Array
 from kickdyn.errors import KickdynError
@@ -15,7 +16,10 @@ from kickdyn.flight.forces import Rates
 
 METHOD = "DOP853"
 
-Trajectory = Callable[[Array], Array]
+MAX_EVALUATIONS = 1_000_000
+"""Of the acceleration; a ball in syrup would take an explicit method for ever."""
+
+Event = Callable[[Array], float]
 
 
 class Arc(NamedTuple):
@@ -24,20 +28,22 @@ class Arc(NamedTuple):
     Attributes:
         end: time of the event, or of the time limit [s].
         state: there, displacement from the launch and velocity, shape `(6,)`.
-        trajectory: the same at many times, shape `(n, 6)`.
+        trajectory: the same at many times, shape `(6, n)`.
         evaluations: of the acceleration.
         reached: whether the event came before the time limit.
+        crests: time and state wherever the ball was highest for a while.
     """
 
     end: float
     state: Array
-    trajectory: Trajectory
+    trajectory: Callable[[Array], Array]
     evaluations: int
     reached: bool
+    crests: list[tuple[float, Array]]
 
 
 def fly_until(
-    event: Callable[[float, Array], float],
+    event: Event,
     rates: Rates,
     start: tuple[float, Array],
     time_limit: float,
@@ -49,36 +55,68 @@ def fly_until(
     Raises:
         KickdynError: the integrator gave up.
     """
-
-    def falling(t: float, state: Array) -> float:
-        return event(t, state)
-
-    falling.terminal = True  # type: ignore[attr-defined]
-    falling.direction = -1  # type: ignore[attr-defined]
     began, state = start
-    answer = solve_ivp(
-        rates,
-        (began, time_limit),
-        state,
-        method=METHOD,
-        events=falling,
-        dense_output=True,
-        rtol=rtol,
-        atol=atol,
-    )
-    if answer.status < 0 or not np.isfinite(answer.y[:, -1]).all():
-        raise KickdynError(f"the flight could not be integrated: {answer.message}")
-    reached = answer.status == 1
-    end = float(answer.t_events[0][0]) if reached else float(answer.t[-1])
-    last = answer.y_events[0][0] if reached else answer.y[:, -1]
-    dense = answer.sol
-    return Arc(end, last, lambda t: np.asarray(dense(t).T), int(answer.nfev), reached)
+    if not np.isfinite(rates(began, state.tolist())).all():  # the step size would become NaN
+        raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
+    pieces: list[Any] = []
+    crests: list[tuple[float, Array]] = []
+    with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
+        solver = DOP853(rates, began, state, time_limit, rtol=rtol, atol=atol)
+        while solver.status == "running":
+            before = state
+            failure = solver.step()
+            state = solver.y
+            if not np.isfinite(state).all():
+                failure = "the numbers overflow"
+            elif solver.nfev > MAX_EVALUATIONS:
+                failure = f"it takes more than {MAX_EVALUATIONS} evaluations"
+            if failure:
+                raise KickdynError(
+                    f"the flight could not be integrated beyond {solver.t:g} s: {failure}"
+                )
+            piece = solver.dense_output()
+            pieces.append(piece)
+            if _falls(_climb, before, state):
+                crest = _root(_climb, piece)
+                crests.append((crest, piece(crest)))
+            if _falls(event, before, state):
+                end = max(_root(event, piece), math.nextafter(piece.t_old, math.inf))
+                path = OdeSolution([began, *(p.t for p in pieces[:-1]), end], pieces)
+                return Arc(end, piece(end), path, solver.nfev, True, crests)
+    path = OdeSolution([began, *(p.t for p in pieces)], pieces)
+    return Arc(time_limit, state, path, solver.nfev, False, crests)
+
+
+def _climb(state: Array) -> float:
+    return float(state[5])
+
+
+def _falls(event: Event, before: Array, after: Array) -> bool:
+    return event(before) >= 0.0 >= event(after) and event(before) > event(after)
+
+
+def _root(event: Event, piece: Any) -> float:
+    """Return when `event` falls through zero within a step, to the last digit."""
+
+    def value(t: float) -> float:
+        return event(piece(t))
+
+    began, ended = piece.t_old, piece.t
+    # An event that is zero at the start, as a level launch that lift carries up, must rise first.
+    times = (began, *(began + (ended - began) * 0.5**k for k in range(1, 60)))
+    low = next((t for t in times if value(t) > 0.0), None)
+    if low is None:
+        return float(began)
+    if value(ended) >= 0.0:
+        return float(ended)
+    return float(brentq(value, low, ended, xtol=1e-300, disp=False))
 
 
 def tolerances(speed: float, drop: float, g: float, wind: float, tol: float) -> tuple[float, Array]:
     """Return rtol and atol: `tol` relative to the flight's own lengths and speeds."""
-    pace = max(speed, wind, math.sqrt(2.0 * abs(g) * drop))
+    # scipy divides by atol: never 0, not even for a balloon that starts at rest
+    pace = max(speed, wind, math.sqrt(2.0 * abs(g) * drop), 1e-100)
     length = max(pace * pace / max(abs(g), 1e-300), drop)
-    # solve_ivp raises rtol to 100 machine epsilons by itself, with a warning: do it here
+    # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here
     rtol = max(tol, 100 * np.finfo(float).eps)
     return rtol, tol * np.repeat([length, pace], 3)

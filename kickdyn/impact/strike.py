@@ -18,6 +18,8 @@ from kickdyn.impact.laws import LAWS, ContactProblem, Solution
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
+MAX_SPEED = 1e140
+
 
 @dataclass(frozen=True, eq=False)
 class Impact:
@@ -63,8 +65,9 @@ class Impact:
 
     @property
     def speed_ratio(self) -> float:
-        """Ball speed just after over foot speed just before."""
-        return float(np.linalg.norm(self.ball.velocity) / np.linalg.norm(self.foot_velocity))
+        """Ball speed just after over foot speed just before; inf where the foot was at rest."""
+        foot = float(np.linalg.norm(self.foot_velocity))
+        return float(self.ball.speed) / foot if foot else math.inf
 
     @property
     def worst_joint(self) -> tuple[str, float]:
@@ -122,7 +125,9 @@ def strike_at(
     v = checks.vector("v", v, posture.leg.nv)
     before = BallState(posture.contact_point + ball.radius * touch.normal, ball_velocity, ball_spin)
     n = touch.normal
-    foot_velocity = posture.jacobian @ v
+    with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
+        foot_velocity = posture.jacobian @ v
+        approach_speed = approach(posture, foot_velocity, before, touch)
     problem = ContactProblem(
         normal=n,
         leg_delassus=posture.delassus(),
@@ -132,7 +137,6 @@ def strike_at(
         restitution=touch.restitution,
         friction=touch.friction,
     )
-    approach_speed = approach(posture, foot_velocity, before, touch)
     solution = LAWS[law](problem)
     return _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
 
@@ -140,10 +144,10 @@ def strike_at(
 def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:
     """Return the speed of foot towards ball along the normal [m/s]; raise `NoImpact` if none."""
     speed = float(touch.normal @ (foot_velocity - before.velocity))
-    if not math.isfinite(speed):
+    if not abs(speed) < MAX_SPEED:
         raise InvalidInput(
-            f"the foot's velocity {foot_velocity.tolist()} m/s in {posture!r} is beyond double "
-            "precision: slow the joints down"
+            f"foot and ball meet at {speed:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
+            "m/s, else energies leave double precision"
         )
     if speed <= 0.0:
         raise NoImpact(

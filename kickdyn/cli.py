@@ -1,0 +1,25 @@
+"""The console script `kickdyn`: every door as a sub-command."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+import click
+
+import kickdyn
+from kickdyn.door import run
+from kickdyn.posture_sweep import posture_sweep
+
+
+@click.group("kickdyn", context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(kickdyn.__version__, prog_name="kickdyn")
+def kickdyn_command() -> None:
+    """Impact of a leg on a ball: impulses, launch, flight."""
+
+
+kickdyn_command.add_command(posture_sweep)
+
+
+def main() -> NoReturn:
+    """Run the console script."""
+    run(kickdyn_command)

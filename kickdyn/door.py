@@ -1,0 +1,36 @@
+"""How every command line ends: 0 done, 2 bad input in one line, 1 anything else."""
+
+from __future__ import annotations
+
+import sys
+from typing import NoReturn
+
+import click
+
+from kickdyn.errors import InvalidInput, KickdynError, NoImpact
+
+
+def run(command: click.Command) -> NoReturn:
+    """Run a command and leave the process; bad input never ends in a traceback."""
+    name = command.name or "kickdyn"
+    try:
+        command.main(standalone_mode=False, prog_name=None)
+    except click.exceptions.Exit as leave:
+        sys.exit(leave.exit_code)
+    except click.ClickException as error:
+        _fail(name, error.format_message(), 2)
+    except (InvalidInput, NoImpact) as error:
+        _fail(name, str(error), 2)
+    except KickdynError as error:
+        _fail(name, str(error), 1)
+    except (KeyboardInterrupt, click.Abort):
+        _fail(name, "interrupted", 1)
+    except BrokenPipeError:  # the reader has seen enough
+        sys.stderr.close()
+        sys.exit(1)
+    sys.exit(0)
+
+
+def _fail(name: str, message: str, code: int) -> NoReturn:
+    print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(code)

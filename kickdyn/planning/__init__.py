@@ -1,0 +1,1 @@
+"""From a wished-for flight back to the launch."""

@@ -1,0 +1,1 @@
+"""Many postures at once: which one strikes best, and why."""

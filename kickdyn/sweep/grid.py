@@ -1,0 +1,136 @@
+"""The postures of a sweep: a grid over named joints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from kickdyn import checks
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.leg import Leg
+
+MAX_POSTURES = 1_000_000
+"""At about 2 ms a posture, over half an hour."""
+
+DEFAULT_STEP_DEG = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Every combination of joint values; joints that are not named stay at 0.
+
+    Attributes:
+        axes: joint name to its values, ascending [rad; m for prismatic joints].
+    """
+
+    axes: Mapping[str, Array]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values per axis."""
+        return tuple(len(values) for values in self.axes.values())
+
+    @property
+    def size(self) -> int:
+        """Number of postures."""
+        return math.prod(self.shape)
+
+    def configurations(self, leg: Leg) -> Iterator[Array]:
+        """Yield q of every posture, the last axis running fastest."""
+        names = list(self.axes)
+        for index in np.ndindex(self.shape):
+            values = (self.axes[name][i] for name, i in zip(names, index, strict=True))
+            yield leg.configuration(dict(zip(names, values, strict=True)))
+
+
+def grid(leg: Leg, joints: Iterable[str] = ()) -> Grid:
+    """Read a grid as it is typed.
+
+    Args:
+        leg: whose joints and ranges count.
+        joints: `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints]. None at all:
+            every joint of a leg of up to three, over its range, each 10 deg.
+
+    Raises:
+        InvalidInput: a text that cannot be read, an unknown joint, values outside the joint's
+            range, too many postures.
+    """
+    axes: dict[str, Array] = {}
+    for text in joints:
+        name, values = _axis(leg, text)
+        if name in axes:
+            raise InvalidInput(f"joint {name!r} is given twice: once is meant")
+        axes[name] = values
+    if not axes:
+        axes = _default(leg)
+    result = Grid(axes)
+    if result.size > MAX_POSTURES:
+        raise InvalidInput(
+            f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): "
+            f"at most {MAX_POSTURES:,} are swept, take larger steps"
+        )
+    for name in leg.joint_names:
+        if name not in axes:
+            _inside(leg, name, np.zeros(1), "not named, so at")
+    return result
+
+
+def _axis(leg: Leg, text: str) -> tuple[str, Array]:
+    name, equals, span = text.rpartition("=")
+    parts = span.split(":")
+    if not equals or len(parts) not in (1, 3):
+        raise InvalidInput(f"joint {text!r} cannot be read: write NAME=LOW:HIGH:STEP or NAME=VALUE")
+    leg.velocity_index(name)
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        raise InvalidInput(f"joint {text!r} cannot be read: {span!r} are not numbers") from None
+    for number in numbers:
+        checks.number(f"joint {name}", number)
+    low, high, step = numbers if len(numbers) == 3 else (numbers[0], numbers[0], 1.0)
+    if step <= 0 or low > high:
+        raise InvalidInput(f"joint {text!r}: LOW must not exceed HIGH, and STEP must be above 0")
+    intervals = (high - low) / step * (1 + 1e-12) + 1e-9  # so that 0:1:0.1 ends at 1
+    if intervals >= MAX_POSTURES:
+        raise InvalidInput(f"joint {text!r} has over {MAX_POSTURES:,} values: take a larger step")
+    values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
+    values = values if leg.joint_unit(name) == "m" else np.radians(values)
+    _inside(leg, name, values, "swept")
+    return name, values
+
+
+def _default(leg: Leg) -> dict[str, Array]:
+    if len(leg.joint_names) > 3:
+        raise InvalidInput(
+            f"{leg.name} has {len(leg.joint_names)} joints: name those to sweep, "
+            f"for example --joint {leg.joint_names[0]}=0:30:5 "
+            f"(there are {', '.join(leg.joint_names)})"
+        )
+    axes = {}
+    for name in leg.joint_names:
+        low, high = leg.joint_range(name)
+        if leg.joint_unit(name) == "m":
+            axes[name] = np.linspace(low, high, 10)
+            continue
+        step = math.radians(DEFAULT_STEP_DEG)
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        axes[name] = np.radians(DEFAULT_STEP_DEG * np.arange(first, last + 1))
+        if not axes[name].size:
+            axes[name] = np.array([low])
+    return axes
+
+
+def _inside(leg: Leg, name: str, values: Array, how: str) -> None:
+    low, high = leg.joint_range(name)
+    slack = 1e-9 * max(1.0, abs(low), abs(high))
+    outside = values[(values < low - slack) | (values > high + slack)]
+    if outside.size:
+        scale, unit = (1.0, "m") if leg.joint_unit(name) == "m" else (180 / math.pi, "deg")
+        raise InvalidInput(
+            f"joint {name} is {how} {outside[0] * scale:g} {unit}: "
+            f"its range is {low * scale:g} to {high * scale:g} {unit}"
+        )

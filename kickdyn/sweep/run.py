@@ -1,0 +1,136 @@
+"""Running a sweep: one kick from every posture of a grid, into a labelled dataset."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from importlib import metadata
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+import kickdyn
+from kickdyn.checks import Array
+from kickdyn.impact.laws import normal_impulse
+from kickdyn.leg import Leg
+from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
+
+VARIABLES = {
+    "effective_mass": ("kg", "effective mass of the leg along the normal"),
+    "impulse": ("N s", "impulse on the ball"),
+    "immovable_impulse": ("N s", "impulse on an obstacle that cannot move, the paper's Table 2"),
+    "ball_speed": ("m/s", "speed of the ball after the impact"),
+    "speed_ratio": ("1", "ball speed over foot speed"),
+    "launch_angle": ("rad", "launch above the horizontal"),
+    "spin": ("rad/s", "angular speed of the ball after the impact"),
+    "worst_joint_impulse": ("N s", "largest linear impulse inside a joint"),
+    "energy_lost": ("J", "kinetic energy lost in the impact"),
+    "speed_use": ("1", "largest joint speed over its limit"),
+    "carry": ("m", "horizontal distance to where the ball is back at its launch height"),
+    "restitution_residual": ("1", "relative error of Newton's restitution"),
+    "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),
+}
+"""Name of every number a sweep gives for a posture, with unit and meaning."""
+
+
+def sweep(
+    leg: Leg, grid: Grid, kick: Kick, progress: Callable[[], None] | None = None
+) -> xr.Dataset:
+    """Kick from every posture of a grid.
+
+    Args:
+        leg: the leg.
+        grid: the postures.
+        kick: what they share.
+        progress: called once per posture.
+
+    Returns:
+        A dataset with one dimension per joint of the grid [rad or m], the variables of
+        `VARIABLES`, and `status`; units and provenance are in the attributes. Where the status is
+        `out of reach`, there is no impact and the numbers are nan.
+    """
+    rows = np.full((grid.size, len(VARIABLES)), np.nan)
+    status = np.empty(grid.size, dtype=np.int8)
+    for i, q in enumerate(grid.configurations(leg)):
+        outcome = kick_from(leg.posture(q), kick)
+        status[i] = STATUSES.index(outcome.status)
+        rows[i] = _row(outcome, kick)
+        if progress is not None:
+            progress()
+    return _dataset(leg, grid, kick, rows, status)
+
+
+def numbers(outcome: Outcome, kick: Kick) -> dict[str, float]:
+    """Return the numbers of `VARIABLES` for one posture."""
+    return dict(zip(VARIABLES, _row(outcome, kick).tolist(), strict=True))
+
+
+def _row(outcome: Outcome, kick: Kick) -> Array:
+    hit = outcome.hit
+    if hit is None:
+        return np.full(len(VARIABLES), np.nan)
+    immovable = normal_impulse(hit.approach_speed, kick.restitution, hit.effective_mass)
+    return np.array(
+        [
+            hit.effective_mass,
+            np.linalg.norm(hit.impulse),
+            immovable,
+            hit.ball.speed,
+            hit.speed_ratio,
+            hit.ball.elevation,
+            np.linalg.norm(hit.ball.spin),
+            hit.worst_joint[1],
+            hit.energy_lost,
+            outcome.speed_use,
+            outcome.carry,
+            hit.restitution_residual,
+            hit.momentum_residual,
+        ]
+    )
+
+
+def _dataset(leg: Leg, grid: Grid, kick: Kick, rows: Array, status: NDArray[np.int8]) -> xr.Dataset:
+    dims = tuple(grid.axes)
+    data = xr.Dataset(attrs=provenance(leg, kick))
+    for name, values in grid.axes.items():
+        unit = leg.joint_unit(name)
+        data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
+        if unit == "rad":
+            data.coords[f"{name}_deg"] = (name, np.degrees(values), {"units": "deg"})
+    for column, (name, (unit, meaning)) in enumerate(VARIABLES.items()):
+        attributes = {"units": unit, "long_name": meaning}
+        data[name] = (dims, rows[:, column].reshape(grid.shape), attributes)
+    data["status"] = (
+        dims,
+        status.reshape(grid.shape),
+        {
+            "long_name": "whether the leg can kick so",
+            "flag_values": np.arange(len(STATUSES), dtype=np.int8),
+            "flag_meanings": " ".join(name.replace(" ", "_") for name in STATUSES),
+        },
+    )
+    return data
+
+
+def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
+    """Return what is needed to compute the same again."""
+    air = kick.air
+    text = "" if leg.urdf is None else leg.urdf.text
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
+    return {
+        "title": f"kicking postures of {leg.name}",
+        "source": f"kickdyn {kickdyn.__version__} ({versions})",
+        "leg": leg.name,
+        "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
+        "frame": leg.frame,
+        "foot_speed_m_s": kick.speed,
+        "attack_deg": float(np.degrees(kick.attack)),
+        "restitution": kick.restitution,
+        "friction": kick.friction,
+        "impact_law": "newton",
+        "ball_mass_kg": kick.ball.mass,
+        "ball_radius_m": kick.ball.radius,
+        "air": "none" if air is None else repr(air),
+    }

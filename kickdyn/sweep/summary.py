@@ -1,0 +1,104 @@
+"""What a reader wants of a sweep: the paper's postures, the best and the worst, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+
+from kickdyn.checks import Array
+from kickdyn.leg import Leg
+from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
+from kickdyn.sweep.run import numbers
+
+PAPER_POSTURES = {
+    "paper a": ((5.0, 10.0, -5.0), 1.554),
+    "paper b": ((5.0, 10.0, 15.0), 0.944),
+    "paper c": ((5.0, 10.0, 40.0), 0.646),
+}
+"""Hip, knee, ankle [deg] of Fig. 7, the foot at 0, 20 and 45 deg, and Table 2's total [N s].
+
+The paper prints the foot's angle; hip and knee are those that reproduce Table 2 within 0.2 %.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One posture of the summary.
+
+    Attributes:
+        label: what it is.
+        angles: joint name to value [deg; m for prismatic joints].
+        outcome: the kick from it.
+        numbers: those of `kickdyn.sweep.run.VARIABLES`.
+        paper: the paper's impulse on an immovable obstacle [N s], where it prints one.
+        why: of the best and the worst.
+    """
+
+    label: str
+    angles: dict[str, float]
+    outcome: Outcome
+    numbers: dict[str, float]
+    paper: float | None = None
+    why: str = ""
+
+    def as_json(self) -> dict[str, object]:
+        """Return plain values; what does not exist is None, not nan."""
+        hit = self.outcome.hit
+        values = {k: v if math.isfinite(v) else None for k, v in self.numbers.items()}
+        if hit is not None and math.isinf(hit.effective_mass):
+            values["effective_mass"] = None
+        return {
+            "posture": self.label,
+            "angles": self.angles,
+            "status": self.outcome.status,
+            **values,
+            "impulse_vector": None if hit is None else hit.impulse.tolist(),
+            "worst_joint": None if hit is None else hit.worst_joint[0],
+            "paper_immovable_impulse": self.paper,
+            "why": self.why or None,
+        }
+
+
+def paper_lines(leg: Leg, kick: Kick) -> list[Line]:
+    """Return the paper's three postures of the human leg."""
+    return [
+        _line(leg, kick, label, np.radians(angles), paper=paper)
+        for label, (angles, paper) in PAPER_POSTURES.items()
+    ]
+
+
+def best_and_worst(leg: Leg, data: xr.Dataset, kick: Kick) -> list[Line]:
+    """Return the postures of highest and lowest ball speed that the leg can kick from, if any."""
+    possible = data.ball_speed.where(data.status == STATUSES.index("ok"))
+    if possible.isnull().all():
+        return []
+    lines = []
+    for label, index in (("best", possible.argmax(...)), ("worst", possible.argmin(...))):
+        values = {str(name): float(data[name][i]) for name, i in index.items()}
+        line = _line(leg, kick, label, leg.configuration(values))
+        lines.append(replace(line, why=_why(line, kick)))
+    return lines
+
+
+def counts(data: xr.Dataset) -> dict[str, int]:
+    """Return how many postures have each status."""
+    return {name: int((data.status == i).sum()) for i, name in enumerate(STATUSES)}
+
+
+def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> Line:
+    outcome = kick_from(leg.posture(q), kick)
+    return Line(label, leg.angles_deg(q), outcome, numbers(outcome, kick), paper)
+
+
+def _why(line: Line, kick: Kick) -> str:
+    n = line.numbers
+    heavier = n["effective_mass"] / kick.ball.mass
+    return (
+        f"along the kick the leg weighs {n['effective_mass']:.3g} kg, {heavier:.3g} times the "
+        f"ball, which leaves at {n['speed_ratio']:.3g} times the foot's speed "
+        f"(1 + e = {1 + kick.restitution:.3g} for an endlessly heavy leg); "
+        f"the fastest joint uses {n['speed_use']:.0%} of its speed limit"
+    )

@@ -1,0 +1,67 @@
+"""What the page says beside the picture."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+import numpy as np
+
+from kickdyn.flight.fly import Flight
+from kickdyn.impact.strike import Impact
+from kickdyn.view.kick_scene import Drawn
+from kickdyn.view.marks import ARROW, CURVE
+from kickdyn.view.motion import Pace
+
+
+def caption_panel(hit: Impact, path: Flight, drawn: Drawn, caption: str) -> str:
+    """Return the caption as HTML; every name in it is escaped."""
+    rows = [*_joints(hit), *_numbers(hit, path, drawn)]
+    said = f"<p>{escape(caption)}</p>\n" if caption else ""
+    table = "\n".join(f"<tr><th>{head}</th><td>{value}</td></tr>" for head, value in rows)
+    return (
+        f'<aside id="caption">\n<h1>{escape(hit.posture.leg.name or "leg")}</h1>\n{said}'
+        f"<table>\n{table}\n</table>\n</aside>"
+    )
+
+
+def _joints(hit: Impact) -> list[tuple[str, str]]:
+    leg = hit.posture.leg
+    if leg.nv != len(leg.joint_names):
+        return []  # a floating base has no one angle
+    values = leg.angles_deg(hit.posture.q)
+    return [
+        (escape(name), f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°")
+        for name, value in values.items()
+    ]
+
+
+def _numbers(hit: Impact, path: Flight, drawn: Drawn) -> list[tuple[str, str]]:
+    aloft = "" if path.status == "landed" else " (still aloft)"
+    return [
+        (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(hit.impulse)):.4g} N s"),
+        ("foot speed", f"{float(np.linalg.norm(hit.foot_velocity)):.4g} m/s"),
+        ("ball speed", f"{float(hit.ball.speed):.4g} m/s"),
+        *((("ball / foot", f"{hit.speed_ratio:.4g}"),) if hit.foot_velocity.any() else ()),
+        ("launch angle", f"{math.degrees(float(hit.ball.elevation)):.1f}°"),
+        ("spin", f"{float(np.linalg.norm(hit.ball.spin)):.4g} rad/s"),
+        (f"range {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+        ("flight time", f"{path.duration:.4g} s"),
+        ("flight", escape(path.method)),
+        ("shown", _pace(drawn.pace)),
+        ("stripes", f"{drawn.stripe:g} m"),
+    ]
+
+
+def _key(colour: int) -> str:
+    return f'<span class="key" style="background:#{colour:06x}"></span>'
+
+
+def _pace(pace: Pace) -> str:
+    if math.isclose(pace.strike, pace.flight, rel_tol=1e-3):
+        return _times(pace.strike)
+    return f"strike {_times(pace.strike)}, flight {_times(pace.flight)}"
+
+
+def _times(slower: float) -> str:
+    return f"{slower:.3g} times slower" if slower >= 1 else f"{1 / slower:.3g} times faster"

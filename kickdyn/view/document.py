@@ -1,0 +1,101 @@
+"""The HTML around a meshcat scene: one file that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from functools import cache
+from html import escape
+from importlib.resources import files
+
+# Only what is written in the page may run or load; a browser refuses all else.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; connect-src {connect}"
+)
+
+_STYLE = """
+body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
+#meshcat-pane { width: 100vw; height: 100vh; overflow: hidden; }
+#caption {
+  position: absolute; top: 14px; left: 14px; max-width: 300px; max-height: calc(100vh - 60px);
+  box-sizing: border-box; overflow: auto; padding: 12px 16px; border-radius: 8px;
+  background: rgba(255, 255, 255, 0.88); color: #1d2733; box-shadow: 0 1px 6px rgba(0, 0, 0, 0.2);
+}
+#caption h1 { margin: 0 0 6px; font-size: 16px; overflow-wrap: anywhere; }
+#caption p { margin: 0 0 6px; overflow-wrap: anywhere; }
+#caption table { border-spacing: 0; }
+#caption th, #caption td { padding: 1px 0; text-align: left; vertical-align: top; }
+#caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
+#caption td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
+#caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
+"""
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<div id="meshcat-pane"></div>
+{panel}
+<script>{engine}</script>
+<script>
+const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
+{start}
+</script>
+</body>
+</html>
+"""
+
+# In order and at once; meshcat's own export fetches each command on its own, in any order.
+_REPLAY = """for (const command of {commands}) {{
+  viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
+}}"""
+
+_OWN_SOCKET = "ws://127.0.0.1:* ws://localhost:*"  # 'self' is not understood so everywhere
+_CONNECT = 'viewer.connect("ws://" + location.host + "{path}");'
+
+
+def static_document(commands: Sequence[bytes], *, title: str, panel: str = "") -> str:
+    """Return a page that holds its scene.
+
+    Args:
+        commands: of meshcat, packed.
+        title: plain text; it is escaped here.
+        panel: HTML laid over the scene.
+    """
+    texts = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in commands)
+    return _document(_REPLAY.format(commands=f"[\n{texts}\n]"), title, panel, "'none'")
+
+
+def live_document(socket_path: str, *, title: str, panel: str = "") -> str:
+    """Return a page that asks the server it came from for its scene.
+
+    Args:
+        socket_path: of the websocket there.
+        title: plain text; it is escaped here.
+        panel: HTML laid over the scene.
+    """
+    return _document(_CONNECT.format(path=socket_path), title, panel, _OWN_SOCKET)
+
+
+def _document(start: str, title: str, panel: str, connect: str) -> str:
+    return _PAGE.format(
+        policy=_POLICY.format(connect=connect),
+        title=escape(title),
+        style=_STYLE,
+        panel=panel,
+        engine=_engine(),
+        start=start,
+    )
+
+
+@cache
+def _engine() -> str:
+    """Return meshcat's viewer: three.js and all."""
+    return (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")

@@ -1,0 +1,51 @@
+"""One kick as a page that opens anywhere and needs nothing else."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+from kickdyn.ball import Ball
+from kickdyn.files import replacing
+from kickdyn.flight.fly import Flight
+from kickdyn.impact.strike import Impact
+from kickdyn.view.caption import caption_panel
+from kickdyn.view.document import static_document
+from kickdyn.view.kick_scene import draw_kick
+from kickdyn.view.recorder import recorder
+
+
+def kick_page(hit: Impact, ball: Ball, path: Flight, *, caption: str = "") -> str:
+    """Return a kick as HTML, animated, with its numbers.
+
+    Args:
+        hit: the impact.
+        ball: what was struck.
+        path: the ball's flight from there.
+        caption: a line of plain text above the numbers.
+
+    Raises:
+        InvalidInput: the leg cannot be drawn: a visual of its URDF cannot be read, or names a
+            mesh that is missing or lies outside the URDF's folder.
+    """
+    viewer = recorder()
+    drawn = draw_kick(viewer, hit, ball, path)
+    return static_document(
+        viewer.window.commands(),
+        title=page_title(hit),
+        panel=caption_panel(hit, path, drawn, caption),
+    )
+
+
+def page_title(hit: Impact) -> str:
+    """Return the title of a kick's page, plain text."""
+    return f"{hit.posture.leg.name or 'leg'}: ball at {float(hit.ball.speed):.4g} m/s"
+
+
+def write_page(file: str | PathLike[str], html: str) -> None:
+    """Write a page, whole or not at all.
+
+    Raises:
+        InvalidInput: the file cannot be written.
+    """
+    with replacing(file) as draft:
+        draft.write_text(html, encoding="utf-8")

@@ -1,0 +1,41 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kickdyn as kd
+from kickdyn.aerodynamics.model import CoefficientModel, find, smoothstep
+
+HALF = CoefficientModel("half", lambda reynolds, spin: 0.5 + spin, (0, 1), (0, 1), "here")
+
+
+def test_model_is_a_function_with_a_name():
+    assert HALF(3.0) == 0.5  # without spin if not named
+    assert HALF(3.0, 0.25) == 0.75
+
+
+def test_find_by_name_or_take_as_it_is():
+    assert find("drag", {"half": HALF}, "half") is HALF
+    assert find("drag", {}, HALF) is HALF
+    assert find("drag", {}, math.hypot) is math.hypot
+
+
+@pytest.mark.parametrize("choice", ["Half", "", " half", 0.5, ("half",)])
+def test_unknown_model_is_refused_with_the_names(choice):
+    with pytest.raises(kd.InvalidInput, match=r"drag model .* is unknown: choose half, or pass"):
+        find("drag", {"half": HALF}, choice)
+
+
+@given(st.floats(1e-300, 1e300), st.floats(1e-300, 1e300))
+def test_smoothstep_climbs_from_0_to_1(x, more):
+    low, high = sorted((x, more))
+    below, above = (smoothstep(value, 1.0, 10.0) for value in (low, high))
+    assert 0 <= below <= above <= 1
+
+
+@pytest.mark.parametrize(
+    ("x", "weight"), [(0.5, 0), (1, 0), (math.sqrt(10), 0.5), (10**0.25, 5 / 32), (10, 1), (99, 1)]
+)
+def test_smoothstep_is_a_cubic_of_the_logarithm(x, weight):
+    assert smoothstep(x, 1.0, 10.0) == pytest.approx(weight, rel=1e-14)

@@ -1,0 +1,48 @@
+"""Random legs for property tests: serial chains of 1 to 7 joints with sound inertias."""
+
+import numpy as np
+import pinocchio as pin
+
+import kickdyn as kd
+
+
+def random_rotation(rng):
+    q = rng.normal(size=4)
+    return pin.Quaternion(q / np.linalg.norm(q)).matrix()
+
+
+def random_inertia(rng):
+    a, b, c = rng.uniform(0.001, 0.05, size=3)  # sums of pairs keep the triangle inequality
+    turn = random_rotation(rng)
+    moments = turn @ np.diag([a + b, b + c, c + a]) @ turn.T
+    return pin.Inertia(rng.uniform(0.2, 8.0), rng.uniform(-0.2, 0.2, size=3), moments)
+
+
+def random_leg(rng, joints=None):
+    """A leg of revolute joints about any axis, now and then a prismatic one."""
+    model = pin.Model()
+    model.name = "chain"
+    parent = 0
+    for k in range(joints or rng.integers(1, 8)):
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        kind = pin.JointModelPrismaticUnaligned if rng.random() < 0.15 else None
+        kind = kind or pin.JointModelRevoluteUnaligned
+        offset = pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
+        parent = model.addJoint(parent, kind(axis), offset, f"joint{k + 1}")
+        model.appendBodyToJoint(parent, random_inertia(rng), pin.SE3.Identity())
+    tip = pin.SE3(random_rotation(rng), rng.uniform(0.1, 0.4, size=3))
+    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe")
+
+
+def random_kick(rng, leg, **touch):
+    """A posture, joint velocity, ball and contact that approach each other."""
+    q = rng.uniform(-2, 2, size=leg.nq)
+    v = rng.normal(size=leg.nv) * 3
+    ball = kd.Ball(mass=rng.uniform(0.05, 2), radius=rng.uniform(0.02, 0.2))
+    ball_velocity, ball_spin = rng.normal(size=3), rng.normal(size=3) * 20
+    closing = leg.posture(q).point_velocity(v) - ball_velocity
+    normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
+    touch = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **touch})
+    return (leg, q, v, ball, touch), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}

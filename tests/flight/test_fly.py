@@ -1,0 +1,327 @@
+"""What a flight is, whatever computes it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kickdyn as kd
+from kickdyn.aerodynamics.drag import constant
+
+BALL = kd.Ball()
+KICK = (25, 3, 12)
+
+
+def launch(velocity=KICK, spin=(0, 0, 0), height=0.0, at=(0, 0)):
+    return kd.BallState((*at, height), velocity, spin)
+
+
+def side(path):
+    """How far the landing lies to the left of the launch direction [m]."""
+    x, y, _ = path.launch.velocity
+    dx, dy, _ = path.landing.position - path.launch.position
+    return (x * dy - y * dx) / math.hypot(x, y)
+
+
+# --- the paper's Fig. 8 -------------------------------------------------------------------------
+
+
+def test_figure_8():
+    thirty = math.radians(30)
+    velocity = (30 * math.cos(thirty), 0, 30 * math.sin(thirty))
+    ball, air = kd.Ball.paper(), kd.Air.paper()
+    vacuum = kd.fly(launch(velocity), ball)
+    drag = kd.fly(launch(velocity), ball, air)
+    back, top = (kd.fly(launch(velocity, (0, w, 0)), ball, air) for w in (-180, 180))
+    assert vacuum.range == pytest.approx(79.4, abs=0.1)
+    assert back.height > vacuum.height > drag.height > top.height
+    assert vacuum.range > drag.range > top.range
+    assert back.range > top.range
+    assert top.range < 0.6 * drag.range  # "much shorter"
+    assert back.duration > vacuum.duration > drag.duration > top.duration
+    assert all(abs(path.landing.position[1]) < 1e-9 for path in (vacuum, drag, back, top))
+
+
+# --- which way it goes --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("azimuth_deg", [0, 90, 200])
+def test_spin_bends_the_flight_the_right_way(azimuth_deg):
+    turn = math.radians(azimuth_deg)
+    ahead = np.array([math.cos(turn), math.sin(turn), 0])
+    left = np.array([-math.sin(turn), math.cos(turn), 0])
+    velocity = 25 * ahead + [0, 0, 10]
+
+    def fly(spin):
+        return kd.fly(launch(velocity, spin), BALL, kd.Air())
+
+    plain = fly((0, 0, 0))
+    assert fly(-60 * left).height > plain.height > fly(60 * left).height  # back spin, top spin
+    assert side(fly((0, 0, 60))) > 1 > abs(side(plain))  # anticlockwise from above curves left
+    assert side(fly((0, 0, -60))) < -1
+    assert side(fly((0, 0, 60))) == pytest.approx(-side(fly((0, 0, -60))), rel=1e-7)
+
+
+def mirrored(vector):
+    return np.array(vector) * [1, -1, 1]
+
+
+def test_mirror_image():
+    spin, wind = np.array([20.0, -40, 30]), np.array([-3.0, 4, 1])
+    path = kd.fly(launch(spin=spin), BALL, kd.Air(wind=wind))
+    image = kd.fly(
+        launch(mirrored(KICK), -mirrored(spin)),  # a spin turns the other way in a mirror
+        *(BALL, kd.Air(wind=mirrored(wind))),
+    )
+    assert image.duration == pytest.approx(path.duration, rel=1e-12)
+    assert image.landing.position == pytest.approx(mirrored(path.landing.position), rel=1e-12)
+    assert abs(path.landing.position[1]) > 1
+
+
+@pytest.mark.parametrize("spin", [(0, 0, 0), (10, -40, 20)])
+def test_wind_is_a_moving_frame(spin):
+    wind = np.array([4.0, -3.0, 0])
+    still = kd.fly(launch(spin=spin), BALL, kd.Air(), tol=1e-12)
+    windy = kd.fly(launch(KICK + wind, spin), BALL, kd.Air(wind=wind), tol=1e-12)
+    assert windy.duration == pytest.approx(still.duration, rel=1e-10)
+    carried = still.landing.position + wind * still.duration
+    assert windy.landing.position == pytest.approx(carried, abs=1e-8)
+    assert windy.landing.velocity == pytest.approx(still.landing.velocity + wind, abs=1e-8)
+
+
+def test_flight_does_not_depend_on_where_it_starts():
+    here, there = (
+        kd.fly(launch(spin=(0, -40, 9), height=z, at=at), BALL, kd.Air(), ground)
+        for z, at, ground in (
+            (0.5, (0, 0), kd.Ground()),
+            (500.5, (1e3, -1e3), kd.Ground(500)),
+        )
+    )
+    moved = there.landing.position - there.launch.position
+    assert moved == pytest.approx(here.landing.position - here.launch.position, abs=1e-8)
+    assert there.duration == pytest.approx(here.duration, rel=1e-9)
+
+
+def test_air_of_no_density_is_the_vacuum():
+    spinning = launch(spin=(0, -100, 0))
+    vacuum, nothing = kd.fly(spinning, BALL), kd.fly(spinning, BALL, kd.Air(density=0.0))
+    thin = kd.fly(spinning, BALL, kd.Air(density=1e-9, viscosity=1e-14))
+    assert nothing.landing.position.tolist() == vacuum.landing.position.tolist()
+    assert thin.landing.position == pytest.approx(vacuum.landing.position, abs=1e-7)
+    assert thin.evaluations > 0
+
+
+def test_buoyancy_is_less_gravity():
+    air = kd.Air(density=20.0, drag=None, lift=None)
+    share = 1 - 20 * BALL.volume / BALL.mass
+    vacuum, afloat = kd.fly(launch(), BALL), kd.fly(launch(), BALL, air)
+    assert 0 < share < 1
+    assert afloat.duration == pytest.approx(vacuum.duration / share, rel=1e-14)
+    assert afloat.height == pytest.approx(vacuum.height / share, rel=1e-14)
+
+
+# --- where it ends ------------------------------------------------------------------------------
+
+AIRS = {"vacuum": None, "air": kd.Air(), "spin": kd.Air(wind=(2, 3, 0))}
+every_air = pytest.mark.parametrize("air", AIRS.values(), ids=AIRS)
+
+
+@every_air
+@pytest.mark.parametrize("height", [-2.0, 0.0, 100.0])
+def test_lands_on_the_ground(air, height):
+    path = kd.fly(launch(spin=(0, -40, 9), height=height + 1.5), BALL, air, kd.Ground(height))
+    assert path.status == "landed"
+    assert path.landing.position[2] == pytest.approx(height + BALL.radius, abs=1e-9)
+    assert path.landing.velocity[2] < 0
+    assert float(path.sample(path.duration).position[2]) == pytest.approx(
+        height + BALL.radius, abs=1e-9
+    )
+
+
+@every_air
+def test_without_ground_it_ends_at_the_height_of_the_launch(air):
+    path = kd.fly(launch(spin=(0, -40, 9), height=7.0), BALL, air)
+    assert path.landing.position[2] == 7.0
+    assert path.landing.velocity[2] < 0
+
+
+@every_air
+def test_highest_point(air):
+    path = kd.fly(launch(spin=(0, -40, 9)), BALL, air)
+    assert path.apex.velocity[2] == pytest.approx(0, abs=1e-9)
+    heights = path.sample(np.linspace(0, path.duration, 2001)).position[:, 2]
+    assert heights.max() == pytest.approx(path.height, abs=1e-4)
+    assert heights.max() <= path.height + 1e-12
+
+
+@every_air
+@pytest.mark.parametrize("velocity", [(20, 0, 0), (20, 0, -5), (0, 0, 0), (0, 0, -1e-300)])
+def test_whoever_does_not_rise_has_landed(air, velocity):
+    for ground, height in ((None, 3.0), (kd.Ground(), BALL.radius)):
+        path = kd.fly(launch(velocity, height=height), BALL, air, ground)
+        assert (path.status, path.duration, path.range, path.height) == ("landed", 0, 0, 0)
+        assert path.sample(0.0).velocity.tolist() == list(velocity)
+
+
+@every_air
+@pytest.mark.parametrize("velocity", [(20, 0, 0), (20, 0, -5), (0, 0, 0)])
+def test_from_above_it_falls(air, velocity):
+    path = kd.fly(launch(velocity, height=2 + BALL.radius), BALL, air, kd.Ground())
+    assert path.duration > 0.2
+    assert path.height == 0
+    assert path.apex.time == 0
+
+
+def test_back_spin_lifts_a_ball_kicked_level_or_downward():
+    air, spin = kd.Air(), (0, -150, 0)
+    level = kd.fly(launch((30, 0, 0), spin), BALL, air)
+    assert level.height > 1
+    down = kd.fly(launch((40, 0, -2), spin, height=2.0), BALL, air, kd.Ground())
+    heights = down.sample(np.linspace(0, down.duration, 2001)).position[:, 2]
+    assert heights.min() < 2 < heights.max()  # it dips first, then climbs
+    assert down.height == pytest.approx(heights.max() - 2, abs=1e-4)
+    assert down.apex.velocity[2] == pytest.approx(0, abs=1e-8)
+
+
+def test_updraft_keeps_it_aloft():
+    path = kd.fly(launch((1, 0, 5)), BALL, kd.Air(wind=(0, 0, 60)), time_limit=20.0)
+    assert (path.status, path.duration) == ("aloft", 20.0)
+    assert path.apex.position[2] == path.landing.position[2] > 100  # still climbing
+
+
+def test_balloon_rises_from_rest():
+    balloon = kd.Ball(mass=0.005, radius=0.11)
+    path = kd.fly(launch((0, 0, 0)), balloon, kd.Air(drag=constant(0.4)), time_limit=5.0)
+    carried = kd.Air().density * balloon.volume - balloon.mass
+    speed = math.sqrt(2 * carried * 9.81 / (kd.Air().density * balloon.cross_section * 0.4))
+    assert path.status == "aloft"
+    assert path.landing.velocity == pytest.approx([0, 0, speed], rel=1e-6)
+
+
+# --- samples ------------------------------------------------------------------------------------
+
+
+@every_air
+def test_samples_meet_the_nodes(air):
+    path = kd.fly(launch(spin=(0, -40, 9), height=2.0), BALL, air, kd.Ground())
+    for node in (path.launch, path.apex, path.landing):
+        here = path.sample(node.time)
+        assert here.position == pytest.approx(node.position, abs=1e-9)
+        assert here.velocity == pytest.approx(node.velocity, abs=1e-9)
+        assert here.spin.tolist() == [0, -40, 9]
+        assert here.time == node.time
+
+
+@every_air
+def test_samples_are_smooth_across_the_apex(air):
+    path = kd.fly(launch(spin=(0, -40, 9)), BALL, air)
+    t = path.apex.time + 1e-6 * np.array([-1, 0, 1])
+    states = path.sample(t)
+    before, after = np.diff(states.position, axis=0)
+    assert before == pytest.approx(1e-6 * states.velocity[0], abs=1e-10)
+    assert after == pytest.approx(before, abs=1e-10)
+    assert np.diff(states.velocity, axis=0) == pytest.approx(0, abs=1e-4)
+    many = path.sample(np.linspace(0, path.duration, 500))
+    steps = np.diff(many.position, axis=0) / (path.duration / 499)
+    middles = (many.velocity[1:] + many.velocity[:-1]) / 2
+    assert np.abs(steps - middles).max() < 1e-3  # velocity is the slope of position
+
+
+@every_air
+@pytest.mark.parametrize("shape", [(), (0,), (1,), (7,)])
+def test_samples_have_the_shape_of_the_times(air, shape):
+    path = kd.fly(launch(), BALL, air)
+    states = path.sample(np.zeros(shape))
+    assert states.position.shape == states.velocity.shape == states.spin.shape == (*shape, 3)
+    assert np.shape(states.time) == shape
+
+
+@every_air
+@pytest.mark.parametrize(
+    ("t", "said"),
+    [
+        (-1e-9, "t is -1e-09 s: the flight lasts from 0 to"),
+        (99, "t is 99 s"),
+        ([0, 1, 99], "t is 99 s"),
+        (math.nan, "finite"),
+        ("1", "real numbers"),
+        ([[0.0]], "shape"),
+    ],
+)
+def test_times_outside_the_flight_are_refused(air, t, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.fly(launch(), BALL, air).sample(t)
+
+
+# --- bad input ----------------------------------------------------------------------------------
+
+
+def test_many_states_are_refused():
+    many = kd.BallState(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)), [0, 1])
+    with pytest.raises(kd.InvalidInput, match=r"shape \(2, 3\): fly takes one state"):
+        kd.fly(many, BALL)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 0.05, 10])
+def test_ball_inside_the_ground_is_refused(depth):
+    with pytest.raises(kd.InvalidInput, match=rf"starts {depth:g} m inside the ground"):
+        kd.fly(launch(height=5 + BALL.radius - depth), BALL, ground=kd.Ground(5.0))
+
+
+def test_ball_on_the_ground_may_be_off_by_rounding():
+    path = kd.fly(launch(height=(0.1 + BALL.radius) - 2e-17), BALL, ground=kd.Ground(0.1))
+    assert path.range > 10
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        *[({"tol": tol}, "tol is") for tol in (0, -1, 1e-14, 0.1, math.nan, "1e-9")],
+        *[({"time_limit": limit}, "time limit is") for limit in (0, -1, math.inf, None)],
+    ],
+)
+def test_bad_options_are_refused(options, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.fly(launch(), BALL, kd.Air(), **options)
+
+
+def test_flight_is_frozen_and_says_how_it_was_computed():
+    path = kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(), tol=1e-8)
+    assert path.method == "DOP853, rtol 1e-08, drag and lift"
+    assert kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(drag=None)).method.endswith(", lift")
+    assert path.evaluations > 0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        path.status = "lost"
+    assert "_trajectory" not in repr(path)
+
+
+# --- anything -----------------------------------------------------------------------------------
+
+
+def vectors(largest):
+    return st.tuples(*[st.floats(-largest, largest)] * 3)
+
+
+@given(
+    vectors(40),
+    vectors(200),
+    vectors(10),
+    st.floats(0, 50),
+    st.sampled_from(["brazuca", "jabulani", "sphere"]),
+)
+def test_any_launch_lands_where_it_should(velocity, spin, wind, height, drag):
+    start = launch(velocity, spin, height + BALL.radius)
+    path = kd.fly(start, BALL, kd.Air(wind=wind, drag=drag), kd.Ground(), 1e-6, time_limit=60.0)
+    assert path.status == "landed"
+    assert path.landing.position[2] == pytest.approx(BALL.radius, abs=1e-9)
+    assert path.range >= 0
+    assert path.height >= 0
+    assert 0 <= path.apex.time <= path.duration
+    states = path.sample(np.linspace(0, path.duration, 50))
+    assert np.isfinite(states.position).all()
+    heights = states.position[:, 2]
+    assert heights.min() > BALL.radius - 1e-4
+    assert heights.max() < start.position[2] + path.height + 1e-4

@@ -1,0 +1,112 @@
+"""Joint impulses against free bodies tied by constraints, solved as one linear system."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import random_kick, random_leg
+
+import kickdyn as kd
+
+
+def skew(a):
+    return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
+
+
+def maximal_coordinates(hit):
+    """Velocities after and joint impulses (world axes, at the joint) of free rigid bodies.
+
+    Unknown: six velocities per body at its centre of mass and five multipliers per joint.
+    """
+    leg, q = hit.posture.leg, hit.posture.q
+    model = leg.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, q, hit.v_before)
+    pin.computeJointJacobians(model, data, q)
+    n = model.njoints - 1
+    columns = data.J.reshape(6, n)  # Pinocchio drops a dimension where there is one joint
+    mass, momentum, rows, centres = np.zeros((6 * n, 6 * n)), np.zeros(6 * n), [], []
+    for i in range(1, n + 1):
+        placement, inertia = data.oMi[i], model.inertias[i]
+        centre = placement.act(inertia.lever)
+        turned = placement.rotation @ inertia.inertia @ placement.rotation.T
+        block = slice(6 * (i - 1), 6 * i)
+        mass[block, block] = np.block(
+            [[inertia.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), turned]]
+        )
+        twist = placement.act(data.v[i])
+        velocity = twist.linear + np.cross(twist.angular, centre)
+        momentum[block] = mass[block, block] @ np.concatenate([velocity, twist.angular])
+        centres.append(centre)
+
+    def motion_of(body, point):
+        """Rows that give a body's velocity at a point, linear then angular; 0 is the world."""
+        matrix = np.zeros((6, 6 * n))
+        if body:
+            at = 6 * (body - 1)
+            matrix[:3, at : at + 3] = matrix[3:, at + 3 : at + 6] = np.eye(3)
+            matrix[:3, at + 3 : at + 6] = -skew(point - centres[body - 1])
+        return matrix
+
+    directions = []
+    for i in range(1, n + 1):
+        point = data.oMi[i].translation
+        column = data.oMi[i].actInv(pin.Motion(columns[:, i - 1]))
+        free = np.concatenate(
+            [data.oMi[i].rotation @ column.linear, data.oMi[i].rotation @ column.angular]
+        )
+        tied = np.linalg.svd(free.reshape(1, 6))[2][1:]  # five directions, across the free one
+        relative = motion_of(i, point) - motion_of(model.parents[i], point)
+        rows.append(tied @ relative)
+        directions.append(tied)
+    tie = np.vstack(rows)
+    foot = motion_of(leg.contact_joint, hit.posture.contact_point)[:3]
+    system = np.block([[mass, -tie.T], [tie, np.zeros((5 * n, 5 * n))]])
+    right = np.concatenate([momentum - foot.T @ hit.impulse, np.zeros(5 * n)])
+    answer = np.linalg.solve(system, right)
+    multipliers = answer[6 * n :].reshape(n, 5)
+    wrenches = [tied.T @ m for tied, m in zip(directions, multipliers, strict=True)]
+    return (
+        foot @ answer[: 6 * n],
+        np.array(wrenches),
+        [data.oMi[i].rotation for i in range(1, n + 1)],
+    )
+
+
+def check(kick, options):
+    hit = kd.strike(*kick, **options)
+    foot_after, wrenches, rotations = maximal_coordinates(hit)
+    assert hit.posture.jacobian @ hit.v_after == pytest.approx(foot_after, rel=1e-10, abs=1e-10)
+    ours = np.array(
+        [
+            np.concatenate([turn @ f[:3], turn @ f[3:]])
+            for turn, f in zip(rotations, hit.joint_impulses, strict=True)
+        ]
+    )
+    assert np.abs(ours - wrenches).max() <= 1e-10 * np.linalg.norm(hit.impulse)
+
+
+@pytest.mark.parametrize("leg", [kd.Leg.human(), kd.Leg.testbed()], ids=lambda leg: leg.name)
+@pytest.mark.parametrize("seed", range(20))
+def test_our_legs(leg, seed):
+    check(*random_kick(np.random.default_rng(seed), leg, friction=0.4))
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_random_chains(seed):
+    rng = np.random.default_rng(seed)
+    check(*random_kick(rng, random_leg(rng), friction=0.4))
+
+
+def test_the_axis_of_a_passive_joint_carries_nothing():
+    kick, options = random_kick(np.random.default_rng(3), kd.Leg.human())
+    hit = kd.strike(*kick, **options)
+    assert np.abs(hit.joint_impulses[:, 4]).max() < 1e-14  # all axes are y
+
+
+def test_worst_joint_is_named():
+    kick, options = random_kick(np.random.default_rng(3), kd.Leg.human())
+    hit = kd.strike(*kick, **options)
+    name, size = hit.worst_joint
+    sizes = np.linalg.norm(hit.joint_impulses[:, :3], axis=1)
+    assert size == max(sizes)
+    assert name == ("hip", "knee", "ankle")[int(np.argmax(sizes))]

@@ -1,0 +1,162 @@
+"""The laws of friction, held against their own defining conditions."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import kickdyn as kd
+from kickdyn.impact.laws import ContactProblem, newton, paper
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_problem(seed, friction=None):
+    """Any symmetric positive leg, however lopsided, and any ball that comes towards it."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(3, rng.integers(1, 6))) * 10 ** rng.uniform(-1.5, 1.5, size=(3, 1))
+    normal = rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    velocity = rng.normal(size=3) * 10 ** rng.uniform(-2, 2)
+    velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
+    return ContactProblem(
+        normal=normal,
+        leg_delassus=rows @ rows.T,
+        ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
+        centre_velocity=velocity,
+        spin=rng.normal(size=3) * 10 ** rng.uniform(-2, 2),
+        restitution=rng.choice([0.0, 1.0, rng.random()]),
+        friction=10 ** rng.uniform(-2, 1) if friction is None else friction,
+    )
+
+
+def split(problem, vector):
+    normal = float(problem.normal @ vector)
+    return normal, vector - normal * problem.normal
+
+
+@given(seed=seeds)
+@settings(max_examples=2000, derandomize=True, deadline=None)
+def test_newton_keeps_restitution_and_coulombs_cone(seed):
+    problem = random_problem(seed)
+    impulse, sticking, _ = newton(problem)
+    before = problem.velocity
+    after = before + problem.delassus() @ impulse
+    scale = np.abs(before).max() + np.abs(problem.delassus() @ impulse).max()
+    u_before, _ = split(problem, before)
+    u_after, sliding = split(problem, after)
+    pressing, friction = split(problem, impulse)
+    assert u_after == pytest.approx(-problem.restitution * u_before, abs=1e-11 * scale)
+    assert pressing > 0
+    size, cone = np.linalg.norm(friction), problem.friction * pressing
+    if sticking:
+        assert size <= cone * (1 + 1e-12)
+        assert np.abs(sliding).max() <= 1e-11 * scale
+    else:
+        assert size == pytest.approx(cone, rel=1e-12)
+        opposed = -np.linalg.norm(sliding) * size
+        assert float(sliding @ friction) == pytest.approx(opposed, abs=1e-9 * scale * size)
+
+
+@pytest.mark.parametrize("law", [newton, paper])
+@given(seed=seeds)
+@settings(max_examples=300, derandomize=True, deadline=None)
+def test_energy_lost_is_what_the_impulse_takes(law, seed):
+    problem = random_problem(seed)
+    impulse, _, lost = law(problem)
+    before = problem.velocity
+    work = -0.5 * impulse @ (2 * before + problem.delassus() @ impulse)
+    scale = np.linalg.norm(impulse) * np.abs([before, problem.delassus() @ impulse]).max()
+    assert lost == pytest.approx(work, abs=1e-11 * scale)
+
+
+@given(seed=seeds)
+@settings(max_examples=300, derandomize=True, deadline=None)
+def test_without_friction_energy_is_lost_but_for_e_1(seed):
+    problem = random_problem(seed, friction=0.0)
+    impulse, _, lost = newton(problem)
+    assert lost == 0 if problem.restitution == 1 else lost > 0
+    assert np.linalg.norm(np.cross(impulse, problem.normal)) <= 1e-15 * np.linalg.norm(impulse)
+
+
+def planar(friction, offset, speed=14.0, e=0.8):
+    """A particle of a leg that attacks along x; the normal leans by `offset` [rad]."""
+    return ContactProblem(
+        normal=np.array([math.cos(offset), 0.0, math.sin(offset)]),
+        leg_delassus=np.eye(3) / 5.0,
+        ball=kd.Ball.paper(),
+        centre_velocity=np.array([-speed, 0.0, 0.0]),
+        spin=np.zeros(3),
+        restitution=e,
+        friction=friction,
+    )
+
+
+def test_the_papers_stick_transmits_all_and_spins_by_its_offset():
+    problem = planar(friction=0.4, offset=0.2)  # tan(0.2) < 0.4
+    impulse, sticking, _ = paper(problem)
+    ball = problem.ball
+    assert sticking
+    expected = 1.8 * 14 / (1 / 5 + 1 / ball.mass)  # Eq. (10) along the attack
+    assert impulse == pytest.approx([expected, 0, 0], rel=1e-14, abs=1e-14)
+    spin = np.cross(-ball.radius * problem.normal, impulse) / ball.inertia
+    launch = expected / ball.mass
+    assert spin[1] == pytest.approx(-1.5 * launch / ball.radius * math.sin(0.2), rel=1e-14)
+
+
+def test_the_papers_slip_transmits_mu_times_the_normal_part():
+    problem = planar(friction=0.1, offset=0.2)
+    impulse, sticking, _ = paper(problem)
+    normal, friction = split(problem, impulse)
+    full = 1.8 * 14 / (1 / 5 + 1 / problem.ball.mass)
+    assert not sticking
+    assert normal == pytest.approx(full * math.cos(0.2), rel=1e-14)
+    assert np.linalg.norm(friction) == pytest.approx(0.1 * normal, rel=1e-14)
+    # Eqs. (15)-(17): in the plane of F and N, towards F
+    assert friction / np.linalg.norm(friction) == pytest.approx(
+        [math.sin(0.2), 0, -math.cos(0.2)], abs=1e-14
+    )
+
+
+def test_a_central_hit_by_a_particle_gives_both_laws_eq_10():
+    problem = planar(friction=0.4, offset=0.0)
+    expected = [kd.normal_impulse(14.0, 0.8, 5.0, problem.ball.mass), 0, 0]
+    assert newton(problem).impulse == pytest.approx(expected, rel=1e-14)
+    assert paper(problem).impulse == pytest.approx(expected, rel=1e-14)
+
+
+def test_rolling_is_what_sticking_leaves():
+    """A thin shell that lands on an immovable floor with sliding: 2/5 of it goes into spin."""
+    problem = ContactProblem(
+        normal=np.array([0.0, 0.0, 1.0]),
+        leg_delassus=np.zeros((3, 3)),
+        ball=kd.Ball(),
+        centre_velocity=np.array([1.0, 0.0, -3.0]),
+        spin=np.zeros(3),
+        restitution=0.5,
+        friction=0.4,
+    )
+    impulse, sticking, _ = newton(problem)
+    assert sticking
+    assert impulse / problem.ball.mass == pytest.approx([-0.4, 0, 4.5], rel=1e-14, abs=1e-15)
+
+
+def test_sideways_hits_mirror():
+    for law in (newton, paper):
+        left, right = (
+            law(
+                ContactProblem(
+                    normal=np.array([0.9, side * 0.3, 0.3]) / math.sqrt(0.99),
+                    leg_delassus=np.diag([0.4, 0.7, 0.9]),
+                    ball=kd.Ball(),
+                    centre_velocity=np.array([-8.0, 0.0, -2.0]),
+                    spin=np.array([0.0, 5.0, 0.0]),
+                    restitution=0.7,
+                    friction=0.15,
+                )
+            ).impulse
+            for side in (1, -1)
+        )
+        assert left * [1, -1, 1] == pytest.approx(right, rel=1e-13)

@@ -1,0 +1,128 @@
+"""The strike as a user calls it: the paper's numbers, energy, and bad input."""
+
+import math
+
+import numpy as np
+import pytest
+from chains import random_kick, random_leg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import kickdyn as kd
+
+LEG = kd.Leg.human()
+ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
+seeds = st.integers(0, 2**32 - 1)
+
+
+def paper_posture(ankle_deg):
+    return LEG.posture(np.radians([5, 10, ankle_deg]))
+
+
+@pytest.mark.parametrize(("ankle", "total"), [(-5, 1.554), (15, 0.944), (40, 0.646)])
+def test_table_2(ankle, total):
+    """The ball's term left out, e = 0.8, foot at 1 m/s."""
+    ours = kd.normal_impulse(1.0, 0.8, paper_posture(ankle).effective_mass(ATTACK))
+    assert ours == pytest.approx(total, rel=0.003)
+
+
+@given(q=st.tuples(*(st.floats(low, high) for low, high in zip(LEG.lower, LEG.upper, strict=True))))
+@settings(max_examples=300, derandomize=True, deadline=None)
+def test_with_the_balls_term_no_posture_reaches_table_2(q):
+    posture, ball = LEG.posture(q), kd.Ball.paper()
+    v = posture.try_joint_velocity(ATTACK)
+    if v is not None:
+        hit = kd.strike_at(posture, v, ball, kd.Contact(ATTACK, restitution=0.8))
+        assert np.linalg.norm(hit.impulse) <= 1.8 * ball.mass * 1.0 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("law", ["newton", "paper"])
+@pytest.mark.parametrize("friction", [0.0, 0.1, 1.0])
+@given(seed=seeds)
+@settings(max_examples=100, derandomize=True, deadline=None)
+def test_momentum_and_energy_balance(law, friction, seed):
+    rng = np.random.default_rng(seed)
+    kick, options = random_kick(rng, random_leg(rng), friction=friction)
+    hit = kd.strike(*kick, law, **options)
+    _, _, v, ball, touch = kick
+
+    def energy(joint_velocity, state):
+        leg = joint_velocity @ hit.posture.inertia @ joint_velocity
+        return 0.5 * float(
+            leg
+            + ball.mass * state.velocity @ state.velocity
+            + ball.inertia * state.spin @ state.spin
+        )
+
+    before = kd.BallState(hit.ball.position, options["ball_velocity"], options["ball_spin"])
+    lost = energy(v, before) - energy(hit.v_after, hit.ball)
+    assert hit.energy_lost == pytest.approx(lost, abs=1e-12 * energy(v, before))
+    assert hit.momentum_residual <= 1e-12
+    jump = ball.mass * (hit.ball.velocity - options["ball_velocity"])
+    assert jump == pytest.approx(hit.impulse, rel=1e-12, abs=1e-13)
+    lever = -ball.radius * touch.normal
+    turn = ball.inertia * (hit.ball.spin - options["ball_spin"])
+    assert turn == pytest.approx(np.cross(lever, hit.impulse), rel=1e-10, abs=1e-12)
+    assert hit.ball.position == pytest.approx(hit.posture.contact_point - lever)
+    if law == "newton":
+        assert hit.restitution_residual <= 1e-12
+    if friction == 0.0 and law == "newton":
+        assert hit.energy_lost >= 0.0
+
+
+def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
+    v = paper_posture(-5).joint_velocity(ATTACK)
+    touch = kd.Contact((1, 0, 0.2), restitution=0.8, friction=0.4)
+    hit = kd.strike_at(paper_posture(-5), v, kd.Ball(), touch, "paper")
+    assert hit.restitution_residual > 0.01
+
+
+def test_an_immovable_leg_returns_the_ball():
+    """A stretched leg cannot give along itself: the ball bounces off as off a wall."""
+    stretched, down = np.radians([0, 0, 90]), (0, 0, -1)
+    hit = kd.strike(
+        LEG, stretched, np.zeros(3), kd.Ball(), kd.Contact(down, 0.5), ball_velocity=(0, 0, 2)
+    )
+    assert hit.effective_mass > 1e15
+    assert hit.ball.velocity == pytest.approx([0, 0, -1], rel=1e-14)
+    assert hit.speed_ratio == math.inf
+
+
+def test_effective_mass_and_ratio_are_those_of_eq_10():
+    posture, ball = paper_posture(-5), kd.Ball()
+    hit = kd.strike_at(posture, posture.joint_velocity(3 * ATTACK), ball, kd.Contact(ATTACK, 0.8))
+    m = hit.effective_mass
+    assert m == pytest.approx(posture.effective_mass(ATTACK), rel=1e-15)
+    assert hit.approach_speed == pytest.approx(3, rel=1e-14)
+    assert hit.speed_ratio == pytest.approx(1.8 * m / (m + ball.mass), rel=1e-13)
+    assert hit.condition == pytest.approx(np.linalg.cond(posture.inertia, 1), rel=0.5)
+
+
+V = [0.1, -2.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ({"v": [-x for x in V]}, kd.NoImpact, r"moves .* 1\.\d+ m/s away from the ball"),
+        ({"v": [0, 0, 0]}, kd.NoImpact, "do not approach"),
+        ({"ball_velocity": (99, 0, 0)}, kd.NoImpact, "away from the ball"),
+        ({"q": [0, math.nan, 0]}, kd.InvalidInput, r"q is \[0\.0, nan, 0\.0\]: .*finite"),
+        ({"q": [0, 0]}, kd.InvalidInput, r"q has shape \(2,\): it must be \(3,\)"),
+        ({"v": [0, math.inf, 0]}, kd.InvalidInput, r"v is .*finite"),
+        ({"v": [1.7e308, -1.7e308, -1.7e308]}, kd.InvalidInput, "double precision"),
+        ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, "double precision"),
+        ({"v": "fast"}, kd.InvalidInput, "v is 'fast'"),
+        ({"law": "hertz"}, kd.InvalidInput, "impact law 'hertz' is unknown: choose newton, paper"),
+        ({"ball_spin": (0, math.nan, 0)}, kd.InvalidInput, "spin is .*finite"),
+        ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"velocity has shape \(2,\)"),
+    ],
+)
+def test_bad_input(change, error, words):
+    good = {"q": np.radians([5, 10, -5]), "v": V, "law": "newton"}
+    options = {**good, **change}
+    q, v, law = (options.pop(key) for key in ("q", "v", "law"))
+    touch = kd.Contact(ATTACK, restitution=0.8)
+    with pytest.raises(error, match=words) as caught:
+        kd.strike(LEG, q, v, kd.Ball(), touch, law, **options)
+    assert "\n" not in str(caught.value)

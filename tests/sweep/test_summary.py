@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.sweep.grid import grid
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.run import sweep
+from kickdyn.sweep.summary import best_and_worst, counts, paper_lines
+
+LEG = kd.Leg.human()
+
+
+def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
+    kick = Kick(speed=7.0)
+    data = sweep(LEG, grid(LEG, ["hip=0:60:20", "knee=0:60:20"]), kick)
+    assert counts(data)["too fast"] > 0
+    best, worst = best_and_worst(LEG, data, kick)
+    possible = data.ball_speed.values[data.status.values == 0]
+    assert best.numbers["ball_speed"] == possible.max()
+    assert worst.numbers["ball_speed"] == possible.min()
+    assert f"weighs {best.numbers['effective_mass']:.3g} kg" in best.why
+    assert best.outcome.status == worst.outcome.status == "ok"
+    at = data.sel({n: np.radians(best.angles[n]) for n in ("hip", "knee")}, method="nearest")
+    assert float(at.ball_speed) == best.numbers["ball_speed"]
+
+
+def test_none_where_nothing_is_possible():
+    kick = Kick(speed=500.0)
+    data = sweep(LEG, grid(LEG, ["knee=0:20:10"]), kick)
+    assert best_and_worst(LEG, data, kick) == []
+    assert counts(data) == {"ok": 0, "too fast": 3, "out of reach": 0}
+
+
+def test_the_papers_postures_meet_table_2():
+    for line in paper_lines(LEG, Kick()):
+        assert line.numbers["immovable_impulse"] == pytest.approx(line.paper, rel=0.003)
+
+
+def test_json_holds_no_nan():
+    line = paper_lines(LEG, Kick())[0].as_json()
+    assert line["posture"] == "paper a"
+    assert line["angles"] == pytest.approx({"hip": 5, "knee": 10, "ankle": -5})
+    assert np.linalg.norm(line["impulse_vector"]) == pytest.approx(line["impulse"])

@@ -1,0 +1,74 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.aerodynamics import drag, lift
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        *[("density", rho, "air density .*at least 0") for rho in (-1, math.nan, math.inf, "1")],
+        *[("viscosity", mu, "air viscosity .*above 0") for mu in (0, -1, math.nan, True)],
+        ("wind", (1, 2), "wind has shape"),
+        ("wind", (0, math.nan, 0), "wind .*finite"),
+        ("drag", "brazooka", "drag model 'brazooka' is unknown: choose stokes, .*brazuca, "),
+        ("lift", "", "lift model '' is unknown: choose saturating, wang"),
+    ],
+)
+def test_air_refuses(name, value, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.Air(**{name: value})
+
+
+def test_default_is_the_standard_atmosphere_at_20_degc():
+    # U.S. Standard Atmosphere 1976: 1.2250 kg/m3 and 1.7894e-5 Pa s at 288.15 K, 101325 Pa
+    air = kd.Air()
+    assert air.density == pytest.approx(1.2250 * 288.15 / 293.15, rel=1e-4)
+    cold = 1.458e-6 * 288.15**1.5 / (288.15 + 110.4)
+    assert cold == pytest.approx(1.7894e-5, rel=1e-4)
+    assert air.viscosity == pytest.approx(cold * (293.15 / 288.15) ** 1.5 * 398.55 / 403.55)
+    assert air.buoyancy
+
+
+def test_paper_air_is_table_3():
+    air = kd.Air.paper()
+    assert (air.density, air.viscosity, air.wind.tolist(), air.buoyancy) == (
+        *(1.220, 1.8e-5),
+        *([0, 0, 0], False),
+    )
+    assert kd.Air.paper(drag=None, lift=None).drag is None
+
+
+@pytest.mark.parametrize("name", drag.MODELS)
+def test_every_drag_model_is_found_by_name(name):
+    assert kd.Air(drag=name).drag is drag.MODELS[name]
+
+
+@pytest.mark.parametrize("name", lift.MODELS)
+def test_every_lift_model_is_found_by_name(name):
+    assert kd.Air(lift=name).lift is lift.MODELS[name]
+
+
+def test_any_function_will_do():
+    def model(reynolds, spin_parameter):
+        return 0.3
+
+    air = kd.Air(drag=model, lift=None)
+    assert air.drag is model
+    assert air.lift is None
+    assert "drag='model', lift=None" in repr(air)
+
+
+def test_air_cannot_be_changed():
+    wind = np.array([1.0, 0.0, 0.0])
+    air = kd.Air(wind=wind)
+    wind[0] = 9
+    assert air.wind.tolist() == [1, 0, 0]
+    with pytest.raises(ValueError, match="read-only"):
+        air.wind[0] = 9
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        air.density = 0.0

@@ -1,0 +1,106 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import kickdyn as kd
+
+BAD = [math.nan, math.inf, -1.0, 0.0, "0.4", None, True, 1j]
+
+
+@pytest.mark.parametrize("name", ["mass", "radius"])
+@pytest.mark.parametrize("value", BAD, ids=repr)
+def test_ball_refuses(name, value):
+    with pytest.raises(kd.InvalidInput, match=f"ball {name} is .*above 0"):
+        kd.Ball(**{name: value})
+
+
+@pytest.mark.parametrize(("mass", "radius"), [(1e-300, 1e-100), (1e300, 1e100)])
+def test_ball_refuses_an_inertia_beyond_double_precision(mass, radius):
+    with pytest.raises(kd.InvalidInput, match="inertia"):
+        kd.Ball(mass, radius)
+
+
+def test_default_ball_is_within_law_2():
+    ball = kd.Ball()
+    assert 0.410 <= ball.mass <= 0.450
+    assert 0.68 <= 2 * math.pi * ball.radius <= 0.70
+
+
+def test_paper_ball_is_table_3():
+    assert kd.Ball.paper() == kd.Ball(mass=0.45, radius=0.1)
+
+
+def test_inertia_is_that_of_a_shell():
+    # rings of a sphere's surface: dm = m/2 sin(a) da at distance r sin(a) from the axis
+    ball = kd.Ball(mass=0.3, radius=0.2)
+    rings, _ = quad(lambda a: 0.15 * math.sin(a) * (0.2 * math.sin(a)) ** 2, 0, math.pi)
+    assert ball.inertia == pytest.approx(rings, rel=1e-12)
+    assert ball.cross_section == pytest.approx(math.pi * 0.04, rel=1e-15)
+    assert ball.volume == pytest.approx(4 / 3 * math.pi * 0.008, rel=1e-15)
+
+
+def test_ball_is_frozen_and_holds_floats():
+    ball = kd.Ball(mass=np.float32(0.5), radius=1)
+    assert type(ball.mass) is type(ball.radius) is float
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        ball.mass = 1.0
+
+
+@pytest.mark.parametrize("name", ["position", "velocity", "spin"])
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ((1, 2), r"shape \(2,\): it must be \(3,\)"),
+        ([[1, 2, 3]], r"shape \(1, 3\)"),
+        ((1, 2, math.nan), "finite"),
+        ("abc", "real numbers"),
+    ],
+)
+def test_state_refuses(name, value, said):
+    with pytest.raises(kd.InvalidInput, match=f"^{name} .*{said}"):
+        kd.BallState(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("time", "said"), [(math.nan, "finite"), ([0, 1], "position"), ([[0]], "time has shape")]
+)
+def test_state_refuses_time(time, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.BallState(time=time)
+
+
+@pytest.mark.parametrize("shape", [(3,), (5, 3)])
+def test_state_is_a_copy_that_cannot_be_changed(shape):
+    given = np.ones(shape)
+    state = kd.BallState(given, given, given, np.zeros(shape[:-1]))
+    given[:] = 7
+    for array in (state.position, state.velocity, state.spin, state.time):
+        assert np.all(np.asarray(array) != 7)
+        if isinstance(array, np.ndarray):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 7
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        state.time = 1.0
+
+
+@pytest.mark.parametrize(
+    ("velocity", "speed", "elevation_deg"),
+    [
+        ((0, 0, 0), 0, 0),
+        ((3, 0, 4), 5, math.degrees(math.atan2(4, 3))),
+        ((-3, 0, 4), 5, math.degrees(math.atan2(4, 3))),  # above the horizontal, flying back
+        ((0, 2, -2), math.sqrt(8), -45),
+        ((0, 0, 1), 1, 90),
+    ],
+)
+def test_speed_and_elevation(velocity, speed, elevation_deg):
+    one = kd.BallState(velocity=velocity)
+    assert type(one.speed) is type(one.elevation) is float
+    assert one.speed == pytest.approx(speed, rel=1e-15)
+    assert math.degrees(one.elevation) == pytest.approx(elevation_deg, rel=1e-15)
+    many = kd.BallState(np.zeros((2, 3)), [velocity, (1, 0, 0)], np.zeros((2, 3)), [0, 1])
+    assert many.speed.tolist() == [one.speed, 1.0]
+    assert many.elevation.tolist() == [one.elevation, 0.0]

@@ -1,0 +1,50 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+GOOD = {"normal": (1, 0, 0), "restitution": 0.8, "friction": 0.4}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("normal", (0, 0, 0), "length 0"),
+        ("normal", (1, 0), "shape"),
+        ("normal", (math.nan, 0, 1), "finite"),
+        ("normal", "abc", "real numbers"),
+        *[("restitution", e, "at least 0 and at most 1") for e in (1.2, -0.1, math.nan, "0.5")],
+        *[("restitution", e, "at least 0") for e in (True, None, math.inf, [0.5])],
+        *[("friction", mu, "at least 0") for mu in (-1e-9, math.nan, math.inf, "0.4", True)],
+    ],
+)
+def test_contact_refuses(name, value, said):
+    with pytest.raises(kd.InvalidInput, match=f"{name} .*{said}"):
+        kd.Contact(**{**GOOD, name: value})
+
+
+@pytest.mark.parametrize("restitution", [0, 1])
+def test_limits_belong_to_the_range(restitution):
+    touch = kd.Contact((0, 0, 1), restitution)
+    assert (touch.restitution, touch.friction) == (restitution, 0.0)  # frictionless if not named
+
+
+@pytest.mark.parametrize("scale", [5e-324, 1e-300, 1e-160, 1.0, 1e160, 1e300])
+def test_normal_of_any_length_becomes_a_unit_vector(scale):
+    normal = kd.Contact((scale, 0, -scale), 0.5).normal
+    assert normal == pytest.approx([math.sqrt(0.5), 0, -math.sqrt(0.5)], abs=1e-15)
+    assert math.hypot(*normal) == pytest.approx(1, abs=1e-15)
+
+
+def test_contact_cannot_be_changed():
+    given = np.array([0.0, 0.0, 1.0])
+    touch = kd.Contact(given, 0.5)
+    given[0] = 9
+    assert touch.normal.tolist() == [0, 0, 1]
+    with pytest.raises(ValueError, match="read-only"):
+        touch.normal[0] = 1
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        touch.friction = 0.1

@@ -1,0 +1,33 @@
+import pickle
+
+import pytest
+
+import kickdyn as kd
+
+
+@pytest.mark.parametrize(
+    ("kind", "parents"),
+    [
+        (kd.InvalidInput, (kd.KickdynError, ValueError)),
+        (kd.UrdfError, (kd.InvalidInput, kd.KickdynError, ValueError)),
+        (kd.NoImpact, (kd.KickdynError,)),
+    ],
+)
+def test_every_error_can_be_caught_as_its_kin(kind, parents):
+    assert all(issubclass(kind, parent) for parent in parents)
+    assert not issubclass(kd.NoImpact, ValueError)  # an answer, not a bad value
+
+
+def test_urdf_error_names_file_and_every_fault_on_one_line():
+    error = kd.UrdfError("leg.urdf", ["has no link", "a joint has no name"])
+    assert str(error) == "leg.urdf: has no link; a joint has no name"
+    assert error.faults == ("has no link", "a joint has no name")
+
+
+def test_urdf_error_survives_a_process_pool():
+    error = kd.UrdfError("leg.urdf", ["one", "two"])
+    copy = pickle.loads(pickle.dumps(error))
+    assert (type(copy), str(copy), copy.source, copy.faults) == (
+        *(kd.UrdfError, str(error)),
+        *("leg.urdf", ("one", "two")),
+    )

@@ -1,0 +1,45 @@
+import pytest
+
+from kickdyn.errors import InvalidInput
+from kickdyn.files import check_writable, replacing
+
+
+def test_the_file_appears_whole(tmp_path):
+    with replacing(tmp_path / "a.txt") as draft:
+        draft.write_text("new")
+        assert draft.suffix == ".txt"
+        assert not (tmp_path / "a.txt").exists()
+    assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("a.txt", "new")]
+
+
+def test_nothing_is_left_of_a_failure(tmp_path):
+    (tmp_path / "a.txt").write_text("old")
+
+    def fail():
+        with replacing(tmp_path / "a.txt") as draft:
+            draft.write_text("half")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("a.txt", "old")]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "link.txt").symlink_to(tmp_path / "a.txt")
+    with replacing(tmp_path / "link.txt") as draft:
+        draft.write_text("new")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_devices_are_left_alone():
+    with pytest.raises(InvalidInput, match="not a regular file"):
+        check_writable("/dev/null")
+
+
+@pytest.mark.parametrize("name", ["", "missing/a.txt", "a.txt/b.txt"])
+def test_bad_places(tmp_path, name):
+    (tmp_path / "a.txt").write_text("a file is no folder")
+    with pytest.raises(InvalidInput, match=r"cannot be written|is a folder"):
+        check_writable(tmp_path / name)

@@ -1,0 +1,93 @@
+"""The README tells the truth: its snippets print what it says, its table is recomputed."""
+
+import contextlib
+import io
+import math
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kickdyn as kd
+from kickdyn.posture_sweep import posture_sweep
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.DOTALL)
+PAIRS = [
+    (code, said)
+    for (kind, code), (next_kind, said) in zip(BLOCKS, BLOCKS[1:], strict=False)
+    if kind == "python" and next_kind == "text"
+]
+COMMANDS = [said for kind, said in BLOCKS if kind == "text" and said.startswith("$ python -m")]
+
+
+def test_there_is_something_to_test():
+    assert PAIRS
+    assert COMMANDS
+
+
+@pytest.mark.parametrize(("code", "said"), PAIRS)
+def test_snippets_print_what_is_said(code, said):
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(code, "README.md", "exec"), {})
+    assert printed.getvalue().strip() == said.strip()
+
+
+@pytest.mark.parametrize("block", COMMANDS)
+def test_commands_print_what_is_said(block):
+    command, said = block.split("\n", 1)
+    arguments = shlex.split(command.removeprefix("$ python -m kickdyn.posture_sweep"))
+    result = CliRunner().invoke(posture_sweep, arguments)
+    assert [line.rstrip() for line in result.output.strip().splitlines()] == [
+        line.rstrip() for line in said.strip().splitlines()
+    ]
+
+
+def test_make_targets_exist():
+    for target in re.findall(r"^make (\w+)", README, re.MULTILINE):
+        ended = subprocess.run(["make", "-n", target], cwd=ROOT, capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stderr
+
+
+def test_pictures_and_links_exist():
+    for link in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert (ROOT / link).exists(), link
+
+
+def table_2(ankle_deg):
+    attack = [math.cos(math.radians(30)), 0, math.sin(math.radians(30))]
+    posture = kd.Leg.human().posture(np.radians([5, 10, ankle_deg]))
+    return kd.normal_impulse(1.0, 0.8, posture.effective_mass(attack))
+
+
+def vacuum_range():
+    angle = math.radians(30)
+    launch = kd.BallState(velocity=(30 * math.cos(angle), 0, 30 * math.sin(angle)))
+    return kd.fly(launch, kd.Ball.paper()).range
+
+
+RECOMPUTED = {
+    "Table 2 a": lambda: table_2(-5),
+    "Table 2 b": lambda: table_2(15),
+    "Table 2 c": lambda: table_2(40),
+    "Fig. 8, vacuum": vacuum_range,
+}
+
+
+@pytest.mark.parametrize("item", RECOMPUTED)
+def test_the_table_of_validation(item):
+    row = next(line for line in README.splitlines() if line.startswith(f"| {item}"))
+    reference, ours, difference = (cell.strip() for cell in row.split("|")[2:5])
+    value = RECOMPUTED[item]()
+    printed = ours.split()[0]
+    assert f"{value:.{len(printed.partition('.')[2])}f}" == printed
+    percent = 100 * (value / float(reference.split()[0]) - 1)
+    assert f"{percent:+.2f} %" == difference
+
+

@@ -1,0 +1,276 @@
+"""Every bad robot we know of: refused by a line that names the culprit, or taken on purpose.
+
+The rows are those of a trial of Pinocchio 4.1 with bad files; most of them it accepts, silently
+changed.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kickdyn as kd
+
+THIGH_MASS = '<mass value="7"/>'
+THIGH_INERTIA = '<inertia ixx="0.08" ixy="0" ixz="0" iyy="0.07" iyz="0" izz="0.02"/>'
+SHANK_INERTIAL = re.compile(r'<inertial>\s*<mass value="3"/>.*?</inertial>', re.DOTALL)
+KNEE_LIMIT = '<limit lower="0" upper="2.5" effort="80" velocity="20"/>'
+KNEE_AXIS = '<axis xyz="0 1 0"/>'
+KNEE = 'name="knee" type="revolute"'
+END = "</robot>"
+
+
+def inertia(xx, yy, zz, xy=0):
+    return f'<inertia ixx="{xx}" ixy="{xy}" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/>'
+
+
+def mass(value, said=None):
+    said = said or rf"^link 'thigh' mass is {re.escape(repr(value))}: it must be a finite number$"
+    return THIGH_MASS, f'<mass value="{value}"/>', said
+
+
+def moments(*values, said, xy=0):
+    return THIGH_INERTIA, inertia(*values, xy=xy), f"^link 'thigh' inertia {said}"
+
+
+REFUSED = {
+    # no robot
+    "wrong root": ('<robot name="leg">', "<model>", "not a URDF: its root is <model>"),
+    "no robot name": ('name="leg"', "", "^a robot has no name"),
+    # mass and inertia
+    "zero mass": (THIGH_MASS, '<mass value="0"/>', r"^link 'thigh' mass is 0 kg: it must be 1e-15"),
+    "negative mass": (THIGH_MASS, '<mass value="-7"/>', r"^link 'thigh' mass is -7 kg"),
+    "mass 1e308": (THIGH_MASS, '<mass value="1e308"/>', r"^link 'thigh' mass is 1e\+308 kg"),
+    "mass 1e-320": (THIGH_MASS, '<mass value="1e-320"/>', r"^link 'thigh' mass is 9.*e-321 kg"),
+    "mass heavy": mass("heavy"),
+    "mass 1,5": mass("1,5"),
+    "mass nan": mass("nan"),
+    "mass inf": mass("inf"),
+    "mass 1e400": mass("1e400"),
+    "mass 0x10": mass("0x10"),
+    "mass 1_000": mass("1_000"),
+    "mass of Arabic digits": mass("\u0667"),
+    "mass empty": mass(""),
+    "mass of a million digits": mass(
+        "9" * 1_000_000, r"'9{60}'\.\.\.: it must be a finite number$"
+    ),
+    "mass without value": (THIGH_MASS, "<mass/>", "^link 'thigh' mass is None"),
+    "mass missing": (THIGH_MASS, "", "^link 'thigh' inertial has no mass"),
+    "inertia missing": (THIGH_INERTIA, "", "^link 'thigh' inertial has no inertia"),
+    "inertia nan": moments(1, "nan", 1, said="iyy is 'nan'"),
+    "inertia entry missing": ('ixx="0.08"', "", "^link 'thigh' inertia ixx is None"),
+    "inertia zero": moments(0, 0, 0, said="is not positive definite"),
+    "not positive semidefinite": moments(1, 1, -1, said="is not positive definite"),
+    "indefinite": moments(1, 1, 1, xy=2, said="is not positive definite"),
+    "triangle": moments(1, 1, 2.1, said="violates the triangle inequality"),
+    "triangle, turned": moments(1.5, 1.5, 1, xy=1, said="violates the triangle inequality"),
+    "two masses": (THIGH_MASS, THIGH_MASS * 2, "^link 'thigh' inertial has 2 of <mass>"),
+    "two inertials": ("</inertial>", "</inertial><inertial/>", "^link 'thigh' has 2 inertials"),
+    "inertial origin nan": ('xyz="0 0 -0.2"', 'xyz="0 0 nan"', "^link 'thigh' inertial origin xyz"),
+    "inertial origin of 2": ('xyz="0 0 -0.2"', 'xyz="0 0"', "'0 0': it must be 3 finite numbers"),
+    "joint origin rpy": ('rpy="0 0 0"', 'rpy="0 0 x"', "^joint 'hip' origin rpy is '0 0 x'"),
+    # tree
+    "no links": (re.compile(r"\n.*(?=</robot>)", re.DOTALL), "", "^has no link"),
+    "two roots": (END, '<link name="stray"/></robot>', r"^has 2 roots \(base, stray\)"),
+    "cyclic": ('<parent link="base"/>', '<parent link="toe"/>', "form a loop"),
+    "self loop": ('<parent link="thigh"/>', '<parent link="shank"/>', "link.* shank form a loop"),
+    "unknown parent": (
+        *('<parent link="thigh"/>', '<parent link="thihg"/>'),
+        "^joint 'knee' parent is 'thihg': there is no such link",
+    ),
+    "no parent": ('<parent link="thigh"/>', "", "^joint 'knee' parent is None"),
+    "missing child": ('<child link="shank"/>', "", "^joint 'knee' child is None"),
+    "closed loop": (
+        END,
+        '<joint name="close" type="fixed"><parent link="base"/><child link="toe"/></joint></robot>',
+        "^link 'toe' has two parents",
+    ),
+    "duplicate link": (END, '<link name="toe"/></robot>', "^link name 'toe' is used 2 times"),
+    "duplicate joint": (KNEE, 'name="hip" type="revolute"', "^joint name 'hip' is used 2 times"),
+    # joints
+    "unknown type": (KNEE, 'name="knee" type="hinge"', "^joint 'knee' type is 'hinge'"),
+    "missing type": (KNEE, 'name="knee"', "^joint 'knee' type is ''"),
+    "planar": (KNEE, 'name="knee" type="planar"', "^joint 'knee' type is 'planar'"),
+    "floating": (KNEE, 'name="knee" type="floating"', "^joint 'knee' type is 'floating'"),
+    "missing limit": (KNEE_LIMIT, "", "^joint 'knee' has no limit"),
+    **{
+        f"no {key}": (
+            *(KNEE_LIMIT, re.sub(rf'{key}="\S+"', "", KNEE_LIMIT)),
+            f"^joint 'knee' limit {key} is None",
+        )
+        for key in ("effort", "velocity", "lower", "upper")
+    },
+    "nan limit": ('upper="2.5"', 'upper="nan"', "^joint 'knee' limit upper is 'nan'"),
+    "lower above upper": ('upper="2.5"', 'upper="-1"', "limit lower 0 is above upper -1"),
+    "negative effort": ('effort="80"', 'effort="-80"', "^joint 'knee' limit effort is -80"),
+    "negative velocity": ('velocity="20"', 'velocity="-1"', "^joint 'knee' limit velocity is -1"),
+    "axis 0 0 0": (KNEE_AXIS, '<axis xyz="0 0 0"/>', "^joint 'knee' axis is 0 0 0"),
+    "axis nan": (KNEE_AXIS, '<axis xyz="0 nan 0"/>', "^joint 'knee' axis is '0 nan 0'"),
+    "axis of 2": (KNEE_AXIS, '<axis xyz="0 1"/>', "^joint 'knee' axis is '0 1'"),
+    "axis without numbers": (KNEE_AXIS, "<axis/>", "^joint 'knee' axis is None"),
+    "axis vanishing when squared": (KNEE_AXIS, '<axis xyz="0 1e-200 0"/>', "axis is 0 1e-200 0"),
+    "axis overflowing when squared": (KNEE_AXIS, '<axis xyz="0 1e200 0"/>', r"axis is 0 1e\+200 0"),
+    "two axes": (KNEE_AXIS, KNEE_AXIS * 2, "^joint 'knee' has 2 of <axis>"),
+    "mimic": (KNEE_AXIS, KNEE_AXIS + '<mimic joint="hip"/>', "^joint 'knee' mimics another"),
+    "mimic of nothing": (KNEE_AXIS, KNEE_AXIS + '<mimic joint="?"/>', "^joint 'knee' mimics"),
+    "moves no mass": (SHANK_INERTIAL, "", "^link 'shank' moves with joint 'knee' but has no mass"),
+    # names
+    "universe": (KNEE, 'name="universe" type="revolute"', "joint name 'universe' is Pinocchio's"),
+    "empty joint name": (KNEE, 'name="" type="revolute"', "^a joint has no name"),
+    "joint name of blanks": (KNEE, 'name="  " type="revolute"', "^a joint has no name"),
+    "empty link name": ('<link name="toe"/>', "<link/>", "^a link has no name"),
+    "line end in a name": (
+        *(KNEE, 'name="../../etc/passwd&#10;&lt;x&gt;" type="revolute"'),
+        r"^joint name '\.\./\.\./etc/passwd\\n<x>' is not a printable name",
+    ),
+    "200 000 letters": (
+        *(KNEE, f'name="{"x" * 200_000}" type="revolute"'),
+        "^joint name 'x{40}' is not a printable name of at most 200 characters",
+    ),
+    # shapes
+    "negative radius": ('radius="0.05"', 'radius="-1"', "visual sphere radius is '-1': it must be"),
+    "box of 2": ('<sphere radius="0.05"/>', '<box size="1 2"/>', "visual box size is '1 2'"),
+    "unknown shape": ('<sphere radius="0.05"/>', "<torus/>", "visual shape <torus> is unknown"),
+    "no shape": ('<sphere radius="0.05"/>', "", "visual has 0 shapes"),
+    "mesh of nothing": ('<sphere radius="0.05"/>', "<mesh/>", "visual mesh has no filename"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "said"), REFUSED.values(), ids=REFUSED)
+def test_bad_robot_is_refused_by_name(good_urdf, load, capfd, old, new, said):
+    if isinstance(old, str):
+        old = re.compile(re.escape(old))
+    text, count = old.subn(lambda _: new, good_urdf)
+    assert count
+    if new == "<model>":
+        text = text.replace("</robot>", "</model>")
+    with pytest.raises(kd.UrdfError) as caught:
+        load(text)
+    assert [fault for fault in caught.value.faults if re.search(said, fault)]
+    assert all(len(fault) < 250 for fault in caught.value.faults)
+    assert capfd.readouterr().err == ""
+
+
+# What is accepted, and why: it means what it says, and Pinocchio takes it as it stands.
+ACCEPTED = {
+    "as it is, without mass on base and toe, which are fixed": ("", ""),
+    "link and joint of one name": (KNEE, 'name="shank" type="revolute"'),
+    "no axis is 1 0 0, as the format says": (KNEE_AXIS, ""),
+    "an axis of any sound length": (KNEE_AXIS, '<axis xyz="0 1e-20 0"/>'),
+    "no origin is 0 0 0": ('<origin xyz="0 0 1" rpy="0 0 0"/>', ""),
+    "names in any script, blanks inside": (
+        KNEE,
+        'name="Knie d\u2019\u00e9t\u00e9 \u819d" type="revolute"',
+    ),
+    "a path for a name": (KNEE, 'name="../../etc/passwd" type="revolute"'),
+    "a line end in a name, which XML reads as a blank": (KNEE, 'name="k\nnee" type="revolute"'),
+    "0 mass and 0 inertia on what is fixed: no body": (
+        '<link name="toe"/>',
+        '<link name="toe"><inertial><mass value="0"/>'
+        '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>',
+    ),
+    "a flat body, on the edge of the triangle": (THIGH_INERTIA, inertia(0.01, 0.02, 0.03)),
+    "a limit of no width": ('upper="2.5"', 'upper="0"'),
+    "what it does not know": (END, "<gazebo><x/></gazebo><transmission/></robot>"),
+    "a mesh anywhere, which a leg never reads": (
+        *('<sphere radius="0.05"/>', '<mesh filename="package://../../etc/passwd"/>'),
+    ),
+    "a joint that is not in the tree of links": (END, '<a><joint name="x"/></a></robot>'),
+}
+
+
+@pytest.mark.parametrize(("old", "new"), ACCEPTED.values(), ids=ACCEPTED)
+def test_odd_but_sound_robot_is_taken_unchanged(spoil, load, capfd, old, new):
+    leg = load(spoil((old, new)))
+    assert [inertia.mass for inertia in leg.model.inertias] == [0, 7, 3]
+    assert leg.nv == 2
+    assert leg.posture([0.1, 0.2]).effective_mass([1, 0, 0]) > 0
+    assert capfd.readouterr().err == ""
+
+
+def test_continuous_joint_has_cosine_and_sine(spoil, load):
+    leg = load(spoil((KNEE, 'name="knee" type="continuous"'), (KNEE_LIMIT, "")))
+    assert (leg.nq, leg.nv) == (3, 2)
+
+
+def test_all_faults_come_at_once(spoil, load):
+    spoilt = spoil(
+        ('ixx="0.08"', 'ixx="x"'), (KNEE_AXIS, '<axis xyz="0 0 0"/>'), ('link="shank"', 'link="?"')
+    )
+    with pytest.raises(kd.UrdfError) as caught:
+        load(spoilt)
+    assert len(caught.value.faults) == 3
+    assert all(fault in str(caught.value) for fault in caught.value.faults)
+    for fault, culprit in zip(caught.value.faults, ("'thigh'", "'knee'", "'?'"), strict=True):
+        assert culprit in fault
+
+
+def chain(kinds, masses=None):
+    """A chain of links, joined by joints of the given kinds."""
+    lines = ['<robot name="chain"><link name="l0"/>']
+    for i, kind in enumerate(kinds):
+        weight = masses[i] if masses else 1.0
+        lines.append(
+            f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/>'
+            '<origin xyz="0 0 -0.1"/><axis xyz="0 1 0"/>'
+            '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+            f'<link name="l{i + 1}"><inertial><mass value="{weight!r}"/>'
+            '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>'
+        )
+    return "".join([*lines, "</robot>"])
+
+
+@pytest.mark.parametrize(
+    ("kinds", "said"),
+    [
+        (["revolute"] * 1000, "1001 links and 1000 moving joints: at most 3000 and 250"),
+        (["fixed"] * 4000, "4001 links and 0 moving"),  # Pinocchio would overflow its stack
+        (["fixed"] * 20_000, "20001 links"),
+    ],
+    ids=lambda value: str(value)[:20],
+)
+def test_endless_chain_is_refused(load, kinds, said):
+    with pytest.raises(kd.UrdfError, match=said):
+        load(chain(kinds), "l1")
+
+
+def test_longest_chain_that_is_taken(load):
+    leg = load(chain(["revolute"] + ["fixed"] * 2998), "l2999")
+    assert leg.posture([0.0]).contact_point == pytest.approx([0, 0, -299.9])
+    assert leg.model.inertias[1].mass == pytest.approx(2999, rel=1e-12)
+
+
+KIND = st.sampled_from(["revolute", "continuous", "prismatic", "fixed"])
+WEIGHT = st.floats(1e-15, 1e15)
+
+
+@given(st.lists(st.tuples(KIND, WEIGHT), min_size=1, max_size=8))
+def test_what_is_taken_has_exactly_the_masses_of_the_file(tmp_path_factory, links):
+    kinds, masses = zip(("revolute", 2.0), *links, strict=True)
+    path = tmp_path_factory.mktemp("chain") / "leg.urdf"
+    path.write_text(chain(kinds, masses))
+    leg = kd.Leg.from_urdf(path, f"l{len(kinds)}")
+    carried = []  # by each moving joint: its link, and all that is fixed to it
+    for kind, weight in zip(kinds, masses, strict=True):
+        if kind == "fixed":
+            carried[-1] += weight
+        else:
+            carried.append(weight)
+    loaded = np.array([body.mass for body in leg.model.inertias])[1:]
+    assert loaded == pytest.approx(carried, rel=1e-15)
+    assert leg.joint_names == tuple(f"j{i}" for i, kind in enumerate(kinds) if kind != "fixed")
+
+
+@given(st.text(max_size=30), st.integers(0, 10**6))
+def test_garbage_in_the_middle_is_refused_or_taken_whole(tmp_path_factory, good_urdf, junk, at):
+    at %= len(good_urdf)
+    path = tmp_path_factory.mktemp("junk") / "leg.urdf"
+    path.write_bytes((good_urdf[:at] + junk + good_urdf[at:]).encode(errors="surrogatepass"))
+    try:
+        leg = kd.Leg.from_urdf(path)
+    except kd.InvalidInput:
+        return
+    in_text = re.findall(r'<mass value="(.*?)"', leg.urdf.text)
+    assert [body.mass for body in leg.model.inertias][1:] == [float(text) for text in in_text]

@@ -1,0 +1,67 @@
+import math
+
+import numpy as np
+import pytest
+import umsgpack
+
+from kickdyn.view.camera import FIELD, camera_for, set_camera
+from kickdyn.view.recorder import recorder
+
+LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
+X = np.array([1.0, 0.0, 0.0])
+
+
+def parabola(distance, height, way=X):
+    t = np.linspace(0, 1, 50)[:, None]
+    return t * distance * way + 4 * height * t * (1 - t) * (0, 0, 1) + (0.2, 0, -0.8)
+
+
+def seen(camera, points):
+    """Where points are in the picture: right and up, each +-1 at the edges of 16:9."""
+    into = camera.target - camera.position
+    into /= np.linalg.norm(into)
+    right = np.cross(into, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    up = np.cross(right, into)
+    away = points - camera.position
+    depth = away @ into
+    assert (depth > 0).all()
+    half = math.tan(math.radians(FIELD / 2))
+    return np.stack([away @ right / depth / half * 9 / 16, away @ up / depth / half], axis=1)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.1, 1.0, 6.0, 40.0, 85.0])
+@pytest.mark.parametrize("way", [X, -X, np.array([0.6, 0.8, 0.0])])
+def test_all_is_in_the_picture_and_the_leg_is_large(distance, way):
+    curve = parabola(distance, distance / 6, way)
+    camera = camera_for(LEG, curve, way)
+    picture = seen(camera, np.vstack([LEG, curve]))
+    assert (np.abs(picture) <= 1).all()
+    assert (picture[:, 0] > 2 * 314 / 1280 - 1).all()  # beside the caption
+    assert np.ptp(seen(camera, LEG)[:, 1]) / 2 > 0.25
+    assert camera.position[2] > -0.9
+
+
+def test_a_short_kick_goes_to_the_right():
+    curve = parabola(1.0, 0.2)
+    across = seen(camera_for(LEG, curve, X), curve)[:, 0]
+    assert (np.diff(across) > 0).all()
+
+
+def test_the_size_of_the_world_does_not_matter():
+    small = camera_for(LEG, parabola(6, 1), X)
+    large = camera_for(1000 * LEG, 1000 * parabola(6, 1), X)
+    np.testing.assert_allclose(large.position, 1000 * small.position)
+
+
+def test_meshcat_sees_the_same():
+    camera, viewer = camera_for(LEG, parabola(6, 1), X), recorder()
+    set_camera(viewer, camera)
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    values = {c["property"]: c["value"] for c in said if c["type"] == "set_property"}
+    x, y, z = values["position"]  # y up
+    shift = np.reshape(said[0]["matrix"], (4, 4)).T[:3, 3]
+    np.testing.assert_allclose(np.array([x, -z, y]) - shift, camera.position)
+    np.testing.assert_allclose(-shift, camera.target)
+    assert values["fov"] == FIELD
+    assert values["near"] < math.hypot(x, y, z) < values["far"]

@@ -1,0 +1,90 @@
+import html
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.view.caption import caption_panel
+from kickdyn.view.kick_scene import Drawn
+from kickdyn.view.motion import pace_of
+
+
+def panel(kick, caption=""):
+    hit, _, path = kick
+    return caption_panel(hit, path, Drawn(pace_of(hit, path.duration), 1.0), caption)
+
+
+def rows(text):
+    found = re.findall(r"<tr><th>(.*?)</th><td>(.*?)</td></tr>", text)
+    return {re.sub(r" ?<.*?>", "", head): html.unescape(value) for head, value in found}
+
+
+def test_says_the_numbers(make_kick):
+    hit, ball, path = make_kick(kd.Leg.human(), 8.0, air=kd.Air())
+    said = rows(panel((hit, ball, path)))
+    assert said["hip"] == "5.0°"
+    assert said["ankle"] == "-5.0°"
+    assert said["impulse"] == f"{np.linalg.norm(hit.impulse):.4g} N s"
+    assert said["ball speed"] == f"{hit.ball.speed:.4g} m/s"
+    assert said["ball / foot"] == f"{hit.speed_ratio:.4g}"
+    assert said["launch angle"] == f"{np.degrees(hit.ball.elevation):.1f}°"
+    assert said["range"] == f"{path.range:.4g} m"
+    assert said["flight"] == path.method
+    assert re.fullmatch(
+        r"strike [\d.]+ times slower, flight [\d.]+ times (slow|fast)er", said["shown"]
+    )
+    assert said["stripes"] == "1 m"
+
+
+def test_one_pace_is_said_once(make_kick):
+    assert re.fullmatch(r"[\d.]+ times slower", rows(panel(make_kick(kd.Leg.human(), 1)))["shown"])
+
+
+def test_a_prismatic_joint_is_in_metres(load, spoil):
+    leg = load(spoil(('name="knee" type="revolute"', 'name="knee" type="prismatic"')))
+    hit = kd.strike(leg, [0.1, 0.25], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    assert rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))["knee"] == "0.25 m"
+
+
+def test_a_floating_base_has_no_angles():
+    model = pin.buildModelFromXML(kd.Leg.human().urdf.text, pin.JointModelFreeFlyer())
+    model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
+    leg = kd.Leg.from_model(model, "toe")
+    posture = leg.posture(leg.configuration({"knee": 0.5}))
+    hit = kd.strike_at(posture, posture.joint_velocity([4, 1, 3]), kd.Ball(),
+                       kd.Contact([4, 1, 3], 0.8, 0.4))  # fmt: skip
+    said = rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))
+    assert "knee" not in said
+    assert "impulse" in said
+
+
+def test_a_foot_at_rest_has_no_ratio():
+    hit = kd.strike(kd.Leg.human(), np.zeros(3), np.zeros(3), kd.Ball(),
+                    kd.Contact([1, 0, 0.3], 0.8), ball_velocity=[-5, 0, 0])  # fmt: skip
+    assert "ball / foot" not in rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))
+
+
+def test_a_ball_still_aloft(make_kick):
+    hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
+    path = kd.fly(hit.ball, ball, time_limit=0.1)
+    assert rows(panel((hit, ball, path)))["range"].endswith("(still aloft)")
+
+
+def test_names_are_escaped(load, spoil):
+    evil = "&lt;script&gt;alert(1)&lt;/script&gt;"
+    leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}&amp;"')))
+    assert "<script>alert(1)</script>" in leg.name
+    assert "<script>alert(1)</script>&" in leg.joint_names
+    hit = kd.strike(leg, [0.1, 0.2], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    path = SimpleNamespace(method="<script>alert(1)", status="landed", range=1.0, duration=1.0)
+    text = panel((hit, kd.Ball(), path), caption="<script>alert(1)</script>")
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;alert(1)") == 4
+
+
+@pytest.mark.parametrize(("caption", "there"), [("", False), ("best of 12", True)])
+def test_the_caption_is_optional(kick, caption, there):
+    assert ("<p>" in panel(kick, caption)) is there

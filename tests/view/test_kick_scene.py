@@ -1,0 +1,89 @@
+import math
+
+import numpy as np
+import pytest
+import umsgpack
+
+import kickdyn as kd
+from kickdyn.view.kick_scene import draw_kick, stripe_width
+from kickdyn.view.recorder import recorder
+
+
+def film(viewer):
+    """Return animation and settings: path to track name to (frames, values)."""
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    (command,) = (c for c in said if c["type"] == "set_animation")
+    tracks = {}
+    for animation in command["animations"]:
+        for track in animation["clip"]["tracks"]:
+            frames = [key["time"] for key in track["keys"]]
+            values = np.array([key["value"] for key in track["keys"]])
+            tracks[animation["path"], track["name"]] = frames, values
+    return tracks, command["options"]
+
+
+@pytest.fixture(scope="module")
+def scene(kick):
+    viewer = recorder()
+    return viewer, draw_kick(viewer, *kick)
+
+
+def test_it_plays_by_itself_for_ever_and_in_step(scene):
+    tracks, options = film(scene[0])
+    assert options == {"play": True, "repetitions": math.inf}
+    assert {frames[0] for frames, _ in tracks.values()} == {0}
+    assert {frames[-1] for frames, _ in tracks.values()} == {scene[1].pace.end}
+
+
+def test_what_moves(scene, kick):
+    hit, ball, path = kick
+    tracks, _ = film(scene[0])
+    assert {name for name, _ in tracks} == {
+        *(f"/meshcat/leg/{joint}" for joint in (1, 2, 3)),
+        *(f"/meshcat/{name}" for name in ("ball", "shadow", "arrow")),
+    }
+    _, places = tracks["/meshcat/ball", ".position"]
+    impact = scene[1].pace.impact
+    np.testing.assert_allclose(places[:impact], np.tile(hit.ball.position, (impact, 1)))
+    np.testing.assert_allclose(places[-1], path.landing.position, atol=1e-12)
+    floor = hit.ball.position[2] - ball.radius
+    _, shadow = tracks["/meshcat/shadow", ".position"]
+    np.testing.assert_allclose(shadow[:, :2], places[:, :2])
+    np.testing.assert_allclose(shadow[:, 2], floor)
+
+
+def test_the_ball_rests_on_the_ground(scene, kick):
+    said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands()]
+    (ground,) = (c["matrix"] for c in said
+                 if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
+    assert ground[14] == pytest.approx(kick[0].ball.position[2] - kick[1].radius)
+
+
+def test_a_flight_to_lower_ground_ends_on_it(make_kick):
+    hit, ball, _ = make_kick(kd.Leg.human(), 5.0)
+    viewer = recorder()
+    draw_kick(viewer, hit, ball, kd.fly(hit.ball, ball, ground=kd.Ground(-3.0)))
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    (ground,) = (c["matrix"] for c in said
+                 if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
+    assert ground[14] == pytest.approx(-3.0)
+
+
+@pytest.mark.parametrize(
+    ("speed", "degrees", "attack"),
+    [(5.0, (40, 20, 0), -40), (4.0, (40, 20, 0), 90), (1e-6, (5, 10, -5), 30),
+     (1e6, (5, 10, -5), 30)],
+)  # fmt: skip
+def test_odd_kicks_are_drawn(make_kick, speed, degrees, attack):
+    viewer = recorder()
+    draw_kick(viewer, *make_kick(kd.Leg.human(), speed, degrees, attack, friction=0.0))
+    for frames, values in film(viewer)[0].values():
+        assert np.isfinite(values).all()
+        assert (np.diff(frames) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("extent", "width"), [(6, 1), (11.9, 1), (12, 2), (30, 5), (59, 5), (0.6, 0.1)]
+)
+def test_stripes_are_round_numbers(extent, width):
+    assert stripe_width(extent) == pytest.approx(width)

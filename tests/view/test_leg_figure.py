@@ -1,0 +1,103 @@
+import io
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import umsgpack
+import yourdfpy
+
+import kickdyn as kd
+from kickdyn.view.leg_figure import draw_leg, joint_places, leg_parts
+from kickdyn.view.placing import UPRIGHT
+from kickdyn.view.recorder import recorder
+
+
+def positions(leg, q):
+    """Where the middle of each part is."""
+    places = joint_places(leg, q)
+    return np.array([(places[part.joint] @ part.place)[:3, 3] for part in leg_parts(leg)])
+
+
+@pytest.mark.parametrize("name", ["human", "testbed"])
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_are_where_yourdfpy_puts_them(name, seed):
+    leg = getattr(kd.Leg, name)()
+    q = np.random.default_rng(seed).uniform(leg.lower, leg.upper)
+    robot = yourdfpy.URDF.load(io.StringIO(leg.urdf.text), load_meshes=False)
+    robot.update_cfg(dict(zip(leg.joint_names, q, strict=True)))
+    places = joint_places(leg, q)
+    expected = []
+    for link in robot.robot.links:
+        for visual in link.visuals:
+            origin = np.eye(4) if visual.origin is None else visual.origin
+            turn = UPRIGHT if visual.geometry.cylinder else np.eye(4)
+            expected.append(robot.get_transform(link.name, "base") @ origin @ turn)
+    found = [places[part.joint] @ part.place for part in leg_parts(leg)]
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+def test_links_beyond_fixed_joints_are_drawn(load, spoil):
+    pad = '<link name="toe"><visual><geometry><sphere radius="1"/></geometry></visual></link>'
+    leg = load(spoil(('<link name="toe"/>', pad)))
+    np.testing.assert_allclose(positions(leg, np.zeros(2)), [(0, 0, 1), (0, 0, 0.2)], atol=1e-15)
+
+
+def test_a_leg_without_urdf_is_sticks():
+    leg = kd.Leg.from_model(kd.Leg.human().model, "toe")
+    q = leg.configuration({"knee": 1.0})
+    posture = leg.posture(q)
+    places = joint_places(leg, q)
+    hip, knee, ankle = (place[:3, 3] for place in places[1:])
+    toe = posture.contact_point
+    expected = [hip, knee, ankle, (hip + knee) / 2, (knee + ankle) / 2, (ankle + toe) / 2, toe]
+    np.testing.assert_allclose(positions(leg, q), expected, atol=1e-15)
+    for part, way in zip(leg_parts(leg)[3:6], (knee - hip, ankle - knee, toe - ankle), strict=True):
+        along = (places[part.joint] @ part.place)[:3, 1]
+        np.testing.assert_allclose(along, way / np.linalg.norm(way), atol=1e-15)
+        assert part.shape.height == pytest.approx(np.linalg.norm(way))
+
+
+def test_a_leg_without_visuals_is_sticks(leg_looking_like):
+    leg = leg_looking_like("")
+    assert len(leg_parts(leg)) == 2 + 2 + 1
+
+
+def test_joints_in_one_place_need_no_stick(load, spoil):
+    leg = load(spoil(('xyz="0 0 -0.4"', 'xyz="0 0 0"')))
+    assert leg_parts(leg)
+    bare = kd.Leg.from_model(leg.model, "toe")
+    assert np.isfinite(positions(bare, np.zeros(2))).all()
+
+
+def test_a_floating_base_is_drawn():
+    model = pin.buildModelFromXML(kd.Leg.human().urdf.text, pin.JointModelFreeFlyer())
+    model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
+    leg = kd.Leg.from_model(model, "toe")
+    assert np.isfinite(positions(leg, leg.configuration())).all()
+
+
+def test_drawing():
+    leg, viewer = kd.Leg.human(), recorder()
+    q = leg.configuration({"hip": 0.3})
+    draw_leg(viewer["leg"], leg, q)
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    objects = [command for command in said if command["type"] == "set_object"]
+    assert len(objects) == len(leg_parts(leg)) == 7
+    assert {command["object"]["materials"][0]["color"] for command in objects} == {
+        0xD9A37D,
+        0x40454F,
+    }
+    moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T
+             for c in said if c["type"] == "set_transform"}  # fmt: skip
+    for joint, place in enumerate(joint_places(leg, q)):
+        np.testing.assert_allclose(moved[f"/meshcat/leg/{joint}"], place)
+
+
+def test_names_are_no_paths(load, spoil):
+    evil = '../<b>"x'.replace("<", "&lt;").replace('"', "&quot;")
+    leg = load(spoil(('name="thigh"', f'name="{evil}"'), ('link="thigh"', f'link="{evil}"'),
+                     ('link="thigh"', f'link="{evil}"')))  # fmt: skip
+    viewer = recorder()
+    draw_leg(viewer["leg"], leg, np.zeros(2))
+    paths = {umsgpack.unpackb(packed)["path"] for packed in viewer.window.commands()}
+    assert paths == {"/meshcat/leg/1/0", "/meshcat/leg/0", "/meshcat/leg/1", "/meshcat/leg/2"}

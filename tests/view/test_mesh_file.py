@@ -1,0 +1,181 @@
+import os
+import sys
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import trimesh
+
+import kickdyn as kd
+from kickdyn.view.mesh_file import read_mesh
+
+watching: list[list[str]] = []
+
+
+def hook(event, args):
+    if event == "open" and watching:
+        watching[-1].append(str(args[0]))
+
+
+@pytest.fixture(scope="module")
+def watch():
+    """Note which files are opened inside a `with` block."""
+    sys.addaudithook(hook)  # for good, hence the list that is mostly empty
+
+    @contextmanager
+    def watched():
+        watching.append([])
+        yield watching[-1]
+        watching.pop()
+
+    return watched
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A robot's folder with a box in it, and one beside it that is none of its business."""
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    robot = tmp_path / "robot"
+    (robot / "meshes").mkdir(parents=True)
+    for place in (robot / "meshes" / "box.stl", robot / "box.obj", tmp_path / "secret.stl"):
+        box.export(place)
+    (robot / "link.stl").symlink_to(tmp_path / "secret.stl")
+    (robot / "alias.stl").symlink_to(robot / "meshes" / "box.stl")
+    (robot / "elsewhere").symlink_to(tmp_path)
+    (robot / "loop.stl").symlink_to(robot / "loop.stl")
+    (robot / "junk.stl").write_bytes(b"junk")
+    (robot / "junk.dae").write_bytes(b"junk")
+    (robot / "empty.stl").touch()
+    (robot / "box.urdf").touch()
+    (robot / "folder.stl").mkdir()
+    os.mkfifo(robot / "pipe.stl")
+    return robot
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "meshes/box.stl",
+        "meshes/../box.obj",
+        "alias.stl",
+        "package://meshes/box.stl",
+        "package://robot/meshes/box.stl",
+    ],
+)
+def test_meshes_of_the_folder_are_read(folder, name):
+    (mesh,) = read_mesh(name, folder)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), (0.1, 0.2, 0.3), rtol=1e-6)
+    assert mesh.faces.shape == (12, 3)
+    assert mesh.rgba is None
+
+
+def test_an_absolute_path_inside_is_read(folder):
+    assert read_mesh(str(folder / "meshes" / "box.stl"), folder)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../secret.stl",
+        "meshes/../../secret.stl",
+        "link.stl",
+        "elsewhere/secret.stl",
+        "package://../secret.stl",
+        "package://robot/../secret.stl",
+        "package://robot/../../secret.stl",
+        "{outside}/secret.stl",
+        "package://robot/elsewhere/secret.stl",
+    ],
+)
+def test_meshes_outside_are_refused(folder, name, watch):
+    name = name.format(outside=folder.parent)
+    with (
+        watch() as opened,
+        pytest.raises(kd.InvalidInput, match="outside the URDF's folder") as caught,
+    ):
+        read_mesh(name, folder)
+    assert repr(name) in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not [path for path in opened if "secret" in path]
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("file:///etc/passwd", "no addresses"),
+        ("file://meshes/box.stl", "no addresses"),
+        ("http://example.org/box.stl", "no addresses"),
+        ("missing.stl", "is missing"),
+        ("package://missing.stl", "is missing"),
+        ("package://", "is missing|not a regular file|no known ending"),
+        ("loop.stl", "is missing|cannot be found"),
+        ("a\0b.stl", "cannot be found"),
+        ("junk.stl", "cannot be read|no triangles"),
+        ("junk.dae", "cannot be read"),
+        ("empty.stl", "no triangles"),
+        ("box.urdf", "no known ending"),
+        ("folder.stl", "not a regular file"),
+        ("pipe.stl", "not a regular file"),
+    ],
+)
+def test_bad_meshes_are_named(folder, name, reason):
+    with pytest.raises(kd.InvalidInput, match=reason) as caught:
+        read_mesh(name, folder)
+    assert repr(name) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_huge_mesh_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("kickdyn.view.mesh_file.MAX_BYTES", 100)
+    with pytest.raises(kd.InvalidInput, match="at most 100 are read"):
+        read_mesh("meshes/box.stl", folder)
+
+
+@pytest.mark.parametrize(("scale", "size"), [(2.0, (0.2, 0.4, 0.6)), ((1, -1, 10), (0.1, 0.2, 3))])
+def test_scale(folder, scale, size):
+    (mesh,) = read_mesh("meshes/box.stl", folder, scale)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), size, rtol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [(1, 2), float("nan"), (1, 1, float("inf"))])
+def test_bad_scale(folder, scale):
+    with pytest.raises(kd.InvalidInput, match="scale"):
+        read_mesh("meshes/box.stl", folder, scale)
+
+
+def test_each_part_keeps_its_colour_and_place(folder):
+    red, blue = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
+    red.visual.face_colors, blue.visual.face_colors = (255, 0, 0, 255), (0, 0, 255, 255)
+    scene = trimesh.Scene([red])
+    scene.add_geometry(blue, transform=trimesh.transformations.translation_matrix((5, 0, 0)))
+    scene.export(folder / "two.glb")
+    first, second = sorted(read_mesh("two.glb", folder), key=lambda mesh: mesh.vertices[0, 0])
+    np.testing.assert_allclose(first.rgba, (1, 0, 0, 1))
+    np.testing.assert_allclose(second.rgba, (0, 0, 1, 1))
+    np.testing.assert_allclose(second.vertices.mean(axis=0), (5, 0, 0), atol=1e-6)
+
+
+def test_what_a_mesh_names_is_not_opened(folder, watch):
+    # Not even in the folder: trimesh keeps to that by itself, but textures are not wanted at all.
+    (folder / "secret.mtl").write_text("newmtl a\nKd 1 0 0\nmap_Kd secret.png\n")
+    (folder / "secret.png").write_bytes(b"secret")
+    text = trimesh.creation.box((1, 1, 1)).export(file_type="dae").decode()
+    for old, new in (
+        ("<library_effects>", '<library_images><image id="i"><init_from>secret.png</init_from>'
+         "</image></library_images><library_effects>"),
+        ("<technique", '<newparam sid="s"><surface type="2D"><init_from>i</init_from></surface>'
+         '</newparam><newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam>'
+         "<technique"),
+        ("<diffuse>", '<diffuse><texture texture="t" texcoord="UV"/></diffuse><ignored>'),
+        ("</diffuse>\n", "</ignored>"),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "textured.dae").write_text(text)
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
+    (folder / "textured.obj").write_text(f"mtllib secret.mtl\n{corners}usemtl a\nf 1/1 2/1 3/1\n")
+    for name in ("textured.dae", "textured.obj"):
+        with watch() as opened:
+            assert read_mesh(name, folder)
+        assert any(name in path for path in opened)
+        assert not [path for path in opened if "secret" in path]

@@ -6,6 +6,7 @@ import math
 import re
 import shlex
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, re.DOTALL)
 PAIRS = [
     (code, said)
-    for (kind, code), (next_kind, said) in zip(BLOCKS, BLOCKS[1:], strict=False)
+    for (kind, code), (next_kind, said) in pairwise(BLOCKS)
     if kind == "python" and next_kind == "text"
 ]
 COMMANDS = [said for kind, said in BLOCKS if kind == "text" and said.startswith("$ python -m")]
@@ -89,5 +90,3 @@ def test_the_table_of_validation(item):
     assert f"{value:.{len(printed.partition('.')[2])}f}" == printed
     percent = 100 * (value / float(reference.split()[0]) - 1)
     assert f"{percent:+.2f} %" == difference
-
-

@@ -159,6 +159,11 @@ def test_landing_is_right_to_a_few_tolerances(shot):
     assert path.landing.velocity == pytest.approx(exact[4:], abs=20e-10 * path.launch.speed)
 
 
+def test_default_tolerance_is_what_the_readme_says(shot):
+    state, air, exact = shot
+    assert miss(kd.fly(state, BALL, air), exact) < 1e-8
+
+
 def test_error_falls_with_the_tolerance(shot):
     state, air, exact = shot
     errors = [miss(kd.fly(state, BALL, air, tol=tol), exact) for tol in (1e-4, 1e-7, 1e-10)]

@@ -20,6 +20,7 @@ from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
 from kickdyn.leg import Leg as Leg
+from kickdyn.planning.launch import LaunchPlan as LaunchPlan
+from kickdyn.planning.launch import plan_launch as plan_launch
 from kickdyn.posture import Posture as Posture
-
-__version__ = "0.1.0"
+from kickdyn.version import __version__ as __version__

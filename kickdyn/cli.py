@@ -6,18 +6,20 @@ from typing import NoReturn
 
 import click
 
-import kickdyn
 from kickdyn.door import run
+from kickdyn.paper.command import paper
 from kickdyn.posture_sweep import posture_sweep
+from kickdyn.version import __version__
 
 
 @click.group("kickdyn", context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(kickdyn.__version__, prog_name="kickdyn")
+@click.version_option(__version__, prog_name="kickdyn")
 def kickdyn_command() -> None:
     """Impact of a leg on a ball: impulses, launch, flight."""
 
 
 kickdyn_command.add_command(posture_sweep)
+kickdyn_command.add_command(paper)
 
 
 def main() -> NoReturn:

@@ -52,8 +52,8 @@ def test_bad_text_is_refused(load, content, said):
     [
         lambda text: text.encode("utf-8-sig"),
         lambda text: text.replace("\n", "\r\n").encode(),
-        lambda text: f'<?xml version="1.0" encoding="latin-1"?><!-- \u00e9 -->{text}'.encode(),
-        lambda text: f'<?xml version="1.0"?><?foo bar?>\n\n{text}<!-- end -->'.encode(),
+        lambda text: f'<?xml version="1.0" encoding="latin-1"?>{text}'.encode(),
+        lambda text: f'<?xml version="1.0"?><!-- a --><?b c?>\n{text}<!-- d -->'.encode(),
         lambda text: text.replace('"7"', '"&#55;"').encode(),
         lambda text: text.replace("<robot", '<robot xmlns:x="http://x"').encode(),
         lambda text: text.replace("<mass", "<![CDATA[<mass value='9'/>]]><mass").encode(),
@@ -64,6 +64,11 @@ def test_what_xml_allows_changes_nothing(good_urdf, load, change):
     leg = load(change(good_urdf))
     assert [inertia.mass for inertia in leg.model.inertias] == [0, 7, 3]
     assert leg.joint_names == ("hip", "knee")
+
+
+def test_utf8_it_is_whatever_it_declares(spoil, load):
+    text = spoil(('name="knee"', 'name="g\u00e9nou"'))
+    assert load(f'<?xml version="1.0" encoding="latin-1"?>{text}').joint_names[1] == "g\u00e9nou"
 
 
 def fifo(path):

@@ -10,12 +10,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-import kickdyn
 from kickdyn.checks import Array
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
+from kickdyn.version import __version__
 
 VARIABLES = {
     "effective_mass": ("kg", "effective mass of the leg along the normal"),
@@ -121,7 +121,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
     return {
         "title": f"kicking postures of {leg.name}",
-        "source": f"kickdyn {kickdyn.__version__} ({versions})",
+        "source": f"kickdyn {__version__} ({versions})",
         "leg": leg.name,
         "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
         "frame": leg.frame,

@@ -54,8 +54,10 @@ def test_brown_lawler(reynolds, cd):
     assert brown_lawler(reynolds) == pytest.approx(cd, rel=1.2e-3)
 
 
-def test_brown_lawler_at_1e5():
+def test_brown_lawler_to_all_digits():
     assert brown_lawler(1e5) == pytest.approx(0.4661, abs=5e-5)
+    at_8710 = 24 / 8710 * (1 + 0.150 * math.exp(0.681 * math.log(8710))) + 0.407 / 2
+    assert brown_lawler(8710) == pytest.approx(at_8710, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -93,6 +95,14 @@ def test_joins_are_smooth(model, spin, join):
     assert cd(join * (1 + 1e-12)) == pytest.approx(cd(join * (1 - 1e-12)), rel=1e-10)
     # where the slope is continuous, its jump over a step shrinks with the step
     assert slope_jump(cd, join, 1e-4) < 0.12 * slope_jump(cd, join, 1e-3) + 1e-9
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("spin", [0.0, 0.3])
+def test_nothing_jumps(name, spin):
+    grid = np.geomspace(0.1, 1e7, 40_001)  # steps of 0.05 %
+    cd = np.array([MODELS[name](float(x), spin) for x in grid])
+    assert np.abs(np.diff(np.log(cd))).max() < 0.004
 
 
 def test_slope_jump_tells_a_kink():

@@ -1,0 +1,130 @@
+"""The door to the paper: `python -m kickdyn.paper`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from itertools import chain
+from pathlib import Path
+
+import click
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from kickdyn.errors import InvalidInput
+from kickdyn.files import check_writable, replacing
+from kickdyn.paper.item import Item
+from kickdyn.paper.reproduce import Section, chosen
+
+
+@click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--only", metavar="ITEM", help='One table or figure, such as "table 2".')
+@click.option("--json", "json_file", metavar="FILE", help="Write all items; - is stdout.")
+@click.option("--figures", metavar="DIR", help="Draw the figures into a folder, made if missing.")
+@click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
+              help="Show every item with each choice of coefficients.")  # fmt: skip
+def paper(only: str | None, json_file: str | None, figures: str | None, sensitivity: bool) -> None:
+    """Reproduce the ICRA 2005 paper's tables and figures, item by item.
+
+    Example: python -m kickdyn.paper --only "fig 8" --figures build/paper
+    """
+    sections = chosen(only)
+    if json_file and json_file != "-":
+        check_writable(json_file)
+    if figures:
+        _make_folder(figures)
+    items = [item for section in sections for item in section.items()]
+    others = {
+        section.name: section.sensitivity()
+        for section in sections
+        if sensitivity and section.sensitivity
+    }
+    drawn = [draw(section, Path(figures)) for section in sections if section.draw and figures]
+    if json_file:
+        _write_json(json_file, [*items, *chain.from_iterable(others.values())])
+    if json_file == "-":
+        return
+    console = Console(width=190, highlight=False)
+    console.print(_table(items))
+    for name, section_items in others.items():
+        console.print(_sensitivity(name, section_items))
+    for file in drawn:
+        click.echo(f"wrote {file}")
+
+
+def draw(section: Section, folder: Path) -> Path:
+    """Draw a section's figure as PNG and return the file."""
+    assert section.draw is not None
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    section.draw(figure)
+    figure.suptitle(section.name)
+    file = (
+        folder
+        / f"{section.name.lower().replace('. ', '_').replace('-', '_').replace('/', '_')}.png"
+    )
+    with replacing(file) as draft:
+        figure.savefig(draft, dpi=150)
+    return file
+
+
+def _make_folder(name: str) -> None:
+    try:
+        Path(name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(f"{name} cannot be made ({error.strerror})") from None
+    check_writable(Path(name) / "figure.png")
+
+
+def _write_json(file: str, items: list[Item]) -> None:
+    text = json.dumps([item.as_json() for item in items], indent=2, allow_nan=False) + "\n"
+    if file == "-":
+        sys.stdout.write(text)
+        return
+    with replacing(file) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+COLOURS = {"reproduced": "green", "shape reproduced": "cyan", "not reachable": "yellow"}
+
+
+def _table(items: list[Item]) -> Table:
+    table = _empty("The paper, item by item")
+    table.add_column("item", no_wrap=True)
+    for head in ("paper", "ours", "unit", "difference"):
+        table.add_column(head, justify="left" if head == "unit" else "right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("why")
+    for item in items:
+        error = item.relative_error
+        table.add_row(
+            item.item,
+            "" if item.paper is None else f"{item.paper:g}",
+            f"{item.ours:.5g}",
+            item.unit,
+            "" if error is None else f"{100 * error:+.2f} %".replace("-0.00", "+0.00"),
+            f"[{COLOURS[item.verdict]}]{item.verdict}[/]",
+            item.why,
+        )
+    return table
+
+
+def _sensitivity(name: str, items: list[Item]) -> Table:
+    """Lay out one column per choice of coefficients; the colour is the verdict."""
+    table = _empty(f"{name} with other coefficients")
+    table.add_column("item", no_wrap=True)
+    table.add_column("unit")
+    for variant in dict.fromkeys(item.variant for item in items):
+        table.add_column(variant.replace(" ", "\n", 1), justify="right", no_wrap=True)
+    rows: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        cell = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
+        rows.setdefault((item.item, item.unit), []).append(cell)
+    for (label, unit), cells in rows.items():
+        table.add_row(label, unit, *cells)
+    return table
+
+
+def _empty(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)

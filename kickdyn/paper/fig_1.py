@@ -1,0 +1,88 @@
+"""Fig. 1: the posture changes the external impulse, at one contact point, by self-motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kickdyn.contact import Contact
+from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.leg import Leg
+from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
+from kickdyn.paper.item import Item, shape
+from kickdyn.planning.self_motion import self_motion
+from kickdyn.posture import Posture
+
+NAME = "Fig. 1"
+START_DEG = (25.0, 40.0, 10.0)
+"""A posture whose toe is the contact point; the paper prints none."""
+
+ATTACK_DEG, SPEED = 30.0, 1.0
+
+
+def items() -> list[Item]:
+    """Return the largest and the smallest impulse that self-motion gives."""
+    hits = kicks()
+    sizes = [float(np.linalg.norm(hit.impulse)) for hit in hits]
+    ratio = max(sizes) / min(sizes)
+    result = []
+    for label, index in (("most", int(np.argmax(sizes))), ("least", int(np.argmin(sizes)))):
+        leg = hits[index].posture.leg
+        angles = leg.angles_deg(hits[index].posture.q)
+        said = ", ".join(f"{name} {angle:.1f}" for name, angle in angles.items())
+        result.append(
+            Item(
+                f"{NAME} {label} impulse",
+                None,
+                sizes[index],
+                "N s",
+                shape(ratio > 1.05),
+                f"at {said} deg; self-motion changes the impulse {ratio:.2f}-fold",
+                "Eq. (10) along the null space of the KIC, contact point and foot velocity fixed",
+            )
+        )
+    return result
+
+
+def kicks() -> list[Impact]:
+    """Return the same kick from every posture of the self-motion, in order."""
+    leg, attack = Leg.human(), direction(ATTACK_DEG)
+    touch = Contact(attack, RESTITUTION)
+
+    def kick(posture: Posture) -> Impact:
+        return strike_at(posture, posture.joint_velocity(SPEED * attack), BALL, touch)
+
+    return [kick(posture) for posture in self_motion(leg, np.radians(START_DEG))]
+
+
+def draw(figure: Figure) -> None:
+    """Draw postures that share a contact point, and the impulse along the way."""
+    left, right = figure.subplots(1, 2)
+    hits = kicks()
+    sizes = [float(np.linalg.norm(hit.impulse)) for hit in hits]
+    for label, index, colour in (
+        ("most", int(np.argmax(sizes)), "tab:red"),
+        ("least", int(np.argmin(sizes)), "tab:blue"),
+    ):
+        posture = hits[index].posture
+        x, z = np.array([*joints(posture), posture.contact_point])[:, [0, 2]].T
+        left.plot(x, z, "o-", color=colour, label=f"{label}: {sizes[index]:.3f} N s")
+    left.set(
+        xlabel="X [m]",
+        ylabel="Y [m]",
+        aspect="equal",
+        xlim=(-0.35, 0.55),
+        title="two postures, one contact point",
+    )
+    left.legend(loc="upper right")
+    right.plot(np.degrees([hit.posture.q[1] for hit in hits]), sizes)
+    right.set(xlabel="knee along the self-motion [deg]", ylabel="impulse on the ball [N s]")
+
+
+def joints(posture: Posture) -> list[np.ndarray]:
+    """Return the origins of the joints [m, world frame]."""
+    import pinocchio as pin
+
+    space = posture.leg.workspace
+    pin.forwardKinematics(space.model, space.data, posture.q)
+    return [placement.translation.copy() for placement in list(space.data.oMi)[1:]]

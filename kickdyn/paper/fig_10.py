@@ -1,0 +1,120 @@
+"""Figs. 10-11: three kicks in space: straight, curving left, curving right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kickdyn.flight.fly import Flight, fly
+from kickdyn.paper.assumptions import (
+    ALTERNATIVES,
+    BALL,
+    DEFAULT,
+    LIFT_WITHOUT_CRISIS,
+    Coefficients,
+    direction,
+    launch_from_contact,
+)
+from kickdyn.paper.item import Item, shape
+
+NAME = "Fig. 10/11"
+SPEED, ATTACK_DEG, OFFSET_DEG = 12.8, 28.7, 20.0
+"""Launch of Fig. 9, as the paper prints none here; contact 20 deg below and beside the middle."""
+
+CONTACTS = {"centre-low": 0.0, "right-low": 1.0, "left-low": -1.0}
+"""Side of the contact; the normal leans to the other one: +1 to the left."""
+
+AXES = {"right-low": "A", "left-low": "B"}
+"""Names of the two tilted spin axes."""
+
+
+def flights(choice: Coefficients) -> dict[str, Flight]:
+    """Return the three flights."""
+    attack = direction(ATTACK_DEG)
+    paths = {}
+    for name, side in CONTACTS.items():
+        normal = direction(ATTACK_DEG + OFFSET_DEG, side * OFFSET_DEG)
+        launch, _ = launch_from_contact(SPEED, attack, normal)
+        paths[name] = fly(launch, BALL, choice.air())
+    return paths
+
+
+def curve(path: Flight) -> float:
+    """Return how far the landing lies to the left of the launch's own vertical plane [m]."""
+    forward = path.launch.velocity / math.hypot(*path.launch.velocity[:2])
+    x, y, _ = path.landing.position - path.launch.position
+    return float(forward[0] * y - forward[1] * x)
+
+
+def items() -> list[Item]:
+    """Return the curves to the side and the tilt of the spin axes."""
+    result = _items(DEFAULT)
+    for name, path in flights(DEFAULT).items():
+        if name in AXES:
+            _, y, z = path.launch.spin
+            tilt = math.degrees(math.atan2(z, -y))
+            right_way = tilt * CONTACTS[name] > 0
+            result.append(
+                Item(
+                    f"{NAME} {name} tilt of spin axis {AXES[name]}",
+                    None,
+                    tilt,
+                    "deg",
+                    shape(right_way),
+                    "from the axis of pure back spin; up on the side the ball curves to",
+                    "Eq. (21): the torque impulse r x F_f",
+                )
+            )
+    return result
+
+
+def sensitivity() -> list[Item]:
+    """Return the curves for every other choice of coefficients."""
+    return [
+        replace(item, variant=choice.name) for choice in ALTERNATIVES for item in _items(choice)
+    ]
+
+
+def _items(choice: Coefficients) -> list[Item]:
+    result = []
+    for name, path in flights(choice).items():
+        left, side = curve(path), CONTACTS[name]
+        right_way = abs(left) < 1e-9 if side == 0 else left * side > 0
+        way = "straight" if side == 0 else f"to the {'left' if side > 0 else 'right'}"
+        result.append(
+            Item(
+                f"{NAME} {name} curve to the left",
+                None,
+                left,
+                "m",
+                shape(right_way),
+                f"{'curves' if right_way and side else 'flies'} {way}; "
+                f"range {path.range:.3g} m, contact {OFFSET_DEG:g} deg off",
+                f"Eqs. (13), (15)-(21) in 3-D, {choice.name}; launch of Fig. 9 assumed",
+            )
+        )
+    return result
+
+
+def draw(figure: Figure) -> None:
+    """Draw the flights from the side and from above, with a lift in its crisis and one without."""
+    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
+    for (side, above), choice in zip(columns, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
+        for name, path in flights(choice).items():
+            x, y, z = path.sample(np.linspace(0, path.duration, 200)).position.T
+            (line,) = side.plot(x, z, label=name)
+            above.plot(x, y, color=line.get_color())
+            if name in AXES:
+                spin = path.launch.spin / np.linalg.norm(path.launch.spin)
+                tip = (x[100] + 2 * spin[0], y[100] + spin[1])
+                pointer = {"arrowstyle": "<-", "color": line.get_color()}
+                above.annotate(AXES[name], (x[100], y[100]), tip, arrowprops=pointer)
+        side.set_title(choice.name)
+        above.set_xlabel("X [m]")
+    side, above = columns[0]
+    side.set_ylabel("Y [m]")
+    above.set(ylabel="to the left [m]", ylim=(-1.6, 1.6))
+    side.legend()

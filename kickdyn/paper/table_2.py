@@ -1,0 +1,71 @@
+"""Table 2: the external impulse of three postures of the human leg."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kickdyn.contact import Contact
+from kickdyn.impact.laws import normal_impulse
+from kickdyn.impact.strike import strike_at
+from kickdyn.leg import Leg
+from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
+from kickdyn.paper.item import Item
+from kickdyn.posture import Posture
+
+NAME = "Table 2"
+SPEED = 1.0  # [m/s]
+ATTACK_DEG = 30.0
+ROWS = {
+    "a": (-5.0, 1.346, 0.777, 1.554),
+    "b": (15.0, 0.817, 0.472, 0.944),
+    "c": (40.0, 0.559, 0.323, 0.646),
+}
+"""Ankle [deg] that puts the foot at 0, 20 and 45 deg; X, Y and total [N s]."""
+
+SOURCE = "Eq. (10) without the ball's term, e = 0.8, hip 5 and knee 10 deg"
+
+
+def items() -> list[Item]:
+    """Return the table without the ball's term, and the bound that excludes it with it."""
+    leg, attack = Leg.human(), direction(ATTACK_DEG)
+    result = []
+    for name, (ankle, *printed) in ROWS.items():
+        posture = leg.posture(np.radians([5, 10, ankle]))
+        total = normal_impulse(SPEED, RESTITUTION, posture.effective_mass(attack))
+        parts = ((" X", attack[0]), (" Y", attack[2]), ("", 1.0))
+        for (part, share), paper in zip(parts, printed, strict=True):
+            ours = total * float(share)
+            close = abs(ours / paper - 1) < 0.003
+            result.append(
+                Item(
+                    f"{NAME} {name}{part}",
+                    paper,
+                    ours,
+                    "N s",
+                    "reproduced" if close else "not reachable",
+                    "the obstacle does not move: hip and knee angles are fitted, e is 0.8",
+                    SOURCE,
+                )
+            )
+        result.append(_with_ball(name, posture, printed[-1]))
+    return result
+
+
+def _with_ball(name: str, posture: Posture, paper: float) -> Item:
+    attack = direction(ATTACK_DEG)
+    v = posture.joint_velocity(SPEED * attack)
+    hit = strike_at(posture, v, BALL, Contact(attack, RESTITUTION))
+    here = normal_impulse(SPEED, 1.0, hit.effective_mass, BALL.mass)
+    anywhere = normal_impulse(SPEED, 1.0, math.inf, BALL.mass)
+    return Item(
+        f"{NAME} {name} with the ball",
+        paper,
+        float(np.linalg.norm(hit.impulse)),
+        "N s",
+        "reproduced" if paper <= here else "not reachable",
+        f"this posture gives at most {here:.3g} N s and no leg more than (1 + e) m_B v = "
+        f"{anywhere:.3g} N s, both at e = 1",
+        "Eq. (10) as printed, e = 0.8",
+    )

@@ -1,0 +1,58 @@
+import json
+import subprocess
+import sys
+
+import matplotlib.image as image
+import pytest
+
+
+def door(*arguments, cwd=None):
+    command = [sys.executable, "-W", "error", "-m", "kickdyn.paper", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+
+
+def test_everything(tmp_path):
+    ended = door("--json", "paper.json", "--figures", "figures", cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    for words in (
+        "Table 2 a",
+        "not reachable",
+        "with other coefficients",
+        "wrote figures/fig_8.png",
+    ):
+        assert words in ended.stdout
+    items = json.loads((tmp_path / "paper.json").read_text())
+    names = [item["item"] for item in items]
+    assert len(names) == len(set(names)) > 200
+    assert "Fig. 9 case 1 spin" in names
+    figures = sorted((tmp_path / "figures").iterdir())
+    assert [file.name for file in figures] == [
+        "fig_1.png",
+        "fig_10_11.png",
+        "fig_13_15.png",
+        "fig_8.png",
+        "fig_9.png",
+    ]
+    for file in figures:
+        assert image.imread(file)[..., :3].std() > 0.02  # not blank
+
+
+def test_json_on_stdout_stands_alone():
+    ended = door("--only", "table 2", "--json", "-", "--no-sensitivity")
+    assert len(json.loads(ended.stdout)) == 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--only", "table 7"], "item 'table 7' is not in the paper"),
+        (["--json", "no/where.json"], "cannot be written"),
+        (["--figures", "file/figures"], "cannot be made"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
+    (tmp_path / "file").write_text("")
+    ended = door(*arguments, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert words in ended.stderr
+    assert ended.stderr.count("\n") == 1

@@ -14,6 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
+from kickdyn.paper import tables_4_5
+from kickdyn.paper.reproduce import SECTIONS
 from kickdyn.posture_sweep import posture_sweep
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -90,3 +92,21 @@ def test_the_table_of_validation(item):
     assert f"{value:.{len(printed.partition('.')[2])}f}" == printed
     percent = 100 * (value / float(reference.split()[0]) - 1)
     assert f"{percent:+.2f} %" == difference
+
+
+def row_of(start):
+    return next(line for line in README.splitlines() if line.startswith(f"| {start}"))
+
+
+def test_the_rows_of_the_paper():
+    ours = {item.item: item for section in SECTIONS for item in section.items()}
+    spins = [ours[f"Fig. 9 case {case} spin"] for case in (1, 2, 3)]
+    assert ", ".join(f"{item.ours:.2f}" for item in spins) in row_of("Fig. 9")
+    worst = max(abs(item.relative_error) for item in spins)
+    assert f"≤ {100 * worst:.2f} %" in row_of("Fig. 9")
+    goal = "Fig. 13-15 100 m, 3 s"
+    learned, steps = ours[f"{goal} learning loop rounds"].ours, ours[f"{goal} planner steps"].ours
+    assert f"| {learned}; Newton: {steps} steps" in row_of("Fig. 15")
+    errors = [ours[f"{row.name} distance"].relative_error for row in tables_4_5.PREDICTED]
+    assert sum(abs(error) < 0.05 for error in errors) == 4
+    assert f"{100 * max(errors):+.0f} %" in row_of("Tables 4-5")

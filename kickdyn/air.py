@@ -11,6 +11,7 @@ from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics.model import Coefficient, find
 from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -61,7 +62,9 @@ class Air:
         lift = None if lift is None else find("lift", lift_models.MODELS, lift)
         object.__setattr__(self, "drag", drag)
         object.__setattr__(self, "lift", lift)
-        object.__setattr__(self, "buoyancy", bool(buoyancy))
+        if not isinstance(buoyancy, bool):
+            raise InvalidInput(f"buoyancy is {buoyancy!r}: it must be True or False")
+        object.__setattr__(self, "buoyancy", buoyancy)
 
     def __repr__(self) -> str:
         """Name every value, and the models by name."""

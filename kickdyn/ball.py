@@ -109,7 +109,7 @@ class BallState:
     @property
     def speed(self) -> float | Array:
         """Speed of the centre [m/s]."""
-        speed = np.sqrt(np.einsum("...i,...i", self.velocity, self.velocity))
+        speed = checks.length(self.velocity)
         return float(speed) if np.ndim(speed) == 0 else speed
 
     @property

@@ -80,5 +80,13 @@ def _first_bad(array: Array) -> float:
     return float(array[~np.isfinite(array)][0])
 
 
+def length(vectors: Array) -> Array:
+    """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
+    largest = np.abs(vectors).max(axis=-1, keepdims=True)
+    safe = np.where(largest > 0, largest, 1.0)
+    scaled = vectors / safe
+    return np.asarray(safe[..., 0] * np.sqrt((scaled * scaled).sum(axis=-1)))
+
+
 def _of(unit: str) -> str:
     return f" [{unit}]" if unit else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from typing import NoReturn
 
@@ -13,8 +14,13 @@ from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 def run(command: click.Command) -> NoReturn:
     """Run a command and leave the process; bad input never ends in a traceback."""
     name = command.name or "kickdyn"
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a name the terminal cannot show
     try:
-        command.main(standalone_mode=False, prog_name=None)
+        command.main(standalone_mode=False)
+        sys.stdout.flush()
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.ctx.get_help() if error.ctx else "")
     except click.exceptions.Exit as leave:
         sys.exit(leave.exit_code)
     except click.ClickException as error:
@@ -28,6 +34,8 @@ def run(command: click.Command) -> NoReturn:
     except BrokenPipeError:  # the reader has seen enough
         sys.stderr.close()
         sys.exit(1)
+    except OSError as error:
+        _fail(name, f"the output cannot be written ({error.strerror})", 1)
     sys.exit(0)
 
 

@@ -13,15 +13,17 @@ from kickdyn.errors import InvalidInput
 
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise `InvalidInput` unless a file can be made at `path`; to be asked before long work."""
-    file = Path(path)
-    if file.is_dir():
-        raise InvalidInput(f"{path} is a folder: name a file in it")
-    if file.exists() and not file.is_file():  # replacing a device would remove it
-        raise InvalidInput(f"{path} is not a regular file: name one, or one yet to be")
     try:
+        file = Path(path).resolve()
+        if file.is_dir():
+            raise InvalidInput(f"{path} is a folder: name a file in it")
+        if file.exists() and not file.is_file():  # replacing a device would remove it
+            raise InvalidInput(f"{path} is not a regular file: name one, or one yet to be")
         with tempfile.TemporaryFile(dir=file.parent):
             pass
-    except OSError as error:
+    except InvalidInput:
+        raise
+    except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a NUL in the name
         raise _refused(path, error) from None
 
 
@@ -45,5 +47,14 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise _refused(path, error) from None
 
 
-def _refused(path: str | os.PathLike[str], error: OSError) -> InvalidInput:
-    return InvalidInput(f"{path} cannot be written ({error.strerror or error})")
+def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
+    """Raise `InvalidInput` where two outputs are the same file; None and `-` are none."""
+    files = [Path(path).resolve() for path in paths if path is not None and str(path) != "-"]
+    for file in files:
+        if files.count(file) > 1:
+            raise InvalidInput(f"{file.name} is named for two outputs: give each its own file")
+
+
+def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
+    reason = getattr(error, "strerror", None) or str(error)
+    return InvalidInput(f"{path} cannot be written ({reason})")

@@ -137,13 +137,13 @@ class Leg:
         return self._workspace
 
     def posture(self, q: ArrayLike) -> Posture:
-        """Run kinematics and inertia at a configuration.
+        """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
             q: shape `(nq,)` [rad; m for prismatic joints].
 
         Raises:
-            InvalidInput: wrong shape or an entry that is not finite.
+            InvalidInput: wrong shape, an entry that is not finite, or an inertia without digits.
         """
         return Posture(self, q)
 
@@ -247,6 +247,18 @@ def _check_bodies(model: Any) -> None:
         square = turn @ turn.T - np.eye(3)  # NaN where the placement has one
         if not (np.abs(square).max() < 1e-9 and np.isfinite(placement.translation).all()):
             raise InvalidInput(f"joint {name!r} is placed by what is no rigid motion")
+    for frame in model.frames:
+        if not np.isfinite(frame.placement.homogeneous).all():
+            raise InvalidInput(f"frame {frame.name!r} is placed by what is not finite")
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    if not (lower <= upper).all():
+        raise InvalidInput(
+            f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"
+        )
+    if not (model.velocityLimit >= 0).all():
+        raise InvalidInput(
+            f"velocity limit is {model.velocityLimit.tolist()}: every entry must be 0 or more"
+        )
     if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
         raise InvalidInput(
             f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"

@@ -18,6 +18,8 @@ from kickdyn.errors import InvalidInput
 if TYPE_CHECKING:
     from kickdyn.leg import Leg
 
+MAX_CONDITION = 1e15
+
 REACH_TOLERANCE = 1e-9
 """Share of a wished-for velocity that may be missed before it counts as out of reach."""
 
@@ -29,6 +31,8 @@ class Posture:
         leg: the leg.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
         contact_point: origin of the leg's contact frame, shape `(3,)` [m, world frame].
+        condition: condition number of the joint-space inertia, 1-norm (LAPACK's estimate), joints
+            scaled to unit diagonal; about log10 of it digits can be lost.
         jacobian: KIC of that point, `velocity = jacobian @ v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
     """
@@ -42,19 +46,24 @@ class Posture:
                 f"q is {self.q.tolist()}: the (cos, sin) pair of a continuous joint must have "
                 "length 1 (Leg.configuration makes one from angles)"
             )
-        self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.WORLD)
+        pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
-        jacobian = pin.getFrameJacobian(model, data, leg.frame_id, pin.LOCAL_WORLD_ALIGNED)
-        self.jacobian: Array = jacobian.reshape(6, model.nv)[:3]
         self.joint_rotation: Array = data.oMi[leg.contact_joint].rotation.copy()
-        factor, info = lapack.dpotrf(self.inertia, lower=1)
-        if info:
-            raise InvalidInput(
-                f"the joint-space inertia of {leg.name} is not positive definite at "
-                f"q = {self.q.tolist()}: a joint moves no inertia"
+        # In local axes: about the world's origin, a leg far from it would lose its digits.
+        self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
+        local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
+        self.jacobian: Array = placement.rotation @ local.reshape(6, model.nv)[:3]
+        self._factor, self._scale, self.condition = _factored(self.inertia)
+        if not self.condition < MAX_CONDITION:
+            fault = (
+                "is not positive definite: a joint moves no inertia"
+                if self.condition == math.inf
+                else f"has condition {self.condition:.1g}: above {MAX_CONDITION:g} no digit is left"
             )
-        self._factor: Array = factor
+            raise InvalidInput(
+                f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault}"
+            )
         for array in (
             *(self.q, self.inertia, self.contact_point),
             *(self.jacobian, self.joint_rotation, self._factor),
@@ -70,16 +79,9 @@ class Posture:
     def mobility(self) -> Array:
         """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix."""
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
-        rows = blas.dtrsm(1.0, self._factor, self.jacobian.T, lower=1)
+        rows = blas.dtrsm(1.0, self._factor, (self.jacobian * self._scale).T, lower=1)
         rows.setflags(write=False)
         return np.asarray(rows.T)
-
-    @cached_property
-    def condition(self) -> float:
-        """Condition number of M in the 1-norm (LAPACK's estimate)."""
-        norm = float(np.abs(self.inertia).sum(axis=0).max())
-        reciprocal, _ = lapack.dpocon(self._factor, norm, uplo="L")
-        return 1.0 / float(reciprocal) if reciprocal else math.inf
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
@@ -128,11 +130,30 @@ class Posture:
         left, gains, right = np.linalg.svd(self.mobility, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         part = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
-        v = blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
+        v = self._scale * blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
         missed = np.abs(self.jacobian @ v - wish).max()
         return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
 
     def solve(self, joint_impulse: Array) -> Array:
         """Return M^-1 times a joint-space impulse, shape `(nv,)` [rad/s]."""
-        v, _ = lapack.dpotrs(self._factor, joint_impulse, lower=1)
-        return np.asarray(v)
+        v, _ = lapack.dpotrs(self._factor, self._scale * joint_impulse, lower=1)
+        return np.asarray(self._scale * v)
+
+
+def _factored(inertia: Array) -> tuple[Array, Array, float]:
+    """Return the Cholesky factor of M scaled to unit diagonal, the scale, and the condition.
+
+    Scaled, so that a light toe on a heavy leg, or metres beside radians, cost no digits and do not
+    count as ill-conditioned.
+    """
+    diagonal = inertia.diagonal()
+    if not (diagonal > 0.0).all():
+        return inertia, diagonal, math.inf
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = inertia * scale * scale[:, None]
+    factor, info = lapack.dpotrf(scaled, lower=1)
+    if info:
+        return factor, scale, math.inf
+    norm = float(np.abs(scaled).sum(axis=0).max())
+    reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
+    return factor, scale, 1.0 / float(reciprocal) if reciprocal else math.inf

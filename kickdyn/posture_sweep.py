@@ -8,31 +8,29 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from textwrap import fill
 
 import click
 import xarray as xr
-from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.flight.fly import Flight, fly
 from kickdyn.impact.strike import Impact
 from kickdyn.leg import Leg, shipped_urdf
 from kickdyn.sweep.grid import Grid, grid
 from kickdyn.sweep.kick import Kick
-from kickdyn.sweep.run import provenance, sweep
+from kickdyn.sweep.report import as_json, table, text
+from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
-from kickdyn.sweep.summary import Line, best_and_worst, counts, paper_lines
+from kickdyn.sweep.summary import Line, best_and_worst, paper_lines
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
 AIRS: dict[str, Callable[[], Air | None]] = {
@@ -100,15 +98,24 @@ def posture_sweep(
     _check_outputs(out, json_file, plot, view)
 
     data = _swept(leg, postures, kick)
-    ends = best_and_worst(leg, data, kick)
-    lines = [*(paper_lines(leg, kick) if leg_name == "human" else []), *ends]
-    _write(data, lines, leg, kick, out, plot, view)
-    if json_file:
-        _write_json(json_file, _report(leg, kick, data, lines))
+    lines = best_and_worst(leg, data, kick)
+    shown = _shown(lines, kick) if live or view is not None else None
+    if leg_name == "human":
+        lines = [*paper_lines(leg, kick), *lines]
+    writers = _writers(data, lines, shown, out, plot, view)  # all made before any is written
+    for write in writers:
+        write()
+    files = [file for file in (out, plot, view) if file is not None]
+    if json_file is not None:
+        _write_json(json_file, as_json(leg, kick, data, lines))
+        files += [json_file]
     if json_file != "-":
-        _print(leg, kick, data, lines, [f for f in (out, json_file, plot, view) if f])
-    if live:
-        _serve(lines, kick)
+        Console(highlight=False, width=200).print(table(leg, kick, lines))  # cuts no number off
+        click.echo(text(data, lines))
+        for file in files:
+            click.echo(f"wrote {file}")
+    if live and shown:
+        _serve(shown)
 
 
 def load_leg(name: str, frame: str) -> Leg:
@@ -123,14 +130,15 @@ def load_leg(name: str, frame: str) -> Leg:
 def _check_outputs(
     out: str | None, json_file: str | None, plot: str | None, view: str | None
 ) -> None:
-    if out:
+    if out is not None:
         check_name(out)
-    if plot:
+    if plot is not None:
         from kickdyn.view.sweep_plot import check_name as check_plot
 
         check_plot(plot)
+    check_distinct(out, json_file, plot, view)
     for file in (out, None if json_file == "-" else json_file, plot, view):
-        if file:
+        if file is not None:
             check_writable(file)
 
 
@@ -148,121 +156,53 @@ def _swept(leg: Leg, postures: Grid, kick: Kick) -> xr.Dataset:
         return sweep(leg, postures, kick, lambda: bar.advance(task))
 
 
-def _write(
+def _writers(
     data: xr.Dataset,
     lines: Sequence[Line],
-    leg: Leg,
-    kick: Kick,
+    shown: Shown | None,
     out: str | None,
     plot: str | None,
     view: str | None,
-) -> None:
-    if out:
-        save(data, out)
-    if plot:
-        from kickdyn.view.sweep_plot import save_figure, sweep_figure
-
-        save_figure(sweep_figure(data, lines), plot)
-    if view:
+) -> list[Callable[[], None]]:
+    writers: list[Callable[[], None]] = []
+    if view is not None and shown:
         from kickdyn.view.page import kick_page, write_page
 
-        write_page(view, kick_page(*_shown(lines, kick)))
+        writers.append(partial(write_page, view, kick_page(*shown)))
+    if plot is not None:
+        from kickdyn.view.sweep_plot import save_figure, sweep_figure
 
-
-def _report(leg: Leg, kick: Kick, data: xr.Dataset, lines: Sequence[Line]) -> dict[str, object]:
-    return {
-        **provenance(leg, kick),
-        "postures": data.status.size,
-        "status": counts(data),
-        "lines": [line.as_json() for line in lines],
-    }
+        writers.append(partial(save_figure, sweep_figure(data, lines), plot))
+    if out is not None:
+        writers.append(partial(save, data, out))
+    return writers
 
 
 def _write_json(file: str, report: dict[str, object]) -> None:
-    text = json.dumps(report, indent=2, allow_nan=False) + "\n"
+    written = json.dumps(report, indent=2, allow_nan=False) + "\n"
     if file == "-":
-        sys.stdout.write(text)
+        sys.stdout.write(written)
         return
     with replacing(file) as draft:
-        draft.write_text(text, encoding="utf-8")
+        draft.write_text(written, encoding="utf-8")
 
 
-def _print(
-    leg: Leg, kick: Kick, data: xr.Dataset, lines: Sequence[Line], files: Sequence[str]
-) -> None:
-    Console(highlight=False, width=200).print(_table(leg, kick, lines))  # never cuts a number off
+Shown = tuple[Impact, Ball, Flight]
+
+
+def _shown(lines: Sequence[Line], kick: Kick) -> Shown:
+    """Return the best kick, to be looked at."""
     for line in lines:
-        if line.why:
-            angles = ", ".join(f"{name} {value:.4g}" for name, value in line.angles.items())
-            click.echo(fill(f"{line.label} ({angles} deg): {line.why}.", 100))
-    said = ", ".join(f"{number} {name}" for name, number in counts(data).items() if number)
-    click.echo(f"{data.status.size} postures: {said}.")
-    for file in files:
-        click.echo(f"wrote {file}")
-
-
-def _table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
-    flight = "vacuum" if kick.air is None else f"air {kick.air.density:.4g} kg/m3"
-    table = Table(
-        title=f"{escape(leg.name)}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
-        f"e {kick.restitution:g}, mu {kick.friction:g}, "
-        f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        padding=(0, 1),
-    )
-    paper = any(line.paper for line in lines)
-    for head in (
-        "posture",
-        escape(f"{' / '.join(leg.joint_names)}\ndeg"),
-        "eff. mass\nkg",
-        "impulse\nN s",
-        "ball /\nfoot",
-        "launch\ndeg",
-        "spin\nrad/s",
-        "carry\nm",
-        "worst joint\nN s",
-        "immovable\nN s",
-        *(("Table 2\nN s",) if paper else ()),
-    ):
-        table.add_column(head, justify="left" if head == "posture" else "right", no_wrap=True)
-    for line in lines:
-        n, hit = line.numbers, line.outcome.hit
-        angles = " / ".join(f"{value:.4g}" for value in line.angles.values())
-        if hit is None:
-            table.add_row(line.label, angles, line.outcome.status)
-            continue
-        table.add_row(
-            line.label,
-            angles,
-            f"{n['effective_mass']:.4g}",
-            f"{n['impulse']:.4f}",
-            f"{n['speed_ratio']:.4f}",
-            f"{math.degrees(n['launch_angle']):.2f}",
-            f"{n['spin']:.3f}",
-            f"{n['carry']:.4g}",
-            escape(hit.worst_joint[0]) + f" {n['worst_joint_impulse']:.4f}",
-            f"{n['immovable_impulse']:.4g}",
-            *((f"{line.paper:.3f}" if line.paper else "",) if paper else ()),
-        )
-    return table
-
-
-def _shown(lines: Sequence[Line], kick: Kick) -> tuple[Impact, Ball, Flight]:
-    order = sorted(lines, key=lambda line: line.label != "best")
-    for line in order:
         hit = line.outcome.hit
         if hit is not None:
             return hit, kick.ball, fly(hit.ball, kick.ball, kick.air)
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 
-def _serve(lines: Sequence[Line], kick: Kick) -> None:
+def _serve(shown: Shown) -> None:
     from kickdyn.view.live import serve
 
-    with serve(*_shown(lines, kick)) as server:
+    with serve(*shown) as server:
         click.echo(f"showing the kick at {server.url} (this machine only) until Ctrl-C", err=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()

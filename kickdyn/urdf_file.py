@@ -83,6 +83,8 @@ class _StrictBuilder(ElementTree.TreeBuilder):
     depth = 0
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        if name.lower() == "html":
+            raise _Refused("is not a URDF: it is an HTML page")
         raise _Refused("has a DOCTYPE: entities are not expanded, remove it")
 
     def start(self, tag: str, attrs: dict[str, str], /) -> ElementTree.Element:

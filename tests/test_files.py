@@ -43,3 +43,11 @@ def test_bad_places(tmp_path, name):
     (tmp_path / "a.txt").write_text("a file is no folder")
     with pytest.raises(InvalidInput, match=r"cannot be written|is a folder"):
         check_writable(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "loop", "dangling", "a\0b"])
+def test_names_that_lead_nowhere(tmp_path, name):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere" / "x")
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        check_writable(tmp_path / name)

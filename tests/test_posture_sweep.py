@@ -1,8 +1,11 @@
 """The main door, as a user opens it."""
 
 import json
+import signal
 import subprocess
 import sys
+import urllib.request
+from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -13,7 +16,9 @@ SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
 
 
 def door(*arguments, cwd=None):
-    command = [sys.executable, "-W", "error", "-m", "kickdyn.posture_sweep", *arguments]
+    noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
+    strict = [sys.executable, "-W", "error", "-W", noise]
+    command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
 
 
@@ -95,3 +100,92 @@ def test_the_console_script_has_the_same_door():
     command = [sys.executable, "-c", "from kickdyn.cli import main; main()", "posture-sweep"]
     ended = subprocess.run([*command, *SMALL, "--json", "-"], capture_output=True, text=True)
     assert json.loads(ended.stdout)["postures"] == 3
+
+
+def urdf_of(tmp_path, **changes):
+    text = kickdyn.Leg.human().urdf.text
+    for old, new in changes.items():
+        text = text.replace(f'"{old}"', f'"{new}"')
+    (tmp_path / "mine.urdf").write_text(text)
+    return "mine.urdf"
+
+
+@pytest.mark.parametrize("name", ["carry", "status", "speed_ratio", "a/b", "."])
+def test_a_joint_must_not_hide_a_result(tmp_path, name):
+    leg = urdf_of(tmp_path, hip=name)
+    ended = door("--leg", leg, "--joint", f"{name}=0:10:5", "--out", "x.nc", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert f"joint '{name}' cannot be swept" in ended.stderr
+    assert not (tmp_path / "x.nc").exists()
+
+
+def test_odd_names_are_just_names(tmp_path):
+    odd = r"$\frac$ [red]"
+    leg = urdf_of(tmp_path, hip=odd)
+    files = ["--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
+    ended = door("--leg", leg, "--joint", f"{odd}=0:10:5", *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert odd in ended.stdout
+
+
+def test_table_2_stands_only_beside_the_kick_it_is_for():
+    assert "Table 2" in door(*SMALL).stdout
+    assert "Table 2" not in door(*SMALL, "--speed", "2").stdout
+    assert "Table 2" not in door(*SMALL, "--frame", "foot").stdout
+
+
+def test_what_the_leg_cannot_do_is_said(tmp_path):
+    ended = door(*SMALL, "--speed", "60")
+    assert "too fast" in ended.stdout
+    assert "3 too fast" in ended.stdout
+    ended = door(*SMALL, "--speed", "60", "--view", "x.html", "--out", "x.nc", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "there is nothing to view" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_mesh_stops_before_anything_is_written(tmp_path):
+    text = kickdyn.Leg.human().urdf.text
+    box = '<box size="0.1 0.22 0.08" />'
+    (tmp_path / "mine.urdf").write_text(text.replace(box, '<mesh filename="no.stl"/>'))
+    files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
+    ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "mesh 'no.stl' is missing" in ended.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.urdf"]
+
+
+def test_two_outputs_are_two_files(tmp_path):
+    ended = door(*SMALL, "--plot", "x.png", "--json", "x.png", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "x.png is named for two outputs" in ended.stderr
+
+
+def test_page_and_live_view(tmp_path):
+    ended = door(*SMALL, "--view", "kick.html", cwd=tmp_path)
+    assert ended.returncode == 0
+    assert "<title>leg_human: ball at" in (tmp_path / "kick.html").read_text()
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *SMALL, "--live", "--json", "-"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as served:
+        said = served.stderr.readline().decode()
+        url = said.split(" at ")[1].split(" ")[0]
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=10) as page:
+            assert b"leg_human" in page.read()
+        served.send_signal(signal.SIGINT)
+        assert served.wait(timeout=10) == 0
+
+
+def test_output_that_cannot_be_shown():
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *SMALL]
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr == "posture-sweep: the output cannot be written (No space left on device)\n"
+
+
+def test_bare_console_script_shows_its_help():
+    command = [sys.executable, "-c", "from kickdyn.cli import main; main()"]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 0
+    assert "Commands:\n" in ended.stdout

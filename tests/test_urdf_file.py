@@ -21,7 +21,7 @@ BAD_TEXT = {
     ),
     "NUL": (b'<robot name="l\0"/>', "not well-formed XML"),
     "HTML": (b"<html><body>404</body></html>", "its root is <html>, not <robot>"),
-    "HTML page": (b"<!DOCTYPE html><html><head>", "has a DOCTYPE"),
+    "HTML page": (b"<!DOCTYPE html><html><head>", "it is an HTML page"),
     "entity": (b'<!DOCTYPE r [<!ENTITY m "7">]><robot name="&m;"/>', "has a DOCTYPE"),
     "file entity": (b'<!DOCTYPE r [<!ENTITY m SYSTEM "/etc/passwd">]><r>&m;</r>', "has a DOCTYPE"),
     "external DTD": (b'<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><r/>', "has a DOCTYPE"),

@@ -53,7 +53,7 @@ def find(
     """Return the model a name stands for, or the function itself."""
     if callable(choice):
         return choice
-    if choice not in models:
+    if not isinstance(choice, str) or choice not in models:
         raise InvalidInput(
             f"{kind} model {choice!r} is unknown: choose {', '.join(models)}, "
             "or pass a function of (reynolds, spin_parameter)"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,6 +107,8 @@ def fly(
         InvalidInput: an array of states, a ball that starts inside the ground, a bad tolerance.
         KickdynError: the integrator gave up.
     """
+    if not isinstance(ball, Ball):
+        raise InvalidInput(f"ball is {ball!r}: it must be a kickdyn.Ball")
     if state.position.shape != (3,):
         raise InvalidInput(f"launch has shape {state.position.shape}: fly takes one state, (3,)")
     tol = checks.number("tol", tol, at_least=1e-13, at_most=1e-2)
@@ -145,7 +148,7 @@ def _fall(state: BallState, g: float, drop: float, time_limit: float) -> Flight:
         status="landed" if landed else "aloft",
         method="closed form",
         evaluations=0,
-        _trajectory=lambda t: ballistic(state.velocity, g, t),
+        _trajectory=partial(ballistic, state.velocity, g),
     )
 
 
@@ -188,7 +191,7 @@ def _integrate(
         status="landed" if landed else "aloft",
         method=f"{METHOD}, rtol {rtol:g}, {' and '.join(effects) or 'buoyancy only'}",
         evaluations=sum(arc.evaluations for arc in arcs),
-        _trajectory=lambda t: _piecewise(arcs, begin, t),
+        _trajectory=partial(_piecewise, arcs, begin),
     )
 
 

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kickdyn import checks
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
-from kickdyn.errors import KickdynError
+from kickdyn.errors import InvalidInput, KickdynError
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +72,24 @@ def normal_impulse(
     """Return the frictionless impulse of Eq. (10) [N s].
 
     Args:
-        approach_speed: of the foot towards the ball along the normal [m/s].
-        restitution: coefficient e.
-        leg_mass: the leg's effective mass along the normal [kg].
-        ball_mass: [kg]; inf, when not named, is an immovable obstacle: the case of Table 2.
+        approach_speed: of the foot towards the ball along the normal [m/s], 0 or more.
+        restitution: coefficient e, 0 to 1.
+        leg_mass: the leg's effective mass along the normal [kg], above 0; inf is immovable.
+        ball_mass: [kg], above 0; inf, when not named, is an obstacle that does not move: the case
+            of Table 2.
+
+    Raises:
+        InvalidInput: a value outside its range, or two immovable bodies.
     """
-    return (1.0 + restitution) * approach_speed / (1.0 / leg_mass + 1.0 / ball_mass)
+    speed = checks.number("approach speed", approach_speed, at_least=0, unit="m/s")
+    e = checks.number("restitution", restitution, at_least=0, at_most=1)
+    give = 0.0
+    for name, mass in (("leg mass", leg_mass), ("ball mass", ball_mass)):
+        if mass != math.inf:
+            give += 1.0 / checks.number(name, mass, above=0, unit="kg")
+    if give == 0.0:
+        raise InvalidInput("leg mass and ball mass are both inf: one of them must move")
+    return (1.0 + e) * speed / give
 
 
 def newton(problem: ContactProblem) -> Solution:
@@ -137,13 +150,13 @@ def paper(problem: ContactProblem) -> Solution:
     `energy_lost` is then below what a passive law gives, even negative.
     """
     n, u, e, mu = problem.normal, problem.centre_velocity, problem.restitution, problem.friction
-    speed = math.sqrt(float(u @ u))
+    speed = math.hypot(*u)
     attack = -u / speed
     leg_give = float(attack @ problem.leg_delassus @ attack)
     full = (1.0 + e) * speed / (leg_give + 1.0 / problem.ball.mass) * attack
     normal = float(full @ n)
     across = full - normal * n
-    size = math.sqrt(float(across @ across))
+    size = math.hypot(*across)
     sticking = size <= mu * normal
     impulse = full if sticking else normal * n + mu * normal / size * across
     after = problem.velocity + problem.delassus() @ impulse
@@ -207,7 +220,7 @@ def _contact_axes(n: Array, u: Array) -> Array:
         across = np.zeros(3)
         across[int(np.argmin(np.abs(n)))] = 1.0
         across -= (n @ across) * n
-    first = across / math.sqrt(float(across @ across))
+    first = across / math.hypot(*across)
     return np.column_stack([first, _cross(n, first), n])
 
 

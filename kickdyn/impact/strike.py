@@ -33,7 +33,7 @@ class Impact:
         effective_mass: of the leg along the normal [kg]; inf where it is immovable.
         foot_velocity: of the contact point just before, shape `(3,)` [m/s, world frame].
         approach_speed: of foot towards ball along the normal [m/s].
-        ball: just after.
+        ball_before, ball: just before and just after.
         v_before, v_after: joint velocity, shape `(nv,)` [rad/s].
         joint_impulses: by the parent on the child, linear then angular, about the joint's origin
             and in its frame, shape `(njoints, 6)` [N s, N m s], joints as in `leg.joint_names`.
@@ -53,6 +53,7 @@ class Impact:
     effective_mass: float
     foot_velocity: Array
     approach_speed: float
+    ball_before: BallState
     ball: BallState
     v_before: Array
     v_after: Array
@@ -66,7 +67,7 @@ class Impact:
     @property
     def speed_ratio(self) -> float:
         """Ball speed just after over foot speed just before; inf where the foot was at rest."""
-        foot = float(np.linalg.norm(self.foot_velocity))
+        foot = math.hypot(*self.foot_velocity)
         return float(self.ball.speed) / foot if foot else math.inf
 
     @property
@@ -120,7 +121,7 @@ def strike_at(
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
-    if law not in LAWS:
+    if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     v = checks.vector("v", v, posture.leg.nv)
     before = BallState(posture.contact_point + ball.radius * touch.normal, ball_velocity, ball_spin)
@@ -128,6 +129,9 @@ def strike_at(
     with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
         foot_velocity = posture.jacobian @ v
         approach_speed = approach(posture, foot_velocity, before, touch)
+    sliding = max(np.abs(before.spin).max() * ball.radius, np.abs(before.velocity).max())
+    if not sliding < MAX_SPEED:
+        raise InvalidInput(f"the ball moves at {sliding:g} m/s: it must be below {MAX_SPEED:g} m/s")
     problem = ContactProblem(
         normal=n,
         leg_delassus=posture.delassus(),
@@ -144,9 +148,10 @@ def strike_at(
 def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:
     """Return the speed of foot towards ball along the normal [m/s]; raise `NoImpact` if none."""
     speed = float(touch.normal @ (foot_velocity - before.velocity))
-    if not abs(speed) < MAX_SPEED:
+    fastest = float(np.abs(foot_velocity - before.velocity).max())
+    if not fastest < MAX_SPEED:
         raise InvalidInput(
-            f"foot and ball meet at {speed:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
+            f"foot and ball meet at {fastest:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
             "m/s, else energies leave double precision"
         )
     if speed <= 0.0:
@@ -179,6 +184,8 @@ def _outcome(
         before.spin - np.cross(n, impulse) * (ball.radius / ball.inertia),
     )
     v_after = v + jump
+    for array in (impulse, v, v_after, foot_velocity, transmitted):
+        array.setflags(write=False)
     parting = float(n @ (after.velocity - posture.jacobian @ v_after))
     lever = float(np.linalg.norm(posture.jacobian) * np.linalg.norm(impulse))
     return Impact(
@@ -189,6 +196,7 @@ def _outcome(
         effective_mass=posture.effective_mass(n),
         foot_velocity=foot_velocity,
         approach_speed=approach_speed,
+        ball_before=before,
         ball=after,
         v_before=v,
         v_after=v_after,

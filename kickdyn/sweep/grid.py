@@ -113,10 +113,16 @@ def _default(leg: Leg) -> dict[str, Array]:
     axes = {}
     for name in leg.joint_names:
         low, high = leg.joint_range(name)
-        if leg.joint_unit(name) == "m":
-            axes[name] = np.linspace(low, high, 10)
+        metres = leg.joint_unit(name) == "m"
+        step = (high - low) / 9 if metres else math.radians(DEFAULT_STEP_DEG)
+        if not abs(low) + abs(high) < (1e6 if metres else MAX_POSTURES * step):
+            raise InvalidInput(
+                f"joint {name} ranges from {low:g} to {high:g}: name the part to sweep, "
+                f"for example --joint {name}=0:30:5"
+            )
+        if step == 0.0 or metres:
+            axes[name] = np.linspace(low, high, 10 if step else 1)
             continue
-        step = math.radians(DEFAULT_STEP_DEG)
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
         axes[name] = np.radians(DEFAULT_STEP_DEG * np.arange(first, last + 1))
         if not axes[name].size:

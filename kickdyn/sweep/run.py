@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from importlib import metadata
 
@@ -11,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
@@ -24,7 +26,7 @@ VARIABLES = {
     "ball_speed": ("m/s", "speed of the ball after the impact"),
     "speed_ratio": ("1", "ball speed over foot speed"),
     "launch_angle": ("rad", "launch above the horizontal"),
-    "spin": ("rad/s", "angular speed of the ball after the impact"),
+    "back_spin": ("rad/s", "spin of the ball after the impact about -y; negative is top spin"),
     "worst_joint_impulse": ("N s", "largest linear impulse inside a joint"),
     "energy_lost": ("J", "kinetic energy lost in the impact"),
     "speed_use": ("1", "largest joint speed over its limit"),
@@ -51,6 +53,7 @@ def sweep(
         `VARIABLES`, and `status`; units and provenance are in the attributes. Where the status is
         `out of reach`, there is no impact and the numbers are nan.
     """
+    _check_names(grid)
     rows = np.full((grid.size, len(VARIABLES)), np.nan)
     status = np.empty(grid.size, dtype=np.int8)
     for i, q in enumerate(grid.configurations(leg)):
@@ -60,6 +63,18 @@ def sweep(
         if progress is not None:
             progress()
     return _dataset(leg, grid, kick, rows, status)
+
+
+def _check_names(grid: Grid) -> None:
+    """Raise `InvalidInput` where a joint's name would hide a result in the dataset."""
+    for name in grid.axes:
+        taken = name in VARIABLES or name == "status"
+        shadowed = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
+        if taken or shadowed or "/" in name or name.strip(".") == "":
+            raise InvalidInput(
+                f"joint {name!r} cannot be swept: in the dataset its name is that of a result, "
+                "or not a name at all; rename it"
+            )
 
 
 def numbers(outcome: Outcome, kick: Kick) -> dict[str, float]:
@@ -75,12 +90,12 @@ def _row(outcome: Outcome, kick: Kick) -> Array:
     return np.array(
         [
             hit.effective_mass,
-            np.linalg.norm(hit.impulse),
+            math.hypot(*hit.impulse),
             immovable,
             hit.ball.speed,
             hit.speed_ratio,
             hit.ball.elevation,
-            np.linalg.norm(hit.ball.spin),
+            0.0 - hit.ball.spin[1],
             hit.worst_joint[1],
             hit.energy_lost,
             outcome.speed_use,
@@ -97,7 +112,7 @@ def _dataset(leg: Leg, grid: Grid, kick: Kick, rows: Array, status: NDArray[np.i
     for name, values in grid.axes.items():
         unit = leg.joint_unit(name)
         data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
-        if unit == "rad":
+        if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
             data.coords[f"{name}_deg"] = (name, np.degrees(values), {"units": "deg"})
     for column, (name, (unit, meaning)) in enumerate(VARIABLES.items()):
         attributes = {"units": unit, "long_name": meaning}
@@ -126,7 +141,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
         "frame": leg.frame,
         "foot_speed_m_s": kick.speed,
-        "attack_deg": float(np.degrees(kick.attack)),
+        "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "restitution": kick.restitution,
         "friction": kick.friction,
         "impact_law": "newton",

@@ -23,6 +23,9 @@ PAPER_POSTURES = {
 The paper prints the foot's angle; hip and knee are those that reproduce Table 2 within 0.2 %.
 """
 
+PAPER_KICK = Kick()
+"""Foot speed, attack and restitution that Table 2 is for; its rows fit no other."""
+
 
 @dataclass(frozen=True, eq=False)
 class Line:
@@ -43,6 +46,14 @@ class Line:
     numbers: dict[str, float]
     paper: float | None = None
     why: str = ""
+
+    def posture(self) -> str:
+        """Return the joints' values with their units."""
+        leg = self.outcome.posture.leg
+        return ", ".join(
+            f"{name} {value:.4g} {'m' if leg.joint_unit(name) == 'm' else 'deg'}"
+            for name, value in self.angles.items()
+        )
 
     def as_json(self) -> dict[str, object]:
         """Return plain values; what does not exist is None, not nan."""
@@ -65,7 +76,7 @@ class Line:
 def paper_lines(leg: Leg, kick: Kick) -> list[Line]:
     """Return the paper's three postures of the human leg."""
     return [
-        _line(leg, kick, label, np.radians(angles), paper=paper)
+        _line(leg, kick, label, np.radians(angles), paper=paper if _as_printed(leg, kick) else None)
         for label, (angles, paper) in PAPER_POSTURES.items()
     ]
 
@@ -81,6 +92,13 @@ def best_and_worst(leg: Leg, data: xr.Dataset, kick: Kick) -> list[Line]:
         line = _line(leg, kick, label, leg.configuration(values))
         lines.append(replace(line, why=_why(line, kick)))
     return lines
+
+
+def _as_printed(leg: Leg, kick: Kick) -> bool:
+    return leg.frame == "toe" and all(
+        getattr(kick, name) == getattr(PAPER_KICK, name)
+        for name in ("speed", "attack", "restitution")
+    )
 
 
 def counts(data: xr.Dataset) -> dict[str, int]:

@@ -45,7 +45,7 @@ def _numbers(hit: Impact, path: Flight, drawn: Drawn) -> list[tuple[str, str]]:
         *((("ball / foot", f"{hit.speed_ratio:.4g}"),) if hit.foot_velocity.any() else ()),
         ("launch angle", f"{math.degrees(float(hit.ball.elevation)):.1f}°"),
         ("spin", f"{float(np.linalg.norm(hit.ball.spin)):.4g} rad/s"),
-        (f"range {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+        (f"carry {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
         ("flight", escape(path.method)),
         ("shown", _pace(drawn.pace)),

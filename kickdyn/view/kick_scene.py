@@ -59,7 +59,7 @@ def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
         InvalidInput: the leg cannot be drawn, as `leg_figure.leg_parts` says.
     """
     pace = motion.pace_of(hit, path.duration)
-    before = motion.ball_before(hit, ball)
+    before = hit.ball_before
     curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
     forward = _forward(hit, curve)
     floor = min(before.position[2], curve[-1, 2]) - ball.radius
@@ -125,7 +125,7 @@ def _animation(
     viewer: Any, hit: Impact, ball: Ball, path: Flight, pace: motion.Pace, floor: float
 ) -> Animation:
     film = Animation(default_framerate=motion.RATE)
-    before = motion.ball_before(hit, ball)
+    before = hit.ball_before
     for picture, time in enumerate(pace.times):
         # All tracks end together, so that they stay together when they repeat.
         for at in (picture, pace.end) if picture == len(pace.times) - 1 else (picture,):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.ball import Ball, BallState
+from kickdyn.ball import BallState
 from kickdyn.checks import Array
 from kickdyn.flight.fly import Flight
 from kickdyn.impact.strike import Impact
@@ -90,16 +90,6 @@ def leg_configuration(hit: Impact, time: float) -> Array:
         single[joint.idx_q] = joint.nq == 1
     within = np.clip(moved, np.fmin(leg.lower, q), np.fmax(leg.upper, q))
     return np.where(single, within, moved)
-
-
-def ball_before(hit: Impact, ball: Ball) -> BallState:
-    """Return the ball as it was when struck."""
-    turned = np.cross(hit.touch.normal, hit.impulse) * (ball.radius / ball.inertia)
-    velocity, spin = hit.ball.velocity - hit.impulse / ball.mass, hit.ball.spin + turned
-    # What was at rest comes out as rounding.
-    velocity[np.abs(velocity) < 1e-9 * np.abs(hit.ball.velocity).max()] = 0.0
-    spin[np.abs(spin) < 1e-9 * np.abs(turned).max()] = 0.0
-    return BallState(hit.ball.position, velocity, spin)
 
 
 def ball_place(before: BallState, path: Flight, time: float) -> Array:

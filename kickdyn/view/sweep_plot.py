@@ -42,7 +42,7 @@ def sweep_figure(data: xr.Dataset, lines: Sequence[Line]) -> Figure:
     _map(figure, left, possible, data)
     _price(figure, right, possible, lines)
     figure.suptitle(
-        f"{data.attrs['leg']}: foot {data.attrs['foot_speed_m_s']:g} m/s at "
+        f"{_plain(data.attrs['leg'])}: foot {data.attrs['foot_speed_m_s']:g} m/s at "
         f"{data.attrs['attack_deg']:g}°, e = {data.attrs['restitution']:g}, "
         f"μ = {data.attrs['friction']:g}, ball {data.attrs['ball_mass_kg']:g} kg"
     )
@@ -73,14 +73,19 @@ def _map(figure: Figure, axes: Any, possible: xr.Dataset, data: xr.Dataset) -> N
     )
     figure.colorbar(mesh, ax=axes, label="ball speed / foot speed")
     axes.set(xlabel=angles[0][1], ylabel=angles[1][1])
-    over = f", best over {', '.join(map(str, others))}" if others else ""
+    over = f", best over {', '.join(_plain(str(name)) for name in others)}" if others else ""
     axes.set_title(f"ball speed / foot speed{over}")
 
 
 def _axis(data: xr.Dataset, name: str) -> tuple[Any, str]:
-    if f"{name}_deg" in data.coords:
-        return data.coords[f"{name}_deg"].values, f"{name} [deg]"
-    return data.coords[name].values, f"{name} [m]"
+    values = data.coords[name].values
+    if data.coords[name].attrs["units"] == "rad":
+        return np.degrees(values), f"{_plain(name)} [deg]"
+    return values, f"{_plain(name)} [m]"
+
+
+def _plain(name: str) -> str:
+    return name.replace("$", r"\$")  # matplotlib reads formulas between dollars
 
 
 def _price(figure: Figure, axes: Any, possible: xr.Dataset, lines: Sequence[Line]) -> None:

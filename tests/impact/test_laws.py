@@ -160,3 +160,19 @@ def test_sideways_hits_mirror():
             for side in (1, -1)
         )
         assert left * [1, -1, 1] == pytest.approx(right, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((-1, 0.5, 1), "approach speed is -1"),
+        ((1, 1.2, 1), r"restitution is 1\.2"),
+        ((1, 0.5, 0), "leg mass is 0"),
+        ((1, 0.5, math.nan), "leg mass is nan"),
+        ((1, 0.5, 1, -2), "ball mass is -2"),
+        ((1, 0.5, math.inf), "both inf"),
+    ],
+)
+def test_bad_normal_impulse(arguments, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.normal_impulse(*arguments)

@@ -97,3 +97,25 @@ def test_prismatic_joints_are_in_metres_and_continuous_ones_turn_freely():
     assert grid(leg).size > 10
     q = leg.configuration({"turn": math.pi / 2, "slide": 0.1})
     assert leg.angles_deg(q) == pytest.approx({"turn": 90, "slide": 0.1})
+
+
+def chain(kind, low, high):
+    model = pin.Model()
+    limits = [np.array([x]) for x in (10.0, 5.0, low, high)]
+    joint = model.addJoint(0, kind, pin.SE3.Identity(), "only", *limits)
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model.addFrame(pin.Frame("toe", joint, 0, tip, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe")
+
+
+@pytest.mark.parametrize("far", [1e9, 1e300])
+@pytest.mark.parametrize("kind", [pin.JointModelRY(), pin.JointModelPX()], ids=["turn", "slide"])
+def test_an_endless_range_must_be_narrowed(kind, far):
+    with pytest.raises(kd.InvalidInput, match=r"joint only ranges from -1e.*name the part"):
+        grid(chain(kind, -far, far))
+
+
+def test_a_range_of_one_value_is_one_posture():
+    assert grid(chain(pin.JointModelPX(), 0.2, 0.2)).axes["only"] == pytest.approx([0.2])

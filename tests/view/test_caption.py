@@ -31,7 +31,7 @@ def test_says_the_numbers(make_kick):
     assert said["ball speed"] == f"{hit.ball.speed:.4g} m/s"
     assert said["ball / foot"] == f"{hit.speed_ratio:.4g}"
     assert said["launch angle"] == f"{np.degrees(hit.ball.elevation):.1f}°"
-    assert said["range"] == f"{path.range:.4g} m"
+    assert said["carry"] == f"{path.range:.4g} m"
     assert said["flight"] == path.method
     assert re.fullmatch(
         r"strike [\d.]+ times slower, flight [\d.]+ times (slow|fast)er", said["shown"]
@@ -70,7 +70,7 @@ def test_a_foot_at_rest_has_no_ratio():
 def test_a_ball_still_aloft(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
     path = kd.fly(hit.ball, ball, time_limit=0.1)
-    assert rows(panel((hit, ball, path)))["range"].endswith("(still aloft)")
+    assert rows(panel((hit, ball, path)))["carry"].endswith("(still aloft)")
 
 
 def test_names_are_escaped(load, spoil):

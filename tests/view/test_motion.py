@@ -83,8 +83,8 @@ def test_joints_that_are_no_single_number_stay_on_their_manifold():
 
 
 def test_the_ball_rests_then_flies_and_spins(struck):
-    hit, ball, path = struck
-    before = motion.ball_before(hit, ball)
+    hit, _ball, path = struck
+    before = hit.ball_before
     assert not before.velocity.any()
     assert not before.spin.any()
     early = motion.ball_place(before, path, -0.1)
@@ -102,8 +102,8 @@ def test_the_ball_rests_then_flies_and_spins(struck):
 
 
 def test_the_ball_stays_where_it_landed(struck):
-    hit, ball, path = struck
-    end = motion.ball_place(motion.ball_before(hit, ball), path, path.duration + 1)
+    hit, _ball, path = struck
+    end = motion.ball_place(hit.ball_before, path, path.duration + 1)
     np.testing.assert_allclose(end[:3, 3], path.landing.position)
 
 
@@ -113,7 +113,7 @@ def test_a_ball_that_came_is_shown_coming():
     velocity, spin = [-5.0, 1.0, 0.0], [0.0, 30.0, 4.0]
     hit = kd.strike_at(posture, np.zeros(3), ball, kd.Contact([1, 0, 0.3], 0.8, 0.4),
                        ball_velocity=velocity, ball_spin=spin)  # fmt: skip
-    before = motion.ball_before(hit, ball)
+    before = hit.ball_before
     np.testing.assert_allclose(before.velocity, velocity, atol=1e-8)
     np.testing.assert_allclose(before.spin, spin, atol=1e-8)
     early = motion.ball_place(before, kd.fly(hit.ball, ball), -0.1)[:3, 3]

@@ -1,0 +1,99 @@
+"""A sweep in words: the table on the screen, and the same as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from textwrap import fill
+
+import xarray as xr
+from rich import box
+from rich.markup import escape
+from rich.table import Table
+
+from kickdyn.leg import Leg
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.run import provenance
+from kickdyn.sweep.summary import Line, counts
+
+
+def table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
+    """Return the table of the summary's postures."""
+    flight = "vacuum" if kick.air is None else f"air {kick.air.density:.4g} kg/m3"
+    result = Table(
+        title=f"{escape(leg.name)}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
+        f"e {kick.restitution:g}, mu {kick.friction:g}, "
+        f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}",
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1),
+    )
+    units = {"m" if leg.joint_unit(name) == "m" else "deg" for name in leg.joint_names}
+    paper = any(line.paper for line in lines)
+    odd = any(line.outcome.status != "ok" for line in lines)
+    for head in (
+        "posture",
+        escape(" / ".join(leg.joint_names)) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
+        "eff. mass\nkg",
+        "impulse\nN s",
+        "ball /\nfoot",
+        "launch\ndeg",
+        "back spin\nrad/s",
+        "carry\nm",
+        "worst joint\nN s",
+        "immovable\nN s",
+        *(("Table 2\nN s",) if paper else ()),
+        *(("status",) if odd else ()),
+    ):
+        result.add_column(head, justify="left" if head == "posture" else "right", no_wrap=True)
+    for line in lines:
+        result.add_row(
+            line.label,
+            " / ".join(f"{value:.4g}" for value in line.angles.values()),
+            *_numbers(line),
+            *((f"{line.paper:.3f}" if line.paper else "",) if paper else ()),
+            *((line.outcome.status,) if odd else ()),
+        )
+    return result
+
+
+def _numbers(line: Line) -> list[str]:
+    n, hit = line.numbers, line.outcome.hit
+    if hit is None:
+        return [""] * 8
+    return [
+        f"{n['effective_mass']:.4g}",
+        f"{n['impulse']:.4f}",
+        f"{n['speed_ratio']:.4f}",
+        f"{math.degrees(n['launch_angle']):.2f}",
+        f"{n['back_spin']:.3f}",
+        f"{n['carry']:.4g}",
+        escape(hit.worst_joint[0]) + f" {n['worst_joint_impulse']:.4f}",
+        f"{n['immovable_impulse']:.4g}",
+    ]
+
+
+def text(data: xr.Dataset, lines: Sequence[Line]) -> str:
+    """Return what is to be said below the table: why, how many, how exact."""
+    said = [
+        fill(f"{line.label} ({line.posture()}): {line.why}.", 100) for line in lines if line.why
+    ]
+    parts = ", ".join(f"{number} {name}" for name, number in counts(data).items() if number)
+    said.append(f"{data.status.size} postures: {parts}.")
+    worst = max(float(data.restitution_residual.max()), float(data.momentum_residual.max()))
+    if math.isfinite(worst):
+        power = math.ceil(math.log10(max(worst, 1e-17))) + 1
+        said.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
+    return "\n".join(said)
+
+
+def as_json(leg: Leg, kick: Kick, data: xr.Dataset, lines: Sequence[Line]) -> dict[str, object]:
+    """Return the summary as plain values."""
+    return {
+        **provenance(leg, kick),
+        "postures": data.status.size,
+        "status": counts(data),
+        "lines": [line.as_json() for line in lines],
+    }

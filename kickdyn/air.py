@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
@@ -9,25 +11,52 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
+from kickdyn.aerodynamics import torque as torque_models
 from kickdyn.aerodynamics.model import Coefficient, find
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+
+GAS_CONSTANT = 287.05287
+"""Of dry air [J/(kg K)]; this and what follows: U.S. Standard Atmosphere 1976."""
+
+Wind = Callable[[float], Sequence[float]]
+
+
+def density_of(temperature: float, pressure: float) -> float:
+    """Return the density of dry air [kg/m3] at a temperature [K] and a pressure [Pa]."""
+    return pressure / (GAS_CONSTANT * temperature)
+
+
+def viscosity_of(temperature: float) -> float:
+    """Return the dynamic viscosity of air [Pa s] at a temperature [K], Sutherland's formula."""
+    return 1.458e-6 * math.pow(temperature, 1.5) / (temperature + 110.4)
+
+
+def standard(altitude: float) -> tuple[float, float]:
+    """Return temperature [K] and pressure [Pa] of the standard atmosphere up to 11 km [m]."""
+    height = 6_356_766 * altitude / (6_356_766 + altitude)  # geopotential
+    temperature = 288.15 - 0.0065 * height
+    exponent = 9.80665 / (GAS_CONSTANT * 0.0065)
+    return temperature, 101_325 * math.pow(temperature / 288.15, exponent)
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Air:
     """Still or moving air of one density.
 
-    Density and viscosity default to dry air at 20 degC and 101325 Pa: p/(R T) with
-    R = 287.05287 J/(kg K), and Sutherland's formula (both from the U.S. Standard Atmosphere 1976).
+    Density and viscosity default to dry air at 20 degC and 101325 Pa; `Air.at` takes altitude,
+    temperature and pressure.
 
     Args:
         density: [kg/m3], 0 or more.
         viscosity: dynamic [Pa s], above 0.
-        wind: velocity of the air, shape `(3,)` [m/s, world frame].
+        wind: velocity of the air, shape `(3,)` [m/s, world frame], or a function of height [m] that
+            returns three floats.
         drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`, or a function of
             `(reynolds, spin_parameter)`; None leaves drag out.
         lift: likewise from `kickdyn.aerodynamics.lift.MODELS`; None leaves lift out.
+        torque: likewise from `kickdyn.aerodynamics.torque.MODELS`, what brakes the spin; None
+            leaves the spin as it is.
         buoyancy: whether the air carries the ball's volume (1.5 % of a soccer ball's weight).
 
     Raises:
@@ -36,25 +65,32 @@ class Air:
 
     density: float
     viscosity: float
-    wind: Array
+    wind: Array | Wind
     drag: Coefficient | None
     lift: Coefficient | None
+    torque: Coefficient | None
     buoyancy: bool
 
     def __init__(
         self,
-        density: float = 101_325 / (287.05287 * 293.15),
-        viscosity: float = 1.458e-6 * 293.15**1.5 / (293.15 + 110.4),
-        wind: ArrayLike = (0.0, 0.0, 0.0),
+        density: float = density_of(293.15, 101_325),
+        viscosity: float = viscosity_of(293.15),
+        wind: ArrayLike | Wind = (0.0, 0.0, 0.0),
         drag: str | Coefficient | None = "brazuca",
         lift: str | Coefficient | None = "saturating",
+        torque: str | Coefficient | None = "smits-smith",
         *,
         buoyancy: bool = True,
     ) -> None:
         rho = checks.number("air density", density, at_least=0, unit="kg/m3")
         mu = checks.number("air viscosity", viscosity, above=0, unit="Pa s")
-        blowing = checks.vector("wind", wind, 3, unit="m/s")
-        blowing.setflags(write=False)
+        blowing: Array | Wind
+        if callable(wind):
+            blowing = wind
+            checks.vector("wind at height 0", tuple(wind(0.0)), 3, unit="m/s")
+        else:
+            blowing = checks.vector("wind", wind, 3, unit="m/s")
+            blowing.setflags(write=False)
         object.__setattr__(self, "density", rho)
         object.__setattr__(self, "viscosity", mu)
         object.__setattr__(self, "wind", blowing)
@@ -62,20 +98,23 @@ class Air:
         lift = None if lift is None else find("lift", lift_models.MODELS, lift)
         object.__setattr__(self, "drag", drag)
         object.__setattr__(self, "lift", lift)
+        torque = None if torque is None else find("torque", torque_models.MODELS, torque)
+        object.__setattr__(self, "torque", torque)
         if not isinstance(buoyancy, bool):
             raise InvalidInput(f"buoyancy is {buoyancy!r}: it must be True or False")
         object.__setattr__(self, "buoyancy", buoyancy)
 
     def __repr__(self) -> str:
         """Name every value, and the models by name."""
-        models = {"drag": self.drag, "lift": self.lift}
+        models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
         names = {
             key: getattr(model, "name", getattr(model, "__name__", model))
             for key, model in models.items()
         }
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
-            f"wind={self.wind.tolist()}, drag={names['drag']!r}, lift={names['lift']!r}, "
+            f"wind={names['wind'] if callable(self.wind) else self.wind.tolist()}, "
+            f"drag={names['drag']!r}, lift={names['lift']!r}, torque={names['torque']!r}, "
             f"buoyancy={self.buoyancy})"
         )
 
@@ -85,8 +124,59 @@ class Air:
         drag: str | Coefficient | None = "brazuca",
         lift: str | Coefficient | None = "saturating",
     ) -> Air:
-        """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind, no buoyancy.
+        """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind.
 
-        The paper prints no coefficients; those of kickdyn's default ball stand in.
+        The paper prints no coefficients; those of kickdyn's default ball stand in. It has neither
+        buoyancy nor decay of spin.
         """
-        return cls(density=1.220, viscosity=1.8e-5, drag=drag, lift=lift, buoyancy=False)
+        return cls(
+            density=1.220, viscosity=1.8e-5, drag=drag, lift=lift, torque=None, buoyancy=False
+        )
+
+    @classmethod
+    def at(
+        cls,
+        altitude: float = 0.0,
+        temperature_c: float | None = None,
+        pressure: float | None = None,
+        wind: ArrayLike | Wind = (0.0, 0.0, 0.0),
+        drag: str | Coefficient | None = "brazuca",
+        lift: str | Coefficient | None = "saturating",
+        torque: str | Coefficient | None = "smits-smith",
+    ) -> Air:
+        """Return dry air at an altitude, in the standard atmosphere where not named.
+
+        Args:
+            altitude: above the sea [m], -1000 to 11000.
+            temperature_c: [degC], -80 to 60.
+            pressure: [Pa], above 0.
+            wind: as for `Air`.
+            drag: as for `Air`.
+            lift: as for `Air`.
+            torque: as for `Air`.
+
+        Raises:
+            InvalidInput: a value outside its range.
+        """
+        height = checks.number("altitude", altitude, at_least=-1000, at_most=11_000, unit="m")
+        kelvin, pascal = standard(height)
+        if temperature_c is not None:
+            celsius = checks.number(
+                "temperature", temperature_c, at_least=-80, at_most=60, unit="degC"
+            )
+            kelvin = 273.15 + celsius
+        if pressure is not None:
+            pascal = checks.number("pressure", pressure, above=0, unit="Pa")
+        return cls(density_of(kelvin, pascal), viscosity_of(kelvin), wind, drag, lift, torque)
+
+    @property
+    def wind_at(self) -> Wind:
+        """The wind as a function of height, whichever way it was given."""
+        if callable(self.wind):
+            return self.wind
+        x, y, z = (float(part) for part in self.wind)
+
+        def steady(height: float) -> Sequence[float]:
+            return (x, y, z)
+
+        return steady

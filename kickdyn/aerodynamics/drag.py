@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
 
 from kickdyn.aerodynamics.model import Coefficient, CoefficientModel, smoothstep
 
@@ -16,8 +17,8 @@ REYNOLDS_PER_SPEED = 333_793 / 22.97
 SPIN_DRAG = 0.514
 """Slope of C_D with the spin parameter (Kiratidis & Leinweber 2018, Teamgeist tunnel line)."""
 
-SPIN_DRAG_LIMIT = 0.4
-"""Spin parameter from which C_D grows no more; the data behind `SPIN_DRAG` end near 0.3."""
+SPIN_DRAG_DATA, SPIN_DRAG_LIMIT = 0.3, 0.4
+"""Spin parameter where the data behind `SPIN_DRAG` end, and that C_D never grows beyond."""
 
 
 def stokes(reynolds: float, spin_parameter: float = 0.0) -> float:
@@ -61,21 +62,45 @@ class SoccerBall:
     v_min: float
     v_max: float = 35.0
 
-    def not_spinning(self, reynolds: float) -> float:
-        """Return C_D without spin in the tunnel's range, Re above 7e4."""
-        v = min(reynolds / REYNOLDS_PER_SPEED, self.v_max)
-        beyond = v - self.v_min
-        crisis = (self.a - self.b_min) / (1.0 + math.exp((v - self.v_c) / self.v_s))
-        rise = beyond / (1.0 + math.exp(-beyond / self.v_s))
-        return crisis + self.b_min + rise * (self.b_max - self.b_min) / (self.v_max - self.v_min)
 
-    def drag(self, reynolds: float, spin_parameter: float = 0.0) -> float:
-        """Return C_D with spin: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4."""
+def without_spin(ball: SoccerBall) -> Callable[[float], float]:
+    """Return C_D(Re) of a ball that does not spin, for Re above 7e4.
+
+    Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C1).
+    """
+    a, v_c, v_s, b_min, b_max, v_min, v_max = (float(part) for part in astuple(ball))
+    slope = (b_max - b_min) / (v_max - v_min)
+
+    def coefficient(reynolds: float) -> float:
+        v = reynolds / REYNOLDS_PER_SPEED
+        if v > v_max:
+            v = v_max + 1.0 - math.exp(v_max - v)
+        beyond = v - v_min
+        crisis = (a - b_min) / (1.0 + math.exp((v - v_c) / v_s))
+        return crisis + b_min + slope * beyond / (1.0 + math.exp(-beyond / v_s))
+
+    return coefficient
+
+
+def soccer(ball: SoccerBall) -> Coefficient:
+    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4.
+
+    Spin adds `SPIN_DRAG` Sp, bent level (C1) where the data end.
+    """
+    level = without_spin(ball)
+
+    def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
         weight = smoothstep(reynolds, 2e4, 7e4)
         if weight == 0.0:
             return sphere(reynolds)
-        spinning = self.not_spinning(reynolds) + SPIN_DRAG * min(spin_parameter, SPIN_DRAG_LIMIT)
+        spin = spin_parameter
+        if spin > SPIN_DRAG_DATA:
+            room = SPIN_DRAG_LIMIT - SPIN_DRAG_DATA
+            spin = SPIN_DRAG_DATA + room * (1.0 - math.exp((SPIN_DRAG_DATA - spin) / room))
+        spinning = level(reynolds) + SPIN_DRAG * spin
         return spinning if weight == 1.0 else sphere(reynolds) * (1 - weight) + spinning * weight
+
+    return coefficient
 
 
 BALLS = {
@@ -84,6 +109,20 @@ BALLS = {
     "teamgeist": SoccerBall(0.4927, 12.58, 1.071, 0.1440, 0.1540, 23.17),
     "jabulani": SoccerBall(0.4839, 18.69, 1.377, 0.1413, 0.1780, 23.29),
 }
+
+
+def goff_carre(reynolds: float, spin_parameter: float = 0.0) -> float:
+    """Return C_D of Goff & Carre 2010, Eur. J. Phys. 31:775 (Teamgeist).
+
+    0.155 + 0.346/(1 + exp((v - 12.19)/1.309)) without spin; 0.4127 Sp^0.3056 above 12.19 m/s and
+    Sp 0.05. The paper switches there; here both are joined (C1) within 10 % and 20 % of that.
+    """
+    v = reynolds / REYNOLDS_PER_SPEED
+    level = 0.155 + 0.346 / (1.0 + math.exp(min((v - 12.19) / 1.309, 700.0)))
+    weight = smoothstep(v, 0.9 * 12.19, 1.1 * 12.19) * smoothstep(spin_parameter, 0.04, 0.06)
+    if weight == 0.0:
+        return level
+    return level + weight * (0.4127 * math.pow(spin_parameter, 0.3056) - level)
 
 
 def constant(value: float) -> Coefficient:
@@ -98,8 +137,11 @@ def constant(value: float) -> Coefficient:
 MODELS = {
     model.name: model
     for model in (
-        CoefficientModel("stokes", stokes, (0.0, 1.0), (0.0, math.inf), "Stokes 1851; Eq. (14)"),
         CoefficientModel(
+            "drag", "stokes", stokes, (0.0, 1.0), (0.0, math.inf), "Stokes 1851; Eq. (14)"
+        ),
+        CoefficientModel(
+            "drag",
             "brown-lawler",
             brown_lawler,
             (0.0, 2e5),
@@ -107,6 +149,7 @@ MODELS = {
             "Brown & Lawler 2003, J. Environ. Eng. 129:222",
         ),
         CoefficientModel(
+            "drag",
             "sphere",
             sphere,
             (0.0, 2e5),
@@ -115,14 +158,23 @@ MODELS = {
         ),
         *(
             CoefficientModel(
+                "drag",
                 name,
-                ball.drag,
+                soccer(ball),
                 (0.0, REYNOLDS_PER_SPEED * ball.v_max),
                 (0.0, SPIN_DRAG_LIMIT),
                 "Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eq. 5, Table 1; "
                 "sphere below Re 2e4",
             )
             for name, ball in BALLS.items()
+        ),
+        CoefficientModel(
+            "drag",
+            "goff-carre",
+            goff_carre,
+            (7e4, 5e5),
+            (0.0, 0.4),
+            "Goff & Carre 2010, Eur. J. Phys. 31:775",
         ),
     )
 }

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 
-from kickdyn.aerodynamics.drag import BALLS, SoccerBall
+from kickdyn.aerodynamics.drag import BALLS, soccer, without_spin
 from kickdyn.aerodynamics.model import CoefficientModel
 
-_GATE = BALLS["brazuca"]
+_BALL = BALLS["brazuca"]
+_PLATEAU = _BALL.a
 _LEAST_DRAG = 0.1748588996
-"""Of `_GATE` without spin, at 17.75 m/s."""
+"""Of the Brazuca without spin, at 17.75 m/s."""
+
+_without_spin = without_spin(_BALL)
+_teamgeist = soccer(BALLS["teamgeist"])
 
 
 def saturating(reynolds: float, spin_parameter: float) -> float:
@@ -24,12 +28,8 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
     ball without spin: lift and drag have their crisis together (Goff et al. 2017, Eur. J. Phys.
     38).
     """
-    return _gate(_GATE, reynolds) * 0.47 * spin_parameter / (0.135 + spin_parameter)
-
-
-def _gate(ball: SoccerBall, reynolds: float) -> float:
-    drop = (ball.a - ball.not_spinning(reynolds)) / (ball.a - _LEAST_DRAG)
-    return min(max(drop, 0.0), 1.0)
+    drop = (_PLATEAU - _without_spin(reynolds)) / (_PLATEAU - _LEAST_DRAG)
+    return min(max(drop, 0.0), 1.0) * 0.47 * spin_parameter / (0.135 + spin_parameter)
 
 
 def wang(reynolds: float, spin_parameter: float) -> float:
@@ -37,10 +37,28 @@ def wang(reynolds: float, spin_parameter: float) -> float:
     return 0.5 * math.pow(spin_parameter, 0.4)
 
 
+def kiratidis_leinweber(reynolds: float, spin_parameter: float) -> float:
+    """Return Eqs. 8-9 of Kiratidis & Leinweber 2018 for the Teamgeist.
+
+    1.15 Sp^0.83 (a - C_D)/(a - C_D_ref), C_D with spin, the reference at Re 333,793 and Sp 0.19.
+    Beyond the data, Sp 0.31, it falls to 0 while drag grows: a flight that goes there is refused.
+    """
+    a = 0.4927
+    reference = 0.144 + 0.514 * 0.19
+    drop = (a - min(_teamgeist(reynolds, spin_parameter), a)) / (a - reference)
+    return 1.15 * math.pow(spin_parameter, 0.83) * drop
+
+
+def nathan(reynolds: float, spin_parameter: float) -> float:
+    """Return 1.12 Sp/(0.583 + 2.333 Sp), Nathan's trajectory calculator for baseballs."""
+    return 1.12 * spin_parameter / (0.583 + 2.333 * spin_parameter)
+
+
 MODELS = {
     model.name: model
     for model in (
         CoefficientModel(
+            "lift",
             "saturating",
             saturating,
             (0.0, 5.1e5),
@@ -49,7 +67,29 @@ MODELS = {
             "gated as in Goff et al. 2017, Eur. J. Phys. 38",
         ),
         CoefficientModel(
-            "wang", wang, (2e5, 5e5), (0.1, 0.4), "Wang 2015, on Goff & Carre 2009, AJP 77:1020"
+            "lift",
+            "wang",
+            wang,
+            (2e5, 5e5),
+            (0.1, 0.4),
+            "Wang 2015, on Goff & Carre 2009, AJP 77:1020",
+        ),
+        CoefficientModel(
+            "lift",
+            "kiratidis-leinweber",
+            kiratidis_leinweber,
+            (2e5, 5.1e5),
+            (0.0, 0.31),
+            "Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9, Teamgeist",
+            refuses=True,
+        ),
+        CoefficientModel(
+            "lift",
+            "nathan",
+            nathan,
+            (1e5, 3e5),
+            (0.0, 1.0),
+            "Nathan's trajectory calculator (baseball), as in pybaseball's parameters.py",
         ),
     )
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 
 from kickdyn.errors import InvalidInput
 
@@ -19,22 +20,43 @@ class CoefficientModel:
     compiled.
 
     Args:
+        kind: `drag`, `lift` or `torque`.
         name: by which `Air` finds it.
         function: `(reynolds, spin_parameter) -> coefficient`, for reynolds > 0.
         reynolds: range it is meant for, `rho v D / mu` with D the diameter.
         spin: range of the spin parameter `r |omega_perp| / v` it is meant for.
         source: where the numbers come from.
+        refuses: whether it is wrong, not just unproven, outside its range: a flight that leaves
+            it then ends in an error.
     """
 
+    kind: str
     name: str
     function: Coefficient
     reynolds: tuple[float, float]
     spin: tuple[float, float]
     source: str
+    refuses: bool = False
+
+    def __reduce__(self) -> tuple[Callable[[str, str], CoefficientModel], tuple[str, str]]:
+        """Pickle by kind and name: some of the functions are closures."""
+        return _shipped, (self.kind, self.name)
+
+    def range_left(self, reynolds: float, spin_parameter: float) -> bool:
+        """Return whether this is outside what the model is meant for."""
+        low, high = self.reynolds
+        least, most = self.spin
+        return not (low <= reynolds <= high and least <= spin_parameter <= most)
 
     def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
         """Return the coefficient (dimensionless)."""
         return self.function(reynolds, spin_parameter)
+
+
+def _shipped(kind: str, name: str) -> CoefficientModel:
+    model = import_module(f"kickdyn.aerodynamics.{kind}").MODELS[name]
+    assert isinstance(model, CoefficientModel)
+    return model
 
 
 def smoothstep(x: float, low: float, high: float) -> float:

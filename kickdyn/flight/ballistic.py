@@ -24,7 +24,7 @@ def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
 
 
 def ballistic(velocity: Array, g: float, t: Array) -> Array:
-    """Return displacement and velocity at times t, shape `(n, 6)`."""
+    """Return displacement, velocity and 1, for a spin that stays, at times t, shape `(n, 7)`."""
     down = np.array([0.0, 0.0, -g])
     moved = velocity * t[:, None] + 0.5 * down * (t * t)[:, None]
-    return np.hstack([moved, velocity + down * t[:, None]])
+    return np.hstack([moved, velocity + down * t[:, None], np.ones((len(t), 1))])

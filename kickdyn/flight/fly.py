@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from kickdyn import checks
+from kickdyn.aerodynamics.model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.ballistic import ballistic, time_to_fall
-from kickdyn.flight.forces import downward, is_ballistic, rates
-from kickdyn.flight.integrate import METHOD, Arc, fly_until, tolerances
+from kickdyn.flight.forces import downward, is_ballistic
+from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until, tolerances
+from kickdyn.flight.motion import Motion
 from kickdyn.ground import Ground
 
 
@@ -33,8 +36,13 @@ class Flight:
             last state.
         method: how it was computed.
         evaluations: of the acceleration; 0 for the closed form.
+        ball, air, ground, tol: what was flown, and how exactly.
     """
 
+    ball: Ball
+    air: Air | None
+    ground: Ground | None
+    tol: float
     launch: BallState
     apex: BallState
     landing: BallState
@@ -58,6 +66,45 @@ class Flight:
         """Height of the apex above the launch [m]."""
         return float(self.apex.position[2] - self.launch.position[2])
 
+    @cached_property
+    def error(self) -> float:
+        """Estimate of the error of the landing point [m], from a second, more exact flight.
+
+        Twice what the landing moves when the tolerance is 10,000 times tighter (but 1e-13 at
+        tightest), and never less than rounding. Computed when asked for: it costs that flight.
+        """
+        length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
+        if self.evaluations == 0:
+            return 4 * float(np.finfo(float).eps) * length
+        finer = fly(self.launch, self.ball, self.air, self.ground, max(self.tol * 1e-4, 1e-13))
+        moved = float(np.linalg.norm(self.landing.position - finer.landing.position))
+        return max(2 * moved, 1e-12 * length)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each coefficient that was used outside the range it is meant for."""
+        return tuple(_say(model, share) for model, share in outside(self) if share > 0)
+
+    def arrival(self, x: float) -> BallState | None:
+        """Return the ball where it first crosses the plane at `x` [m, world frame]; None if never.
+
+        The height there is `position[2]`; the time is in the state.
+        """
+        plane = checks.number("x", x, unit="m")
+        times = np.linspace(0.0, self.duration, 513)
+        gap = self.sample(times).position[:, 0] - plane
+        crossed = np.flatnonzero(gap[:-1] * gap[1:] <= 0)
+        if not len(crossed):
+            return None
+        first, then = times[crossed[0]], times[crossed[0] + 1]
+
+        def short(t: float) -> float:
+            return float(self.sample(t).position[0]) - plane
+
+        if short(first) == 0.0:
+            return self.sample(first)
+        return self.sample(brentq(short, first, then, xtol=1e-15))
+
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
 
@@ -75,9 +122,40 @@ class Flight:
             raise InvalidInput(
                 f"t is {float(outside.flat[0]):g} s: the flight lasts from 0 to {self.duration:g} s"
             )
-        moved = self._trajectory(np.atleast_1d(times)).reshape(*times.shape, 6)
-        spin = np.broadcast_to(self.launch.spin, (*times.shape, 3))
-        return BallState(self.launch.position + moved[..., :3], moved[..., 3:], spin, times)
+        moved = self._trajectory(np.atleast_1d(times))
+        moved = moved.reshape(*times.shape, moved.shape[-1])
+        spin = moved[..., 6:] * self.launch.spin
+        return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
+
+
+def outside(path: Flight) -> list[tuple[CoefficientModel, float]]:
+    """Return each coefficient model with the share of the flight outside its range."""
+    air = path.air
+    if air is None or path.evaluations == 0:
+        return []
+    times = np.linspace(0.0, path.duration, 101)
+    states = path.sample(times)
+    wind = np.array([air.wind_at(height) for height in states.position[:, 2].tolist()])
+    through = states.velocity - wind
+    speed = np.maximum(checks.length(through), 1e-300)
+    reynolds = 2 * path.ball.radius * air.density * speed / air.viscosity
+    across = checks.length(np.cross(states.spin, through / speed[:, None]))
+    spin_parameter = path.ball.radius * across / speed
+    used = [air.drag, air.lift, air.torque] if path.launch.spin.any() else [air.drag]
+    met = list(zip(reynolds.tolist(), spin_parameter.tolist(), strict=True))
+    return [
+        (model, sum(model.range_left(*pair) for pair in met) / len(met))
+        for model in used
+        if isinstance(model, CoefficientModel)
+    ]
+
+
+def _say(model: CoefficientModel, share: float) -> str:
+    return (
+        f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside Re "
+        f"{model.reynolds[0]:.2g} to {model.reynolds[1]:.2g} and spin parameter "
+        f"{model.spin[0]:g} to {model.spin[1]:g}"
+    )
 
 
 def fly(
@@ -88,11 +166,12 @@ def fly(
     tol: float = 1e-9,
     *,
     time_limit: float = 1000.0,
+    strict: bool = False,
 ) -> Flight:
     """Let a ball fly.
 
     What is not named is not computed: without air a formula answers (Eqs. 24-25), with air
-    scipy's DOP853 does, with lift only if the ball spins. The spin stays as it was at the launch.
+    scipy's DOP853 does, with lift only if the ball spins, in as many states as the scene needs.
 
     Args:
         state: the launch, as `Impact.ball` gives it; its time is not used.
@@ -102,9 +181,11 @@ def fly(
         tol: relative tolerance of the integration, 1e-13 to 1e-2, of the flight's own lengths and
             speeds.
         time_limit: after which a ball that will not come down is left alone [s].
+        strict: whether a coefficient outside its range is an error; else it is one of `warnings`.
 
     Raises:
-        InvalidInput: an array of states, a ball that starts inside the ground, a bad tolerance.
+        InvalidInput: an array of states, a ball that starts inside the ground, a bad tolerance, or
+            a coefficient outside its range where that is an error.
         KickdynError: the integrator gave up.
     """
     if not isinstance(ball, Ball):
@@ -116,8 +197,13 @@ def fly(
     drop = _drop(state, ball, ground)
     g = downward(ball, air)
     if air is None or (is_ballistic(air, state.spin) and g > 0.0):
-        return _fall(state, g, drop, time_limit)
-    return _integrate(state, ball, air, g, drop, tol, time_limit)
+        return _fall(state, ball, air, ground, tol, g, drop, time_limit)
+    path = _integrate(state, ball, air, ground, tol, g, drop, time_limit)
+    if strict or any(getattr(model, "refuses", False) for model in (air.drag, air.lift)):
+        for model, share in outside(path):
+            if share > 0 and (strict or model.refuses):
+                raise InvalidInput(f"the flight leaves a coefficient's range: {_say(model, share)}")
+    return path
 
 
 def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
@@ -133,7 +219,16 @@ def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
     return max(gap, 0.0)
 
 
-def _fall(state: BallState, g: float, drop: float, time_limit: float) -> Flight:
+def _fall(
+    state: BallState,
+    ball: Ball,
+    air: Air | None,
+    ground: Ground | None,
+    tol: float,
+    g: float,
+    drop: float,
+    time_limit: float,
+) -> Flight:
     rise = float(state.velocity[2])
     end = time_to_fall(rise, drop, g)
     landed = end <= time_limit
@@ -142,6 +237,10 @@ def _fall(state: BallState, g: float, drop: float, time_limit: float) -> Flight:
     if landed:
         nodes[1, 2] = -drop  # by definition; the formula says so but for rounding
     return Flight(
+        ball=ball,
+        air=air,
+        ground=ground,
+        tol=tol,
         launch=_at(state, 0.0, np.concatenate([np.zeros(3), state.velocity])),
         apex=_at(state, min(max(rise / g, 0.0), end), nodes[0]),
         landing=_at(state, end, nodes[1]),
@@ -156,55 +255,63 @@ def _integrate(
     state: BallState,
     ball: Ball,
     air: Air,
+    ground: Ground | None,
+    tol: float,
     g: float,
     drop: float,
-    tol: float,
     time_limit: float,
 ) -> Flight:
-    # The state is the displacement from the launch, so that a hop of 1e-20 m at a height of 100 m
-    # is one. The way up ends at the apex, and only the way down looks for the landing: the event
-    # that marks it would otherwise be zero at the very start.
-    motion = rates(ball, air, state.spin)
-    begin = np.concatenate([np.zeros(3), state.velocity])
-    speed, wind = math.hypot(*state.velocity), math.hypot(*air.wind)
-    rtol, atol = tolerances(speed, drop, g, wind, tol)
-    rise = float(state.velocity[2])
-    rises = rise > 0.0 or (rise == 0.0 and motion(0.0, begin.tolist())[5] > 0.0)
-    arcs: list[Arc] = []
-    if rises:
-        arcs.append(fly_until(lambda y: float(y[5]), motion, (0.0, begin), time_limit, rtol, atol))
+    # The way up ends at the apex, and only the way down looks for the landing: the event that marks
+    # it would otherwise be zero at the very start.
+    motion = Motion(state, ball, air)
+    begin, rise, climb = motion.begin, motion.rise, motion.climb
+    wind = math.hypot(*air.wind_at(float(state.position[2])))
+    rtol, near, slow = tolerances(state.velocity, drop, g, wind, tol)
+    atol = np.array([near, near, near, slow, slow, slow, tol])[motion.kept]
+
+    def until(event: Event, start: tuple[float, Array]) -> Arc:
+        return fly_until(event, climb, motion.rates, start, time_limit, rtol, atol)
+
+    upward = float(begin[climb])
+    rises = upward > 0.0 or (upward == 0.0 and motion.rates(0.0, begin.tolist())[climb] > 0.0)
+    arcs = [until(lambda states: float(states[climb]), (0.0, begin))] if rises else []
     apex = (arcs[0].end, arcs[0].state) if rises else (0.0, begin)
     if (not rises and drop > 0.0) or (rises and arcs[0].reached):
-        arcs.append(fly_until(lambda y: float(y[2]) + drop, motion, apex, time_limit, rtol, atol))
+        arcs.append(until(lambda states: float(states[rise]) + drop, apex))
     nodes = [(0.0, begin), *((arc.end, arc.state) for arc in arcs)]
     crests = [crest for arc in arcs for crest in arc.crests]
-    highest = max([*nodes, *crests], key=lambda node: float(node[1][2]))
+    highest = max([*nodes, *crests], key=lambda node: float(node[1][rise]))
     end, last = nodes[-1][0], nodes[-1][1].copy()
     landed = not arcs or arcs[-1].reached
     if landed:
-        last[2] = -drop  # by definition; the event's root says so but for rounding
+        last[rise] = -drop  # by definition; the event's root says so but for rounding
     effects = [name for name in ("drag", "lift") if getattr(air, name) is not None]
     return Flight(
-        launch=_at(state, 0.0, begin),
-        apex=_at(state, *highest),
-        landing=_at(state, end, last),
+        ball=ball,
+        air=air,
+        ground=ground,
+        tol=tol,
+        launch=_at(state, 0.0, motion.whole(begin)),
+        apex=_at(state, highest[0], motion.whole(highest[1])),
+        landing=_at(state, end, motion.whole(last)),
         status="landed" if landed else "aloft",
         method=f"{METHOD}, rtol {rtol:g}, {' and '.join(effects) or 'buoyancy only'}",
         evaluations=sum(arc.evaluations for arc in arcs),
-        _trajectory=partial(_piecewise, arcs, begin),
+        _trajectory=partial(_piecewise, arcs, motion),
     )
 
 
-def _piecewise(arcs: list[Arc], begin: Array, t: Array) -> Array:
-    moved = np.tile(begin, (len(t), 1))
+def _piecewise(arcs: list[Arc], motion: Motion, t: Array) -> Array:
+    states = np.tile(motion.begin[:, None], (1, len(t)))
     began = -math.inf
     for arc in arcs:
         inside = (t > began) & (t <= arc.end)
         if inside.any():
-            moved[inside] = arc.trajectory(t[inside]).T
+            states[:, inside] = arc.trajectory(t[inside])
         began = arc.end
-    return moved
+    return motion.whole(states).T
 
 
 def _at(launch: BallState, time: float, moved: Array) -> BallState:
-    return BallState(launch.position + moved[:3], moved[3:], launch.spin, time)
+    spin = launch.spin if len(moved) < 7 else moved[6] * launch.spin
+    return BallState(launch.position + moved[:3], moved[3:6], spin, time)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,6 @@ from scipy.optimize import brentq
 
 from kickdyn.checks import Array
 from kickdyn.errors import KickdynError
-from kickdyn.flight.forces import Rates
 
 METHOD = "DOP853"
 
@@ -21,14 +20,16 @@ MAX_EVALUATIONS = 1_000_000
 
 Event = Callable[[Array], float]
 
+Rates = Callable[[float, Sequence[float]], list[float]]
+
 
 class Arc(NamedTuple):
     """A piece of flight that ends at an event.
 
     Attributes:
         end: time of the event, or of the time limit [s].
-        state: there, displacement from the launch and velocity, shape `(6,)`.
-        trajectory: the same at many times, shape `(6, n)`.
+        state: there, shape `(m,)`.
+        trajectory: the states at many times, shape `(m, n)`.
         evaluations: of the acceleration.
         reached: whether the event came before the time limit.
         crests: time and state wherever the ball was highest for a while.
@@ -44,6 +45,7 @@ class Arc(NamedTuple):
 
 def fly_until(
     event: Event,
+    climb: int,
     rates: Rates,
     start: tuple[float, Array],
     time_limit: float,
@@ -52,12 +54,25 @@ def fly_until(
 ) -> Arc:
     """Integrate until `event` falls through zero, or to the time limit.
 
+    Args:
+        event: of the states.
+        climb: index of the upward speed, whose falling through zero marks a crest.
+        rates: derivative of the states.
+        start: time and states to begin with.
+        time_limit: [s].
+        rtol: relative tolerance.
+        atol: absolute tolerance of each state.
+
     Raises:
         KickdynError: the integrator gave up.
     """
     began, state = start
     if not np.isfinite(rates(began, state.tolist())).all():  # the step size would become NaN
         raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
+
+    def upward(states: Array) -> float:
+        return float(states[climb])
+
     pieces: list[Any] = []
     crests: list[tuple[float, Array]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
@@ -76,8 +91,8 @@ def fly_until(
                 )
             piece = solver.dense_output()
             pieces.append(piece)
-            if _falls(_climb, before, state):
-                crest = _root(_climb, piece)
+            if _falls(upward, before, state):
+                crest = _root(upward, piece)
                 crests.append((crest, piece(crest)))
             if _falls(event, before, state):
                 end = max(_root(event, piece), math.nextafter(piece.t_old, math.inf))
@@ -85,10 +100,6 @@ def fly_until(
                 return Arc(end, piece(end), path, solver.nfev, True, crests)
     path = OdeSolution([began, *(p.t for p in pieces)], pieces)
     return Arc(time_limit, state, path, solver.nfev, False, crests)
-
-
-def _climb(state: Array) -> float:
-    return float(state[5])
 
 
 def _falls(event: Event, before: Array, after: Array) -> bool:
@@ -112,11 +123,12 @@ def _root(event: Event, piece: Any) -> float:
     return float(brentq(value, low, ended, xtol=1e-300, disp=False))
 
 
-def tolerances(speed: float, drop: float, g: float, wind: float, tol: float) -> tuple[float, Array]:
-    """Return rtol and atol: `tol` relative to the flight's own lengths and speeds."""
+def tolerances(
+    launch: Array, drop: float, g: float, wind: float, tol: float
+) -> tuple[float, float, float]:
+    """Return rtol, and atol of displacement and of velocity: relative to the flight's own."""
     # scipy divides by atol: never 0, not even for a balloon that starts at rest
-    pace = max(speed, wind, math.sqrt(2.0 * abs(g) * drop), 1e-100)
+    pace = max(math.hypot(*launch), wind, math.sqrt(2.0 * abs(g) * drop), 1e-100)
     length = max(pace * pace / max(abs(g), 1e-300), drop)
     # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here
-    rtol = max(tol, 100 * np.finfo(float).eps)
-    return rtol, tol * np.repeat([length, pace], 3)
+    return max(tol, 100 * np.finfo(float).eps), tol * length, tol * pace

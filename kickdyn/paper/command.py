@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import Section, chosen
 
@@ -31,18 +32,25 @@ def paper(only: str | None, json_file: str | None, figures: str | None, sensitiv
     Example: python -m kickdyn.paper --only "fig 8" --figures build/paper
     """
     sections = chosen(only)
-    if json_file and json_file != "-":
+    drawings = {_file(section, figures): section.draw for section in sections if section.draw}
+    if figures is None:
+        drawings = {}
+    check_distinct(json_file, *drawings)
+    if json_file is not None and json_file != "-":
         check_writable(json_file)
-    if figures:
+    if drawings and figures is not None:
         _make_folder(figures)
+        for file in drawings:
+            check_writable(file)
     items = [item for section in sections for item in section.items()]
     others = {
         section.name: section.sensitivity()
         for section in sections
         if sensitivity and section.sensitivity
     }
-    drawn = [draw(section, Path(figures)) for section in sections if section.draw and figures]
-    if json_file:
+    for file, draw in drawings.items():
+        _save(draw, file)
+    if json_file is not None:
         _write_json(json_file, [*items, *chain.from_iterable(others.values())])
     if json_file == "-":
         return
@@ -50,23 +58,20 @@ def paper(only: str | None, json_file: str | None, figures: str | None, sensitiv
     console.print(_table(items))
     for name, section_items in others.items():
         console.print(_sensitivity(name, section_items))
-    for file in drawn:
+    for file in drawings:
         click.echo(f"wrote {file}")
 
 
-def draw(section: Section, folder: Path) -> Path:
-    """Draw a section's figure as PNG and return the file."""
-    assert section.draw is not None
+def _file(section: Section, folder: str | None) -> Path:
+    name = section.name.lower().replace(". ", "_").replace("-", "_").replace("/", "_")
+    return Path(folder or "") / f"{name}.png"
+
+
+def _save(draw: Callable[[Figure], None], file: Path) -> None:
     figure = Figure(figsize=(9, 5), layout="constrained")
-    section.draw(figure)
-    figure.suptitle(section.name)
-    file = (
-        folder
-        / f"{section.name.lower().replace('. ', '_').replace('-', '_').replace('/', '_')}.png"
-    )
+    draw(figure)
     with replacing(file) as draft:
         figure.savefig(draft, dpi=150)
-    return file
 
 
 def _make_folder(name: str) -> None:
@@ -74,7 +79,6 @@ def _make_folder(name: str) -> None:
         Path(name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(f"{name} cannot be made ({error.strerror})") from None
-    check_writable(Path(name) / "figure.png")
 
 
 def _write_json(file: str, items: list[Item]) -> None:

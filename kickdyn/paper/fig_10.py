@@ -22,7 +22,7 @@ from kickdyn.paper.item import Item, shape
 
 NAME = "Fig. 10/11"
 SPEED, ATTACK_DEG, OFFSET_DEG = 12.8, 28.7, 20.0
-"""Launch of Fig. 9, as the paper prints none here; contact 20 deg below and beside the middle."""
+"""Attack of Fig. 9, as the paper prints none here; contact 20 deg below and beside the middle."""
 
 CONTACTS = {"centre-low": 0.0, "right-low": 1.0, "left-low": -1.0}
 """Side of the contact; the normal leans to the other one: +1 to the left."""
@@ -91,9 +91,10 @@ def _items(choice: Coefficients) -> list[Item]:
                 left,
                 "m",
                 shape(right_way),
-                f"{'curves' if right_way and side else 'flies'} {way}; "
-                f"range {path.range:.3g} m, contact {OFFSET_DEG:g} deg off",
-                f"Eqs. (13), (15)-(21) in 3-D, {choice.name}; launch of Fig. 9 assumed",
+                f"{'curves' if right_way and side else 'flies'} {way} of its launch; "
+                f"{float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
+                f"{OFFSET_DEG:g} deg low{'' if side == 0 else f' and {OFFSET_DEG:g} deg beside'}",
+                f"Eqs. (13), (15)-(21) in 3-D, {choice.name}; attack of Fig. 9 assumed",
             )
         )
     return result

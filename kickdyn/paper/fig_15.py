@@ -31,9 +31,10 @@ def items() -> list[Item]:
         met: Verdict = "reproduced" if plan.status == "met" else "not reachable"
         source = f"Newton on the flight's derivatives, from Eqs. (24)-(25), {DEFAULT.name}, no lift"
         why = (
-            f"launch {plan.speed:.4f} m/s at {math.degrees(plan.angle):.4f} deg "
-            f"after {plan.iterations} steps"
+            f"ours, beside the paper's loop: {plan.speed:.4f} m/s at "
+            f"{math.degrees(plan.angle):.4f} deg after {plan.iterations} steps"
         )
+        why += "".join(f"; {warning}" for warning in plan.flight.warnings)
         result += [
             Item(f"{goal} steps", None, plan.iterations, "1", met, why, source),
             Item(f"{goal} distance", distance, distance - plan.best.distance_error, "m",

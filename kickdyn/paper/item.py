@@ -19,7 +19,7 @@ class Item:
         ours: what kickdyn computes.
         unit: of both.
         verdict: `reproduced`; `shape reproduced`, where the paper gives only a curve or an order;
-            `not reachable`, where a bound computed in the run excludes it.
+            `not reachable`, where what the run computes, with the assumptions named, excludes it.
         why: in one line.
         source: equation or assumption used.
         variant: other coefficients than the default ones, where they are used.

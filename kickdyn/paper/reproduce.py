@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -48,26 +49,20 @@ def chosen(only: str | None) -> Sequence[Section]:
     """
     if only is None:
         return SECTIONS
-    word = _plain(only)
-    exact = [section for section in SECTIONS if word in _names(section)]
-    if not exact:
+    found = [section for section in SECTIONS if _matches(section, only)]
+    if not found:
         names = ", ".join(section.name for section in SECTIONS)
         raise InvalidInput(f"item {only!r} is not in the paper: choose one of {names}")
-    return exact
+    return found
 
 
-def _plain(name: str) -> str:
-    return (
-        name.lower()
-        .replace("figure", "fig")
-        .replace("tables", "table")
-        .translate(str.maketrans("", "", " .s"))
-    )
+_NAME = re.compile(r"(fig|table)(?:ures?|s)?\.?\s*(\d+)(?:\s*[-/]\s*(\d+))?", re.IGNORECASE)
 
 
-def _names(section: Section) -> set[str]:
-    """Return what a section answers to: `fig 10/11` is also `fig 10` and `fig 11`."""
-    kind, _, numbers = section.name.partition(" ")
-    first, _, last = numbers.replace("/", "-").partition("-")
-    every = range(int(first), int(last or first) + 1)
-    return {_plain(section.name), *(_plain(f"{kind} {number}") for number in every)}
+def _matches(section: Section, name: str) -> bool:
+    """Return whether a section answers to a name: `Fig. 10/11` is also `fig 10` and `figure 11`."""
+    ours, theirs = _NAME.fullmatch(section.name), _NAME.fullmatch(name.strip())
+    if not ours or not theirs or ours[1].lower() != theirs[1].lower():
+        return False
+    first, last = int(ours[2]), int(ours[3] or ours[2])
+    return first <= int(theirs[2]) and int(theirs[3] or theirs[2]) <= last

@@ -53,7 +53,7 @@ class LaunchPlan:
         status: `met`; or `not met`, where the rounds led nowhere: the plan is then the flight that
             came closest.
         method: `newton` or `learned`.
-        flight: from the planned launch.
+        flight: from the planned launch, flown a hundred times more exactly than it has to meet.
         best: errors of that flight.
         history: every flight tried, the nominal one of Eqs. (24)-(25) first.
     """
@@ -106,8 +106,8 @@ def plan_launch(
     flight's derivatives.
 
     Args:
-        distance: wished for [m], above 0.
-        time: wished for [s], above 0.
+        distance: wished for [m], 1e-9 to 1e9.
+        time: wished for [s], 1e-9 to 1e9.
         ball: mass and radius.
         air: None is the vacuum.
         method: `newton` or `learned`.
@@ -116,22 +116,24 @@ def plan_launch(
             when not named.
 
     Raises:
-        InvalidInput: a distance, time or tolerance that is not above 0, spin or wind that drives
-            the ball out of the plane, or an unknown method.
+        InvalidInput: a distance or time out of range, a tolerance not above 0, spin or wind that
+            drives the ball out of the plane, or an unknown method.
     """
     if method not in TOLERANCES:
         raise InvalidInput(f"planning method {method!r} is unknown: choose {', '.join(TOLERANCES)}")
     goal = np.array(
         [
-            checks.number("distance", distance, above=0, unit="m"),
-            checks.number("time", time, above=0, unit="s"),
+            checks.number("distance", distance, at_least=1e-9, at_most=1e9, unit="m"),
+            checks.number("time", time, at_least=1e-9, at_most=1e9, unit="s"),
         ]
     )
-    accepted = checks.vector("tolerances", tolerances or TOLERANCES[method], 2)
+    accepted = checks.vector(
+        "tolerances", TOLERANCES[method] if tolerances is None else tolerances, 2
+    )
     if not (accepted > 0).all():
         raise InvalidInput(f"tolerances are {accepted.tolist()}: they must be above 0")
     turning = checks.vector("spin", spin, 3, unit="rad/s")
-    if turning[0] or turning[2] or (air is not None and air.wind[1]):
+    if turning[0] or turning[2] or (air is not None and air.wind_at(0.0)[1]):
         raise InvalidInput(
             "spin or wind drives the ball out of the x-z plane: spin must be about y, "
             "wind without y component"
@@ -161,10 +163,11 @@ def _search(method: Method, goal: Array, accepted: Array, flown: Fly) -> LaunchP
         vx, vz = velocity.tolist()
         this = Round(math.hypot(vx, vz), math.atan2(vz, vx), float(error[0]), float(error[1]))
         history.append(this)
-        miss = float(np.abs(error / accepted).max())
+        landed = flight.status == "landed"
+        miss = float(np.abs(error / accepted).max()) if landed else math.inf
         if closest is None or miss < closest[0]:
             closest = miss, this, flight
-        if miss <= 1.0:
+        if miss <= 1.0 or not landed:
             break
         velocity = correct(velocity, error, flown)
     assert closest is not None
@@ -186,13 +189,16 @@ def _learned(velocity: Array, error: Array, flown: Fly) -> Array | None:
 
 def _newton(velocity: Array, error: Array, flown: Fly) -> Array | None:
     """Take a Newton step, cut short while it leads below the horizontal or misses by more."""
-    size = 1e-4 * float(np.linalg.norm(velocity))
+    size = min(1e-5 * float(np.linalg.norm(velocity)), velocity[1] / 2)  # stays a launch upwards
     steps = size * np.eye(2)
     columns = [
         (_reached(flown(velocity + step)) - _reached(flown(velocity - step))) / (2 * size)
         for step in steps
     ]
-    step = np.linalg.solve(np.column_stack(columns), error)
+    derivative = np.column_stack(columns)
+    if not np.linalg.cond(derivative) < 1e12:  # nothing done to the launch changes both
+        return None
+    step = np.linalg.solve(derivative, error)
     goal = _reached(flown(velocity)) + error
     before = float(np.linalg.norm(error / goal))
     for halvings in range(20):

@@ -24,7 +24,7 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
     Args:
         leg: with one joint more than its contact point has directions to move in.
         q: posture to start from, within the joints' range, shape `(nq,)` [rad].
-        step: between postures, length in joint space [rad].
+        step: between postures, length in joint space [rad], 0.1 at most.
         most: postures to give, at most, in either direction.
 
     Returns:
@@ -35,7 +35,9 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
         InvalidInput: the leg has not exactly one degree of self-motion at q, or q is out of range.
     """
     start = leg.posture(q)
-    step = checks.number("step", step, above=0, at_most=0.5, unit="rad")
+    step = checks.number("step", step, above=0, at_most=0.1, unit="rad")
+    if not isinstance(most, int) or most < 0:
+        raise InvalidInput(f"most is {most!r}: it must be a whole number, 0 or more")
     if not _within(leg, start.q):
         raise InvalidInput(f"{start!r} is outside the joints' range")
     freedom = leg.nv - int(np.linalg.matrix_rank(start.jacobian, tol=1e-9))

@@ -115,9 +115,9 @@ def test_slope_jump_tells_a_kink():
 @pytest.mark.parametrize("ball", BALLS)
 def test_drag_is_held_beyond_the_data(ball):
     model, top = MODELS[ball], 35 * REYNOLDS_PER_SPEED
-    assert model(1e9) == model(top)
-    assert model(top * (1 - 1e-9)) == pytest.approx(model(top), rel=1e-8)
     assert model(top) == pytest.approx(BALLS[ball].b_max, abs=1e-4)
+    assert model(1e9) == model(1e7) == pytest.approx(model(top), abs=0.0035)
+    assert slope_jump(model, top, 1e-4) < 0.12 * slope_jump(model, top, 1e-3) + 1e-9
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -126,7 +126,7 @@ def test_drag_is_positive_finite_and_grows_with_spin(name):
     for reynolds in np.geomspace(1e-12, 1e7, 400):
         cds = [model(float(reynolds), spin) for spin in (0.0, 0.1, 0.4, 1.0, 10.0)]
         assert all(0 < cd < math.inf for cd in cds)
-        assert cds == sorted(cds)
+        assert cds == sorted(cds) or name == "goff-carre"  # which drops in the crisis
 
 
 def test_sphere_slows_down_more_the_faster_it_is():
@@ -141,9 +141,12 @@ def test_sphere_slows_down_more_the_faster_it_is():
 def test_spin_adds_a_straight_line_that_ends(ball):
     reynolds = 25 * REYNOLDS_PER_SPEED
     still = MODELS[ball](reynolds)
-    for spin in (0.05, 0.19, 0.3, 0.4):
+    for spin in (0.05, 0.19, 0.3):
         assert MODELS[ball](reynolds, spin) == pytest.approx(still + 0.514 * spin, rel=1e-14)
-    assert MODELS[ball](reynolds, 10.0) == MODELS[ball](reynolds, SPIN_DRAG_LIMIT)
+    most = still + 0.514 * SPIN_DRAG_LIMIT
+    assert MODELS[ball](reynolds, 0.4) < MODELS[ball](reynolds, 10.0) == pytest.approx(most)
+    gain = [MODELS[ball](reynolds, 0.3 + h) - MODELS[ball](reynolds, 0.3) for h in (-1e-6, 1e-6)]
+    assert gain[1] == pytest.approx(-gain[0], rel=1e-4)  # no kink
 
 
 def test_spin_drag_agrees_with_a_second_law():
@@ -163,3 +166,11 @@ def test_registry_says_where_each_came_from():
         assert model.source
         assert model.reynolds[0] < model.reynolds[1]
     assert MODELS["stokes"](0.5) == stokes(0.5)
+
+
+def test_goff_carre_takes_its_published_values():
+    model = MODELS["goff-carre"]
+    for v in (5.0, 10.0, 12.19, 20.0, 30.0):
+        level = 0.155 + 0.346 / (1 + math.exp((v - 12.19) / 1.309))
+        assert model(v * REYNOLDS_PER_SPEED) == pytest.approx(level, rel=1e-12)
+    assert model(25 * REYNOLDS_PER_SPEED, 0.2) == pytest.approx(0.2524, abs=5e-5)

@@ -3,14 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED
+from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED, without_spin
 from kickdyn.aerodynamics.lift import MODELS, saturating, wang
 
 
 def kiratidis_leinweber(ball, reynolds, spin):
     """Return C_L by Eqs. 8-9 of Kiratidis & Leinweber 2018, good for Sp up to 0.31."""
-    reference = ball.not_spinning(333_793) + 0.514 * 0.19
-    now = ball.not_spinning(reynolds) + 0.514 * spin
+    level = without_spin(ball)
+    reference, now = level(333_793) + 0.514 * 0.19, level(reynolds) + 0.514 * spin
     return 1.15 * spin**0.83 * (ball.a - min(now, ball.a)) / (ball.a - reference)
 
 
@@ -66,6 +66,20 @@ def test_lift_is_bounded_and_grows_with_spin(name, most, reynolds, spin, more):
 )
 def test_wang(spin, cl):
     assert wang(3e5, spin) == pytest.approx(cl, abs=6e-4)
+
+
+def test_the_shipped_kiratidis_and_leinweber_is_the_oracles():
+    for spin in (0.06, 0.19, 0.3):
+        ours = MODELS["kiratidis-leinweber"](333_793, spin)
+        assert ours == pytest.approx(
+            kiratidis_leinweber(BALLS["teamgeist"], 333_793, spin), abs=1e-3
+        )
+    assert MODELS["kiratidis-leinweber"].refuses
+
+
+@pytest.mark.parametrize(("spin", "cl"), [(0.05, 0.080), (0.1, 0.137), (0.2, 0.213), (0.4, 0.295)])
+def test_nathan(spin, cl):
+    assert MODELS["nathan"](2e5, spin) == pytest.approx(cl, abs=6e-4)
 
 
 def test_registry_says_where_each_came_from():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.aerodynamics.model import CoefficientModel, find, smoothstep
 
-HALF = CoefficientModel("half", lambda reynolds, spin: 0.5 + spin, (0, 1), (0, 1), "here")
+HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (0, 1), (0, 1), "here")
 
 
 def test_model_is_a_function_with_a_name():

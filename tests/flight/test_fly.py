@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -211,7 +212,7 @@ def test_samples_meet_the_nodes(air):
         here = path.sample(node.time)
         assert here.position == pytest.approx(node.position, abs=1e-9)
         assert here.velocity == pytest.approx(node.velocity, abs=1e-9)
-        assert here.spin.tolist() == [0, -40, 9]
+        assert here.spin == pytest.approx(node.spin, abs=1e-9)
         assert here.time == node.time
 
 
@@ -325,3 +326,58 @@ def test_any_launch_lands_where_it_should(velocity, spin, wind, height, drag):
     heights = states.position[:, 2]
     assert heights.min() > BALL.radius - 1e-4
     assert heights.max() < start.position[2] + path.height + 1e-4
+
+
+# --- error, warnings, arrival -------------------------------------------------------------------
+
+
+def test_error_is_never_below_the_true_one():
+    """500 random kicks against tol = 1e-13; in the median not above 100 times."""
+    rng = np.random.default_rng(7)
+    ratios = []
+    for _ in range(500):
+        velocity = rng.normal(size=3) * 12 + [10, 0, 10]
+        spin = rng.normal(size=3) * rng.choice([0, 30, 80])
+        air = kd.Air(wind=rng.normal(size=3) * rng.choice([0, 4]))
+        tol = 10 ** rng.uniform(-10, -4)
+        state = launch(velocity, spin, height=BALL.radius + rng.uniform(0, 3))
+        path = kd.fly(state, BALL, air, kd.Ground(), tol)
+        exact = kd.fly(state, BALL, air, kd.Ground(), 1e-13)
+        true = np.linalg.norm(path.landing.position - exact.landing.position)
+        assert path.error >= true
+        ratios.append(path.error / max(true, 1e-16))
+    assert np.median(ratios) < 100
+
+
+def test_error_of_the_closed_form_is_rounding():
+    path = kd.fly(launch(), BALL)
+    assert 0 < path.error < 1e-13 * path.range
+
+
+def test_what_leaves_the_data_is_said():
+    assert kd.fly(launch((25, 0, 10)), BALL, kd.Air()).warnings == ()
+    fast = kd.fly(launch((60, 0, 10)), BALL, kd.Air())
+    (said,) = fast.warnings
+    assert re.match(r"drag brazuca: \d+ % of the flight is outside Re 0 to 5.1e\+05", said)
+    with pytest.raises(kd.InvalidInput, match="leaves a coefficient's range: drag brazuca"):
+        kd.fly(launch((60, 0, 10)), BALL, kd.Air(), strict=True)
+
+
+def test_kiratidis_and_leinweber_refuse_much_spin():
+    air = kd.Air(lift="kiratidis-leinweber")
+    kd.fly(launch((28, 0, 4), (0, -30, 0)), BALL, air)
+    with pytest.raises(kd.InvalidInput, match=r"lift kiratidis-leinweber: .* outside"):
+        kd.fly(launch((28, 0, 4), (0, -120, 0)), BALL, air)
+
+
+def test_arrival_at_a_plane():
+    path = kd.fly(launch((25, 3, 10), (0, -20, 10)), BALL, kd.Air(), tol=1e-12)
+    there = path.arrival(20.0)
+    assert there.position[0] == pytest.approx(20.0, abs=1e-12)
+    assert there.position == pytest.approx(path.sample(there.time).position)
+    assert path.arrival(path.landing.position[0] + 1) is None
+    assert path.arrival(0.0).time == 0.0
+    vacuum = kd.fly(launch((10, 0, 10)), BALL)
+    assert vacuum.arrival(5.0).position[2] - vacuum.launch.position[2] == pytest.approx(
+        5 - 9.81 / 8, rel=1e-12
+    )

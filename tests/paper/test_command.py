@@ -56,3 +56,21 @@ def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
     assert (ended.returncode, ended.stdout) == (2, "")
     assert words in ended.stderr
     assert ended.stderr.count("\n") == 1
+
+
+def test_outputs_never_meet(tmp_path):
+    folder = tmp_path / "figures"
+    folder.mkdir()
+    (folder / "fig_9.png").mkdir()
+    ended = door("--figures", "figures", cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert [file.name for file in folder.iterdir()] == ["fig_9.png"]
+    ended = door("--only", "fig 8", "--figures", "new", "--json", "new/fig_8.png", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "named for two outputs" in ended.stderr
+    assert not (tmp_path / "new").exists()
+
+
+def test_no_folder_where_nothing_is_drawn(tmp_path):
+    assert door("--only", "table 2", "--figures", "new", cwd=tmp_path).returncode == 0
+    assert not (tmp_path / "new").exists()

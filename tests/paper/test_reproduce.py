@@ -119,6 +119,7 @@ def test_json_has_the_documented_fields(items):
         ("table 2", ["Table 2"]),
         ("Figure 8", ["Fig. 8"]),
         ("fig. 11", ["Fig. 10/11"]),
+        ("fig 10-11", ["Fig. 10/11"]),
         ("FIG 14", ["Fig. 13-15"]),
         ("tables 4-5", ["Tables 4-5"]),
         ("Table 5", ["Tables 4-5"]),
@@ -128,7 +129,7 @@ def test_only(only, names):
     assert [section.name for section in chosen(only)] == names
 
 
-@pytest.mark.parametrize("only", ["table 9", "", "fig", "1"])
+@pytest.mark.parametrize("only", ["table 9", "", "fig", "1", "sfig8", "table 1-5"])
 def test_only_what_exists(only):
     with pytest.raises(kd.InvalidInput, match=r"not in the paper: choose one of Fig\. 1, Table 2"):
         chosen(only)

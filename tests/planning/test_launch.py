@@ -87,3 +87,20 @@ def test_a_goal_that_is_not_met_says_so_and_gives_the_closest():
 def test_bad_input(arguments, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_launch(*arguments, BALL, **options)
+
+
+@pytest.mark.parametrize(
+    ("goal", "air", "spin", "tolerances"),
+    [
+        ((5, 0.05), kd.Air(), (0, -100, 0), None),
+        ((20, 3), kd.Air(wind=(0, 0, 60)), (0, 0, 0), None),
+        ((0.5, 1e-4), kd.Air(), (0, 0, 0), None),
+        ((1, 1), kd.Air(wind=(0, 0, 60)), (0, 0, 0), (1e9, 1e9)),
+    ],
+)
+def test_status_tells_the_truth_of_hard_goals(goal, air, spin, tolerances):
+    plan = kd.plan_launch(*goal, BALL, air, spin=spin, tolerances=tolerances)
+    met = tolerances or (1e-9, 1e-9)
+    reached = abs(plan.flight.range - goal[0]) <= met[0] * 1.01
+    reached &= abs(plan.flight.duration - goal[1]) <= met[1] * 1.01
+    assert (plan.status == "met") == (reached and plan.flight.status == "landed")

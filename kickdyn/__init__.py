@@ -12,7 +12,10 @@ from kickdyn.errors import NoImpact as NoImpact
 from kickdyn.errors import UrdfError as UrdfError
 from kickdyn.flight.fly import Flight as Flight
 from kickdyn.flight.fly import fly as fly
+from kickdyn.flight.follow import Course as Course
+from kickdyn.flight.follow import follow as follow
 from kickdyn.ground import Ground as Ground
+from kickdyn.ground import Surface as Surface
 from kickdyn.impact.engine import EngineImpact as EngineImpact
 from kickdyn.impact.engine import engine_strike as engine_strike
 from kickdyn.impact.laws import normal_impulse as normal_impulse
@@ -24,3 +27,12 @@ from kickdyn.planning.launch import LaunchPlan as LaunchPlan
 from kickdyn.planning.launch import plan_launch as plan_launch
 from kickdyn.posture import Posture as Posture
 from kickdyn.version import __version__ as __version__
+
+
+def __getattr__(name: str) -> object:
+    """Load `fly_many` when it is asked for: it brings numba and xarray."""
+    if name == "fly_many":
+        from kickdyn.flight.batch import fly_many
+
+        return fly_many
+    raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")

@@ -9,6 +9,7 @@ import click
 from kickdyn.door import run
 from kickdyn.paper.command import paper
 from kickdyn.posture_sweep import posture_sweep
+from kickdyn.tradeoff import tradeoff
 from kickdyn.version import __version__
 
 
@@ -20,6 +21,7 @@ def kickdyn_command() -> None:
 
 kickdyn_command.add_command(posture_sweep)
 kickdyn_command.add_command(paper)
+kickdyn_command.add_command(tradeoff)
 
 
 def main() -> NoReturn:

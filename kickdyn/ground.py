@@ -1,21 +1,109 @@
-"""The ground the ball comes down on."""
+"""The ground the ball comes down on, and what it is made of."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from kickdyn import checks
+from kickdyn.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class Surface:
+    """How a ball bounces and rolls on a level surface.
+
+    Args:
+        name: of it.
+        restitution: along the vertical, 0 to 1.
+        friction: Coulomb's coefficient, 0 or more.
+        rolling_deceleration: of a ball that rolls, air apart [m/s2], above 0.
+        tangential_restitution: of the contact point while it grips, -1 to 1; 0 leaves the ball
+            rolling, and rubbery balls turn back a little.
+        source: where the numbers come from.
+
+    Raises:
+        InvalidInput: a coefficient outside its range.
+    """
+
+    name: str
+    restitution: float
+    friction: float
+    rolling_deceleration: float
+    tangential_restitution: float = 0.0
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        checks.number("ground restitution", self.restitution, at_least=0, at_most=1)
+        checks.number("ground friction", self.friction, at_least=0)
+        checks.number("rolling deceleration", self.rolling_deceleration, above=0, unit="m/s2")
+        e = self.tangential_restitution
+        checks.number("tangential restitution", e, at_least=-1, at_most=1)
+
+
+SURFACES = {
+    surface.name: surface
+    for surface in (
+        Surface(
+            "turf",
+            0.60,
+            0.7,
+            0.75,
+            source="FIFA turf: rebound 0.60-0.85 m from 2 m; angled rebound keeps 45-70 % of the "
+            "speed (derived); roll 4-10 m from a 1 m ramp (derived)",
+        ),
+        Surface(
+            "wet grass",
+            0.60,
+            0.4,
+            0.59,
+            source="as turf, at its fast end: roll 10 m (derived); friction of leather, 0.37-0.45 "
+            "on 7 of 9 match balls (Proceedings 2020, 49(1):92)",
+        ),
+        Surface(
+            "hard floor",
+            0.82,
+            0.4,
+            0.49,
+            source="FIFA ball rebound 135 cm from 2 m on steel (derived); EN 12234 roll 12 m "
+            "(derived); friction as wet grass",
+        ),
+        Surface(
+            "carpet",
+            0.50,
+            0.7,
+            0.57,
+            source="RoboCup ball on 30 mm artificial grass: 2 m to 0.5 m; stops from 0.841 m/s in "
+            "0.621 m (Webots); friction as turf",
+        ),
+    )
+}
+"""Every surface by name."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """A level plane; a flight ends where the ball's lowest point touches it.
+    """A level plane.
 
     Args:
         height: of the plane [m, world frame z].
+        surface: name of one of `SURFACES`, or a `Surface`: what `follow` bounces and rolls the ball
+            on. `fly` ends where the ball's lowest point touches, and needs none.
+
+    Raises:
+        InvalidInput: a height that is not finite, or an unknown surface.
     """
 
     height: float = 0.0
+    surface: str | Surface | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "height", checks.number("ground height", self.height, unit="m"))
+        if isinstance(self.surface, str):
+            if self.surface not in SURFACES:
+                raise InvalidInput(
+                    f"surface {self.surface!r} is unknown: choose {', '.join(SURFACES)}, "
+                    "or pass a Surface"
+                )
+            object.__setattr__(self, "surface", SURFACES[self.surface])
+        elif not (self.surface is None or isinstance(self.surface, Surface)):
+            raise InvalidInput(f"surface is {self.surface!r}: it must be a name or a Surface")

@@ -4,6 +4,7 @@ import math
 import pytest
 
 import kickdyn as kd
+from kickdyn.ground import SURFACES, Surface
 
 
 @pytest.mark.parametrize("height", [math.nan, math.inf, "0", None, True, [0.0]], ids=repr)
@@ -22,3 +23,30 @@ def test_ground_is_level_and_frozen(height):
 
 def test_ground_is_at_zero_unless_named():
     assert kd.Ground() == kd.Ground(0.0)
+
+
+def test_surfaces_have_names_and_sources():
+    for name, surface in SURFACES.items():
+        assert surface.name == name
+        assert surface.source
+        assert kd.Ground(surface=name).surface is surface
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((1.1, 0.5, 1), r"ground restitution is 1\.1"),
+        ((0.5, -1, 1), "ground friction is -1"),
+        ((0.5, 0.5, 0), "rolling deceleration is 0"),
+        ((0.5, 0.5, 1, 2), "tangential restitution is 2"),
+    ],
+)
+def test_bad_surfaces(arguments, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        Surface("bad", *arguments)
+
+
+@pytest.mark.parametrize("surface", ["ice", 3])
+def test_unknown_surfaces(surface):
+    with pytest.raises(kd.InvalidInput, match=r"surface (is 3|'ice' is unknown: choose turf)"):
+        kd.Ground(surface=surface)

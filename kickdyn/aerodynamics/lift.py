@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from kickdyn.aerodynamics.drag import BALLS, soccer, without_spin
+from kickdyn.aerodynamics.drag import BALLS, SPIN_DRAG, without_spin
 from kickdyn.aerodynamics.model import CoefficientModel
 
 _BALL = BALLS["brazuca"]
@@ -17,7 +17,7 @@ _LEAST_DRAG = 0.1748588996
 """Of the Brazuca without spin, at 17.75 m/s."""
 
 _without_spin = without_spin(_BALL)
-_teamgeist = soccer(BALLS["teamgeist"])
+_teamgeist = without_spin(BALLS["teamgeist"])
 
 
 def saturating(reynolds: float, spin_parameter: float) -> float:
@@ -45,7 +45,8 @@ def kiratidis_leinweber(reynolds: float, spin_parameter: float) -> float:
     """
     a = 0.4927
     reference = 0.144 + 0.514 * 0.19
-    drop = (a - min(_teamgeist(reynolds, spin_parameter), a)) / (a - reference)
+    now = _teamgeist(reynolds) + SPIN_DRAG * spin_parameter
+    drop = (a - min(now, a)) / (a - reference)
     return 1.15 * math.pow(spin_parameter, 0.83) * drop
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -24,9 +24,16 @@ from kickdyn.paper.reproduce import Section, chosen
 @click.option("--only", metavar="ITEM", help='One table or figure, such as "table 2".')
 @click.option("--json", "json_file", metavar="FILE", help="Write all items; - is stdout.")
 @click.option("--figures", metavar="DIR", help="Draw the figures into a folder, made if missing.")
+@click.option("--view", metavar="FILE.html", help="Write a 3-D page of the flights of --only.")
 @click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
               help="Show every item with each choice of coefficients.")  # fmt: skip
-def paper(only: str | None, json_file: str | None, figures: str | None, sensitivity: bool) -> None:
+def paper(
+    only: str | None,
+    json_file: str | None,
+    figures: str | None,
+    view: str | None,
+    sensitivity: bool,
+) -> None:
     """Reproduce the ICRA 2005 paper's tables and figures, item by item.
 
     Example: python -m kickdyn.paper --only "fig 8" --figures build/paper
@@ -35,7 +42,10 @@ def paper(only: str | None, json_file: str | None, figures: str | None, sensitiv
     drawings = {_file(section, figures): section.draw for section in sections if section.draw}
     if figures is None:
         drawings = {}
-    check_distinct(json_file, *drawings)
+    check_distinct(json_file, view, *drawings)
+    if view is not None:
+        check_writable(view)
+    page = None if view is None else _page(sections)
     if json_file is not None and json_file != "-":
         check_writable(json_file)
     if drawings and figures is not None:
@@ -50,6 +60,9 @@ def paper(only: str | None, json_file: str | None, figures: str | None, sensitiv
     }
     for file, draw in drawings.items():
         _save(draw, file)
+    if view is not None and page is not None:
+        with replacing(view) as draft:
+            draft.write_text(page, encoding="utf-8")
     if json_file is not None:
         _write_json(json_file, [*items, *chain.from_iterable(others.values())])
     if json_file == "-":
@@ -58,8 +71,20 @@ def paper(only: str | None, json_file: str | None, figures: str | None, sensitiv
     console.print(_table(items))
     for name, section_items in others.items():
         console.print(_sensitivity(name, section_items))
-    for file in drawings:
-        click.echo(f"wrote {file}")
+    written = [str(file) for file in drawings]
+    for name in [*written, view] if view is not None else written:
+        click.echo(f"wrote {name}")
+
+
+def _page(sections: Sequence[Section]) -> str:
+    """Return the page of the one section that has flights to look at."""
+    found = [(section.name, section.flights) for section in sections if section.flights]
+    if len(found) != 1:
+        raise InvalidInput('--view shows one figure: add --only "fig 8" or --only "fig 10"')
+    from kickdyn.view.flights_page import flights_page
+
+    name, flights = found[0]
+    return flights_page(flights(), title=name)
 
 
 def _file(section: Section, folder: str | None) -> Path:

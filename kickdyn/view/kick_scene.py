@@ -16,7 +16,7 @@ from kickdyn.flight.fly import Flight
 from kickdyn.impact.strike import Impact
 from kickdyn.view import motion
 from kickdyn.view.ball_figure import draw_ball
-from kickdyn.view.camera import camera_for, set_camera
+from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.leg_figure import draw_leg, joint_places
 from kickdyn.view.marks import draw_arrow, draw_curve, draw_ground, draw_landing, draw_shadow
 
@@ -64,19 +64,11 @@ def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
     forward = _forward(hit, curve)
     floor = min(before.position[2], curve[-1, 2]) - ball.radius
     joints = np.array([place[:3, 3] for place in joint_places(hit.posture.leg, hit.posture.q)[1:]])
-    near = np.vstack([_around(joints, ball.radius), _around(hit.ball.position[None], ball.radius)])
-    camera = camera_for(near, _around(curve, ball.radius), forward)
+    near = np.vstack([around(joints, ball.radius), around(hit.ball.position[None], ball.radius)])
+    camera = camera_for(near, around(curve, ball.radius), forward)
     width = THIN * camera.distance(curve)
 
-    for name in ("/Grid", "/Axes"):
-        viewer[name].set_property("visible", False)
-    for name, colour in SKY.items():
-        viewer["/Background"].set_property(name, colour)
-    for name, brightness in LIGHTS.items():
-        viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
-    viewer["/Lights/FillLight/<object>"].set_property("position", [-2.0, -4.0, 4.0])
-    set_camera(viewer, camera)
-
+    prepare(viewer, camera)
     draw_leg(viewer["leg"], hit.posture.leg, hit.posture.q)
     draw_ball(viewer["ball"], ball.radius)
     viewer["ball"].set_transform(tf.translation_matrix(before.position))
@@ -98,6 +90,18 @@ def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
     return Drawn(pace, stripe)
 
 
+def prepare(viewer: Any, camera: Camera) -> None:
+    """Set sky, light and camera."""
+    for name in ("/Grid", "/Axes"):
+        viewer[name].set_property("visible", False)
+    for name, colour in SKY.items():
+        viewer["/Background"].set_property(name, colour)
+    for name, brightness in LIGHTS.items():
+        viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
+    viewer["/Lights/FillLight/<object>"].set_property("position", [-2.0, -4.0, 4.0])
+    set_camera(viewer, camera)
+
+
 def stripe_width(extent: float) -> float:
     """Return 1, 2 or 5 times a power of ten, about a sixth of the extent [m]."""
     sixth = extent / 6 * (1 + 1e-9)  # so that a round one stays
@@ -115,7 +119,7 @@ def _forward(hit: Impact, curve: Array) -> Array:
     return np.array([1.0, 0.0, 0.0])
 
 
-def _around(points: Array, radius: float) -> Array:
+def around(points: Array, radius: float) -> Array:
     """Return the corners of boxes around points."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))

@@ -61,7 +61,9 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     viewer.set_transform(place)
 
 
-def draw_curve(viewer: Any, points: Array, radii: Array, sideways: Array) -> None:
+def draw_curve(
+    viewer: Any, points: Array, radii: Array, sideways: Array, colour: int = CURVE
+) -> None:
     """Draw a tube over everything else, as WebGL draws lines one pixel thin.
 
     Args:
@@ -69,6 +71,7 @@ def draw_curve(viewer: Any, points: Array, radii: Array, sideways: Array) -> Non
         points: shape `(n, 3)` [m].
         radii: of the tube at each, shape `(n,)` [m].
         sideways: unit vector roughly at right angles to the curve, shape `(3,)`.
+        colour: 0xRRGGBB.
     """
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
     kept = np.concatenate([[True], moves > 1e-9 * np.abs(points).max()])
@@ -92,7 +95,7 @@ def draw_curve(viewer: Any, points: Array, radii: Array, sideways: Array) -> Non
             np.stack([a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3),
         ]
     )
-    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(CURVE))
+    viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
 def draw_landing(viewer: Any, point: Array, radius: float) -> None:

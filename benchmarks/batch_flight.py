@@ -1,0 +1,160 @@
+"""Time `fly_many` against a loop of scipy's `solve_ivp` and against heyoka, on the same flights.
+
+    python benchmarks/batch_flight.py
+
+One core. Errors are of the landing point, the largest of all flights and the one that 99 % of them
+stay below, against `fly(tol=1e-13)` for the first 200 flights (their agreement with
+`fly_many(tol=1e-13)` is printed) and that for the rest. heyoka is left out where it is missing.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import kickdyn as kd
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.checks import Array
+from kickdyn.flight.batch import fly_many
+from kickdyn.flight.forces import GRAVITY, forces
+
+BALL, AIR = kd.Ball(), kd.Air()
+MANY, FEW = 10_000, 200
+
+
+def launches(n: int) -> kd.BallState:
+    """Return spinning kicks that stay above Re 7e4, where heyoka's form of the drag is whole."""
+    draw = np.random.default_rng(1)
+    speed, up, turn = draw.uniform(15, 32, n), draw.uniform(0.1, 0.8, n), draw.uniform(-3, 3, n)
+    level = speed * np.cos(up)
+    velocity = np.column_stack([level * np.cos(turn), level * np.sin(turn), speed * np.sin(up)])
+    return kd.BallState(np.zeros((n, 3)), velocity, draw.normal(0, 30, (n, 3)), np.zeros(n))
+
+
+def with_scipy(states: kd.BallState, method: str, rtol: float) -> Array:
+    """Return landing points as most people would compute them."""
+    acting = forces(BALL, AIR)
+
+    def rates(_: float, y: Array) -> tuple[float, ...]:
+        _, _, z, vx, vy, vz, wx, wy, wz = y.tolist()
+        ax, ay, az, k = acting(z, vx, vy, vz, wx, wy, wz)
+        return vx, vy, vz, ax, ay, az, -k * wx, -k * wy, -k * wz
+
+    def down(t: float, y: Array) -> float:
+        return float(y[2]) if t > 0 else 1.0
+
+    down.terminal, down.direction = True, -1  # type: ignore[attr-defined]
+    landed = []
+    for i in range(len(states.position)):
+        begin = np.concatenate([states.position[i], states.velocity[i], states.spin[i]])
+        found = solve_ivp(rates, (0, 100), begin, method, rtol=rtol, atol=rtol, events=down)
+        landed.append(found.y_events[0][0][:3])
+    return np.array(landed)
+
+
+def with_heyoka(states: kd.BallState, tol: float) -> Callable[[], Array] | None:
+    """Return a function that gives landing points by a compiled Taylor integrator."""
+    try:
+        import heyoka as hy
+    except ImportError:
+        return None
+    names = hy.make_vars("x", "y", "z", "vx", "vy", "vz", "left")
+    z, vx, vy, vz, left = names[2:]
+    wx, wy, wz = (left * hy.par[i] for i in range(3))
+    speed = hy.sqrt(vx * vx + vy * vy + vz * vz)
+    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+    across = hy.sqrt(mx * mx + my * my + mz * mz)
+    parameter = BALL.radius * across / (speed * speed)
+    fit = drag.BALLS["brazuca"]
+    v = 2 * BALL.radius * AIR.density / AIR.viscosity / drag.REYNOLDS_PER_SPEED * speed
+    beyond, slope = v - fit.v_min, (fit.b_max - fit.b_min) / (fit.v_max - fit.v_min)
+    crisis = (fit.a - fit.b_min) / (1.0 + hy.exp((v - fit.v_c) / fit.v_s))
+    level = crisis + fit.b_min + slope * beyond / (1.0 + hy.exp(-beyond / fit.v_s))
+    part = (parameter / drag.SPIN_DRAG_LIMIT) ** 2.0
+    eighth = hy.sqrt(hy.sqrt(hy.sqrt(1.0 + part * part * part * part)))
+    cd = level + drag.SPIN_DRAG * parameter / eighth
+    gate = (fit.a - level) / (fit.a - lift._LEAST_DRAG)
+    cl = gate * 0.47 * parameter / (0.135 + parameter)
+    pressure = 0.5 * AIR.density * BALL.cross_section / BALL.mass
+    pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
+    g = GRAVITY * (1.0 - AIR.density * BALL.volume / BALL.mass)
+    brake = AIR.density * BALL.cross_section * BALL.radius**2 / BALL.inertia * 0.010 * speed
+    creep = 8.0 * math.pi * AIR.viscosity * BALL.radius**3 / BALL.inertia
+    rates = [vx, vy, vz, push * mx - pull * vx, push * my - pull * vy, push * mz - pull * vz - g]
+    rates.append(-(brake + creep) * left)
+    event = hy.t_event(z, direction=hy.event_direction.negative)
+    system = list(zip(names, rates, strict=True))
+    ta = hy.taylor_adaptive(system, [0.0] * 5 + [1.0, 1.0], tol=tol, t_events=[event])
+    begin = np.column_stack([states.position, states.velocity, np.ones(len(states.position))])
+    spins = states.spin
+
+    def run() -> Array:
+        landed = np.empty((len(begin), 3))
+        state, pars = ta.state, ta.pars
+        for i in range(len(begin)):
+            ta.reset_cooldowns()
+            ta.time = 0.0
+            state[:] = begin[i]
+            pars[:] = spins[i]
+            ta.propagate_until(100.0)
+            landed[i] = state[:3]
+        return landed
+
+    return run
+
+
+def timed(run: Callable[[], Array], repeats: int) -> tuple[float, Array]:
+    """Return the shortest time and the result, after a run that compiles."""
+    result, best = run(), math.inf
+    for _ in range(repeats):
+        began = time.perf_counter()
+        result = run()
+        best = min(best, time.perf_counter() - began)
+    return best, result
+
+
+def main() -> None:
+    """Print the table."""
+    states = launches(MANY)
+    few = kd.BallState(*(part[:FEW] for part in (states.position, states.velocity, states.spin)),
+                       states.time[:FEW])  # fmt: skip
+    exact = fly_many(states, BALL, AIR, tol=1e-13).landing_position.values
+    singles = [kd.BallState(*row) for row in zip(few.position, few.velocity, few.spin, strict=True)]
+    flown = np.array([kd.fly(one, BALL, AIR, tol=1e-13).landing.position for one in singles])
+    print(f"fly and fly_many at 1e-13 differ by {np.abs(flown - exact[:FEW]).max():.1e} m")
+    exact[:FEW] = flown
+    rows = []
+
+    def row(name: str, tol: float, n: int, run: Callable[[], Array], repeats: int) -> None:
+        seconds, landed = timed(run, repeats)
+        error = np.linalg.norm(landed - exact[:n], axis=1)
+        rows.append((name, tol, error.max(), float(np.quantile(error, 0.99)), seconds / n * 1e6))
+
+    for method, tol in (("RK45", 1e-6), ("RK45", 1e-9), ("DOP853", 1e-9)):
+        row(f"solve_ivp {method}", tol, FEW, lambda m=method, t=tol: with_scipy(few, m, t), 1)  # type: ignore[misc]
+
+    def one_by_one() -> Array:
+        return np.array([kd.fly(one, BALL, AIR).landing.position for one in singles])
+
+    row("fly", 1e-9, FEW, one_by_one, 1)
+    for tol in (1e-6, 1e-9, 1e-12):
+        run = with_heyoka(states, tol)
+        if run is not None:
+            row("heyoka", tol, MANY, run, 3)
+    for tol in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12):
+        row("fly_many", tol, MANY,
+            lambda t=tol: fly_many(states, BALL, AIR, tol=t).landing_position.values, 5)  # type: ignore[misc]  # fmt: skip
+    slowest = rows[0][-1]
+    print(
+        f"{'method':17} {'tol':>6} {'max err m':>10} {'99 % m':>9} {'us/flight':>10} {'ratio':>7}"
+    )
+    for name, tol, most, usual, each in rows:
+        print(f"{name:17} {tol:6.0e} {most:10.1e} {usual:9.1e} {each:10.1f} {slowest / each:7.0f}")
+
+
+if __name__ == "__main__":
+    main()

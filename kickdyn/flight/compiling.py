@@ -1,0 +1,142 @@
+"""Compiling a ball's equations of motion with numba, plug-in coefficients included."""
+
+from __future__ import annotations
+
+import builtins
+import copy
+import math
+import types
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numba
+from numba.core.dispatcher import Dispatcher
+
+from kickdyn.aerodynamics.model import Coefficient, CoefficientModel
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.forces import forces
+
+_types: Any = numba.types
+
+SIGNATURE: Any = _types.Tuple((_types.float64,) * 4)(*(_types.float64,) * 7)
+"""Of the equations of motion, the same for every ball and air: one integrator serves them all."""
+
+_KEPT = 200
+"""Compiled functions that are remembered; each holds some 100 kB of machine code."""
+
+_compiled: dict[object, Any] = {}
+
+
+@lru_cache(maxsize=16)
+def compiled_forces(ball: Ball, air: Air) -> Any:
+    """Return `forces(ball, air)` as machine code.
+
+    Raises:
+        InvalidInput: wind or a coefficient is something that numba cannot compile.
+    """
+    for name in ("wind", "drag", "lift", "torque"):
+        part = getattr(air, name)
+        part = part.function if isinstance(part, CoefficientModel) else part
+        if callable(part):
+            arguments = (numba.float64,) * (1 if name == "wind" else 2)
+            _compile(part, arguments, f"the air's {name}")
+    twin = copy.copy(air)
+    for name in ("drag", "lift"):
+        model = getattr(air, name)
+        if isinstance(model, CoefficientModel) and model.refuses:
+            object.__setattr__(twin, name, _refusing(model))
+    return _compile(forces(ball, twin), SIGNATURE, "the equations of motion")
+
+
+def _refusing(model: CoefficientModel) -> Coefficient:
+    """Return a model that is not a number where `fly` would refuse it."""
+    function, (low, high), (least, most) = model.function, model.reynolds, model.spin
+
+    def within(reynolds: float, spin_parameter: float) -> float:
+        if low <= reynolds <= high and least <= spin_parameter <= most:
+            return function(reynolds, spin_parameter)
+        return math.nan
+
+    return within
+
+
+def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:
+    """Compile now, so that what is wrong shows here and under its name."""
+    try:
+        dispatcher = _tree(function, SIGNATURE if signature is SIGNATURE else None)
+        if signature is not SIGNATURE:
+            dispatcher.compile(signature)
+    except Exception as error:  # numba has no common base for what it cannot do
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        told = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+        raise InvalidInput(
+            f"{name} {getattr(function, '__name__', function)!r} cannot be compiled by numba "
+            f"({told[0] if told else type(error).__name__}): write it with floats and math only, "
+            "or call fly for each flight"
+        ) from error
+    return dispatcher
+
+
+def _tree(function: Any, signature: Any = None) -> Any:
+    """Return the compiled form of a Python function and of all that it calls.
+
+    numba takes the names a function uses as constants, but can call only those among them that
+    are compiled themselves.
+    """
+    if isinstance(function, CoefficientModel):
+        function = function.function
+    if isinstance(function, Dispatcher):
+        return function
+    if not isinstance(function, types.FunctionType):
+        raise TypeError(f"a {type(function).__name__} is not a function written in Python")
+    cells = tuple(_known(cell.cell_contents) for cell in function.__closure__ or ())
+    used = {
+        name: _known(function.__globals__[name])
+        for name in _names(function.__code__)
+        if name in function.__globals__
+    }
+    key = _key(function, cells, used, signature)
+    if key in _compiled:
+        return _compiled[key]
+    twin = types.FunctionType(
+        function.__code__,
+        {"__builtins__": builtins, "__name__": function.__module__, **used},
+        function.__name__,
+        function.__defaults__,
+        tuple(types.CellType(cell) for cell in cells) or None,
+    )
+    twin.__kwdefaults__ = function.__kwdefaults__
+    # numpy's rules for errors: a division by zero gives a number that is not finite, and spoils
+    # one flight instead of stopping them all
+    dispatcher = numba.njit(signature, error_model="numpy", nogil=True)(twin)
+    if len(_compiled) >= _KEPT:
+        _compiled.clear()
+    _compiled[key] = dispatcher
+    return dispatcher
+
+
+def _known(value: Any) -> Any:
+    """Return a constant as it is, and a function of someone's own compiled."""
+    if isinstance(value, CoefficientModel):
+        return _tree(value)
+    ours = isinstance(value, types.FunctionType)
+    return _tree(value) if ours and not value.__module__.startswith("numpy") else value
+
+
+def _names(code: types.CodeType) -> set[str]:
+    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
+    return set(code.co_names).union(*(_names(each) for each in inner))
+
+
+def _key(function: Any, cells: tuple[Any, ...], used: dict[str, Any], signature: Any) -> object:
+    """Return what makes two functions the same: two equal `Air` then compile once."""
+    parts = (*cells, *used.values(), *(function.__defaults__ or ()))
+    # by value where that is safe, by identity else: the function, kept alive with the key, keeps
+    # alive what it refers to
+    plain = (int, float, bool, str, type(None))
+    names = tuple((type(p), repr(p)) if isinstance(p, plain) else id(p) for p in parts)
+    mutable = any(not isinstance(p, (*plain, Dispatcher, types.ModuleType)) for p in parts)
+    return (function.__code__, tuple(used), names, signature is None, function if mutable else None)

@@ -1,0 +1,141 @@
+"""A ball followed until it rests: flight, bounces, sliding, rolling."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.bounce import bounce
+from kickdyn.flight.fly import Flight, fly
+from kickdyn.flight.roll import Glide, roll, slide
+from kickdyn.ground import Ground, Surface
+
+LEAST_REBOUND = 0.15
+"""Upward speed after a bounce below which the ball stays down [m/s]; it would hop about 1 mm."""
+
+MOST_BOUNCES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """All a ball does until it rests; times count from the launch.
+
+    Attributes:
+        status: `at rest`; `aloft`, where a flight would not come down; `bouncing`, where
+            `MOST_BOUNCES` were not enough.
+        flights: one before each bounce.
+        bounces: the ball just after each touch of the ground that sent it up again.
+        glides: slide and roll, if it came to that.
+        rest: the last state.
+    """
+
+    status: str
+    flights: tuple[Flight, ...]
+    bounces: tuple[BallState, ...]
+    glides: tuple[Glide, ...]
+    rest: BallState
+
+    @property
+    def distance(self) -> float:
+        """Horizontal distance from launch to rest [m]."""
+        return float(np.hypot(*(self.rest.position - self.flights[0].launch.position)[:2]))
+
+    @property
+    def duration(self) -> float:
+        """Time from launch to rest [s]."""
+        return float(self.rest.time)
+
+    def sample(self, t: ArrayLike) -> BallState:
+        """Return the ball at many times.
+
+        Args:
+            t: since the launch, from 0 to `duration`, shape `(n,)` [s].
+
+        Raises:
+            InvalidInput: a time outside.
+        """
+        times = np.atleast_1d(checks.floats("t", t, unit="s"))
+        if times.ndim > 1 or (times < 0).any() or (times > self.duration).any():
+            raise InvalidInput(f"t must be (n,) and lie between 0 and {self.duration:g} s")
+        position, velocity, spin = (np.zeros((len(times), 3)) for _ in range(3))
+        pieces: Sequence[Flight | Glide] = (*self.flights, *self.glides)
+        began = 0.0
+        for number, piece in enumerate(pieces):
+            last = number == len(pieces) - 1
+            inside = (times >= began) & ((times < began + piece.duration) | last)
+            if inside.any():
+                here = piece.sample(np.clip(times[inside] - began, 0.0, piece.duration))
+                position[inside], velocity[inside] = here.position, here.velocity
+                spin[inside] = here.spin
+            began += piece.duration
+        return BallState(position, velocity, spin, times)
+
+
+def follow(
+    state: BallState,
+    ball: Ball,
+    air: Air | None = None,
+    ground: Ground | None = None,
+    tol: float = 1e-9,
+    *,
+    time_limit: float = 1000.0,
+) -> Course:
+    """Let a ball fly, bounce and roll until it rests.
+
+    Args:
+        state: the launch, above the ground or on it.
+        ball: a thin shell.
+        air: None is the vacuum.
+        ground: with a surface; turf at height 0 when not named.
+        tol: relative tolerance of every flight.
+        time_limit: of every flight [s].
+
+    Raises:
+        InvalidInput: ground without a surface, or as for `fly`.
+    """
+    ground = Ground(surface="turf") if ground is None else ground
+    surface = ground.surface
+    if not isinstance(surface, Surface):
+        raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    flights: list[Flight] = []
+    bounces: list[BallState] = []
+    clock = 0.0
+    while True:
+        path = fly(state, ball, air, ground, tol, time_limit=time_limit)
+        flights.append(path)
+        clock += path.duration
+        if path.status == "aloft":
+            return _done("aloft", flights, bounces, [], path.landing, clock)
+        state = bounce(path.landing, ball, surface)
+        if state.velocity[2] < LEAST_REBOUND:
+            break
+        if len(bounces) == MOST_BOUNCES:
+            return _done("bouncing", flights, bounces, [], path.landing, clock)
+        bounces.append(BallState(state.position, state.velocity, state.spin, clock))
+    glides: list[Glide] = []
+    sliding = slide(state, ball, air, surface)
+    if sliding is not None:
+        glides.append(sliding)
+        state = sliding.end
+    glides.append(roll(state, ball, air, surface, tol))
+    clock += sum(glide.duration for glide in glides)
+    return _done("at rest", flights, bounces, glides, glides[-1].end, clock)
+
+
+def _done(
+    status: str,
+    flights: list[Flight],
+    bounces: list[BallState],
+    glides: list[Glide],
+    last: BallState,
+    clock: float,
+) -> Course:
+    rest = BallState(last.position, last.velocity, last.spin, clock)
+    return Course(status, tuple(flights), tuple(bounces), tuple(glides), rest)

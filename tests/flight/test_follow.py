@@ -1,0 +1,100 @@
+import math
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.flight.bounce import energy
+from kickdyn.flight.follow import LEAST_REBOUND
+from kickdyn.ground import SURFACES, Surface
+
+BALL = kd.Ball()
+SHOT = kd.BallState((0, 0, BALL.radius), (20, 1, 10), (5, -30, 10))
+
+
+def test_a_dropped_ball_takes_the_geometric_series():
+    """Heights fall by e^2, times by e, until the rebound is too slow to leave the ground."""
+    e = 0.6
+    drop = kd.BallState((0, 0, 2 + BALL.radius))
+    course = kd.follow(drop, BALL, None, kd.Ground(surface=Surface("s", e, 0.5, 0.7)))
+    speed = math.sqrt(2 * 9.81 * 2)
+    rebounds = [speed * e**k for k in range(1, 40) if speed * e**k >= LEAST_REBOUND]
+    assert [b.velocity[2] for b in course.bounces] == pytest.approx(rebounds, rel=1e-12)
+    total = speed / 9.81 + sum(2 * v / 9.81 for v in rebounds)
+    assert course.duration == pytest.approx(total, rel=1e-12)
+    assert (course.status, course.distance) == ("at rest", 0)
+    assert course.flights[1].height == pytest.approx(2 * e**2, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_energy_falls_all_the_way_to_rest(name):
+    course = kd.follow(SHOT, BALL, kd.Air(), kd.Ground(surface=name))
+    assert course.status == "at rest"
+    states = course.sample(np.linspace(0, course.duration, 3000))
+    total = [
+        energy(kd.BallState((0, 0, 0), v, w), BALL) + BALL.mass * 9.81 * (z - BALL.radius)
+        for v, w, z in zip(states.velocity, states.spin, states.position[:, 2], strict=True)
+    ]
+    assert np.diff(total).max() < 0.02 * BALL.mass * 9.81 * BALL.volume / BALL.mass + 1e-6
+    assert total[-1] == pytest.approx(0, abs=1e-9)
+    assert course.rest.velocity.tolist() == [0, 0, 0]
+    assert states.position[:, 2].min() >= BALL.radius - 1e-9
+
+
+def test_the_dense_answer_is_continuous_and_meets_the_nodes():
+    course = kd.follow(SHOT, BALL, kd.Air(), kd.Ground(surface="turf"))
+    for node in course.bounces:
+        around = course.sample(node.time + np.array([-1e-7, 1e-7]))
+        assert around.position[0] == pytest.approx(node.position, abs=1e-5)
+        assert around.position[1] == pytest.approx(node.position, abs=1e-5)
+        assert around.velocity[1] == pytest.approx(node.velocity, abs=1e-5)
+    end = course.sample(course.duration)
+    assert end.position[0] == pytest.approx(course.rest.position, abs=1e-12)
+    assert course.distance == pytest.approx(math.hypot(*course.rest.position[:2]))
+
+
+def test_it_goes_farther_on_a_hard_floor():
+    reach = [kd.follow(SHOT, BALL, kd.Air(), kd.Ground(surface=s)).distance for s in SURFACES]
+    by_name = dict(zip(SURFACES, reach, strict=True))
+    assert by_name["hard floor"] == max(reach)
+    assert by_name["carpet"] < by_name["wet grass"]
+
+
+def test_a_ball_that_loses_nothing_is_given_up():
+    forever = kd.Ground(surface=Surface("trampoline", 1.0, 0.0, 0.1))
+    course = kd.follow(kd.BallState((0, 0, 2)), BALL, None, forever)
+    assert course.status == "bouncing"
+    assert len(course.bounces) == 200
+
+
+def test_a_ball_that_stays_aloft_says_so():
+    course = kd.follow(SHOT, BALL, kd.Air(wind=(0, 0, 60)), time_limit=5)
+    assert course.status == "aloft"
+    assert course.duration == pytest.approx(5)
+
+
+def test_mirror_image():
+    turf = kd.Ground(surface="turf")
+    left, right = (
+        kd.follow(kd.BallState((0, 0, 1), (20, y, 8), (0, -30, z)), BALL, kd.Air(), turf)
+        for y, z in ((2, 20), (-2, -20))
+    )
+    assert left.rest.position == pytest.approx(right.rest.position * [1, -1, 1], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"ground": kd.Ground()}, "the ground has no surface: name one"),
+        ({"ground": kd.Ground(5.0, "turf")}, "inside the ground"),
+    ],
+)
+def test_bad_input(options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.follow(SHOT, BALL, kd.Air(), **options)
+
+
+@pytest.mark.parametrize("t", [[-1.0], [1e9], [[0.0]]])
+def test_times_outside(t):
+    with pytest.raises(kd.InvalidInput, match="between 0 and"):
+        kd.follow(SHOT, BALL).sample(t)

@@ -23,6 +23,9 @@ from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until, tolerances
 from kickdyn.flight.motion import Motion
 from kickdyn.ground import Ground
 
+MAX_SPEED = 1e4
+"""In air [m/s]: tolerances are relative to the launch, and drag must leave digits of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Flight:
@@ -71,14 +74,15 @@ class Flight:
         """Estimate of the error of the landing point [m], from a second, more exact flight.
 
         Twice what the landing moves when the tolerance is 10,000 times tighter (but 1e-13 at
-        tightest), and never less than rounding. Computed when asked for: it costs that flight.
+        tightest), and never less than a thousandth of the tolerance's share of the flight's length,
+        where both happen to agree. Computed when asked for: it costs that flight.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
         if self.evaluations == 0:
             return 4 * float(np.finfo(float).eps) * length
         finer = fly(self.launch, self.ball, self.air, self.ground, max(self.tol * 1e-4, 1e-13))
         moved = float(np.linalg.norm(self.landing.position - finer.landing.position))
-        return max(2 * moved, 1e-12 * length)
+        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -184,8 +188,8 @@ def fly(
         strict: whether a coefficient outside its range is an error; else it is one of `warnings`.
 
     Raises:
-        InvalidInput: an array of states, a ball that starts inside the ground, a bad tolerance, or
-            a coefficient outside its range where that is an error.
+        InvalidInput: an array of states, a ball that starts inside the ground or faster than
+            `MAX_SPEED`, a bad tolerance, or a coefficient outside its range where that is an error.
         KickdynError: the integrator gave up.
     """
     if not isinstance(ball, Ball):
@@ -198,6 +202,11 @@ def fly(
     g = downward(ball, air)
     if air is None or (is_ballistic(air, state.spin) and g > 0.0):
         return _fall(state, ball, air, ground, tol, g, drop, time_limit)
+    if not math.hypot(*state.velocity) <= MAX_SPEED:
+        raise InvalidInput(
+            f"launch speed is {math.hypot(*state.velocity):g} m/s: in air it must be at most "
+            f"{MAX_SPEED:g} m/s, far beyond every coefficient"
+        )
     path = _integrate(state, ball, air, ground, tol, g, drop, time_limit)
     if strict or any(getattr(model, "refuses", False) for model in (air.drag, air.lift)):
         for model, share in outside(path):

@@ -96,10 +96,47 @@ def fly_until(
                 crests.append((crest, piece(crest)))
             if _falls(event, before, state):
                 end = max(_root(event, piece), math.nextafter(piece.t_old, math.inf))
-                path = OdeSolution([began, *(p.t for p in pieces[:-1]), end], pieces)
-                return Arc(end, piece(end), path, solver.nfev, True, crests)
+                pieces.pop()
+                final, calls = _landed(event, rates, (piece.t_old, before), end, rtol, atol)
+                pieces += final
+                path = OdeSolution([began, *(p.t for p in pieces)], pieces)
+                return Arc(path.t_max, path(path.t_max), path, solver.nfev + calls, True, crests)
     path = OdeSolution([began, *(p.t for p in pieces)], pieces)
     return Arc(time_limit, state, path, solver.nfev, False, crests)
+
+
+def _landed(
+    event: Event, rates: Rates, start: tuple[float, Array], end: float, rtol: float, atol: Array
+) -> tuple[list[Any], int]:
+    """Step anew to the event, which was found on an interpolant, to the integrator's own accuracy.
+
+    Within a long step the interpolant is far less exact than the step. The event then is a little
+    off zero, and its rate says how much time that is.
+    """
+    pieces: list[Any] = []
+    calls = 0
+    for _ in range(3):
+        solver = DOP853(
+            rates, start[0], start[1], end, rtol=rtol, atol=atol, first_step=end - start[0]
+        )
+        pieces = []
+        while solver.status == "running":
+            failure = solver.step()
+            if failure or not np.isfinite(solver.y).all():
+                raise KickdynError(
+                    f"the landing near {end:g} s could not be integrated: "
+                    f"{failure or 'the numbers overflow'}"
+                )
+            pieces.append(solver.dense_output())
+        calls += solver.nfev
+        state = solver.y
+        ahead = 1e-7 * (end - start[0])
+        fall = event(state) - event(state + ahead * solver.f)  # within `ahead`
+        late = -event(state) * ahead / fall if fall > 0.0 else 0.0
+        if abs(late) <= 4e-16 * end:
+            break
+        end = max(end - late, math.nextafter(start[0], math.inf))
+    return pieces, calls
 
 
 def _falls(event: Event, before: Array, after: Array) -> bool:

@@ -15,6 +15,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise `InvalidInput` unless a file can be made at `path`; to be asked before long work."""
     try:
         file = Path(path).resolve()
+        if file.is_symlink():  # resolved, and still a link: they lead in a circle
+            raise InvalidInput(f"{path} cannot be written (its links lead in a circle)")
         if file.is_dir():
             raise InvalidInput(f"{path} is a folder: name a file in it")
         if file.exists() and not file.is_file():  # replacing a device would remove it

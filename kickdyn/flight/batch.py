@@ -15,7 +15,7 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_forces
 from kickdyn.flight.forces import downward
-from kickdyn.flight.march import ALOFT, LANDED, march
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, march
 from kickdyn.ground import Ground
 from kickdyn.version import __version__
 
@@ -79,7 +79,17 @@ def fly_many(
         scenes = _scenes(states, ball, air, drop, tol)[rows]
         velocities = np.ascontiguousarray(states.velocity[rows])
         acting = compiled_forces(ball, air)
-        march(acting, scenes, velocities, rtol, tol, time_limit, solved, ends, counts)
+        given = (rtol, tol, time_limit)
+        try:
+            march(acting, scenes, velocities, *given, solved, ends, counts)
+        except Exception:  # a coefficient's own: only its rows shall fail
+            for i in range(len(rows)):
+                one = slice(i, i + 1)
+                answer = solved[one], ends[one], counts[one]
+                try:
+                    march(acting, scenes[one], velocities[one], *given, *answer)
+                except Exception:
+                    solved[i], ends[i], counts[i] = np.nan, FAILED, 0
         nodes[rows], status[rows], evaluations[rows] = solved, ends, counts
     return _dataset(states, nodes, status, evaluations, _attributes(ball, air, ground, tol))
 

@@ -291,12 +291,9 @@ def _march(acting, scenes, velocities, rtol, tol, limit, out, status, evaluation
     """
     rates, work = np.empty((_STAGES + 2, 7)), np.empty((4, 7))
     for i in range(len(out)):
-        try:
-            status[i], evaluations[i] = _one(
-                acting, scenes[i], velocities[i], rtol, tol, limit, rates, work, out[i]
-            )
-        except Exception:  # a coefficient's own
-            status[i], evaluations[i] = FAILED, 0
+        status[i], evaluations[i] = _one(
+            acting, scenes[i], velocities[i], rtol, tol, limit, rates, work, out[i]
+        )
         if status[i] == FAILED:
             out[i] = math.nan
 

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from kickdyn import checks
-from kickdyn.aerodynamics.model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
@@ -21,6 +20,7 @@ from kickdyn.flight.ballistic import ballistic, time_to_fall
 from kickdyn.flight.forces import downward, is_ballistic
 from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until, tolerances
 from kickdyn.flight.motion import Motion
+from kickdyn.flight.ranges import outside, said
 from kickdyn.ground import Ground
 
 MAX_SPEED = 1e4
@@ -87,7 +87,7 @@ class Flight:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each coefficient that was used outside the range it is meant for."""
-        return tuple(_say(model, share) for model, share in outside(self) if share > 0)
+        return tuple(said(model, share) for model, share in outside(self) if share > 0)
 
     def arrival(self, x: float) -> BallState | None:
         """Return the ball where it first crosses the plane at `x` [m, world frame]; None if never.
@@ -130,36 +130,6 @@ class Flight:
         moved = moved.reshape(*times.shape, moved.shape[-1])
         spin = moved[..., 6:] * self.launch.spin
         return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
-
-
-def outside(path: Flight) -> list[tuple[CoefficientModel, float]]:
-    """Return each coefficient model with the share of the flight outside its range."""
-    air = path.air
-    if air is None or path.evaluations == 0:
-        return []
-    times = np.linspace(0.0, path.duration, 101)
-    states = path.sample(times)
-    wind = np.array([air.wind_at(height) for height in states.position[:, 2].tolist()])
-    through = states.velocity - wind
-    speed = np.maximum(checks.length(through), 1e-300)
-    reynolds = 2 * path.ball.radius * air.density * speed / air.viscosity
-    across = checks.length(np.cross(states.spin, through / speed[:, None]))
-    spin_parameter = path.ball.radius * across / speed
-    used = [air.drag, air.lift, air.torque] if path.launch.spin.any() else [air.drag]
-    met = list(zip(reynolds.tolist(), spin_parameter.tolist(), strict=True))
-    return [
-        (model, sum(model.range_left(*pair) for pair in met) / len(met))
-        for model in used
-        if isinstance(model, CoefficientModel)
-    ]
-
-
-def _say(model: CoefficientModel, share: float) -> str:
-    return (
-        f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside Re "
-        f"{model.reynolds[0]:.2g} to {model.reynolds[1]:.2g} and spin parameter "
-        f"{model.spin[0]:g} to {model.spin[1]:g}"
-    )
 
 
 def fly(
@@ -211,7 +181,7 @@ def fly(
     if strict or any(getattr(model, "refuses", False) for model in (air.drag, air.lift)):
         for model, share in outside(path):
             if share > 0 and (strict or model.refuses):
-                raise InvalidInput(f"the flight leaves a coefficient's range: {_say(model, share)}")
+                raise InvalidInput(f"the flight leaves a coefficient's range: {said(model, share)}")
     return path
 
 

@@ -46,6 +46,10 @@ def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     return creeping + weight * (brown_lawler(reynolds) - creeping) if weight else creeping
 
 
+FAST = 7e4
+"""Reynolds number above which a soccer ball's own drag holds alone."""
+
+
 @dataclass(frozen=True)
 class SoccerBall:
     """Constants of Kiratidis & Leinweber 2018 (Eur. J. Phys. 39:034001), Eq. 5 and Table 1.
@@ -70,35 +74,46 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     """
     a, v_c, v_s, b_min, b_max, v_min, v_max = (float(part) for part in astuple(ball))
     slope = (b_max - b_min) / (v_max - v_min)
+    speed, steep = 1.0 / REYNOLDS_PER_SPEED, 1.0 / v_s  # divisions take longest
 
     def coefficient(reynolds: float) -> float:
-        v = reynolds / REYNOLDS_PER_SPEED
-        if v > v_max:
-            v = v_max + 1.0 - math.exp(v_max - v)
+        v = speed * reynolds
+        v = min(v, v_max) + (1.0 - math.exp(-max(v - v_max, 0.0)))
         beyond = v - v_min
-        crisis = (a - b_min) / (1.0 + math.exp((v - v_c) / v_s))
-        return crisis + b_min + slope * beyond / (1.0 + math.exp(-beyond / v_s))
+        crisis = (a - b_min) / (1.0 + math.exp(steep * (v - v_c)))
+        return crisis + b_min + slope * beyond / (1.0 + math.exp(-steep * beyond))
 
     return coefficient
 
 
-def soccer(ball: SoccerBall) -> Coefficient:
-    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4.
+def spinning(ball: SoccerBall) -> Coefficient:
+    """Return C_D(Re, Sp) of a ball for Re above 7e4.
 
-    Spin adds `SPIN_DRAG` Sp / (1 + (Sp / 0.4)^8)^(1/8): Sp within 0.05 % up to 0.2 and 1.2 % up to
+    Spin adds `SPIN_DRAG` Sp / (1 + (2.5 Sp)^8)^(1/8): Sp within 0.05 % up to 0.2 and 1.2 % up to
     0.3, where the data end, then level. It has no kink, which would cost integrators their order.
     """
     level = without_spin(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
-        weight = smoothstep(reynolds, 2e4, 7e4)
-        if weight == 0.0:
-            return sphere(reynolds)
-        part = min(spin_parameter / SPIN_DRAG_LIMIT, 1e6)
+        part = min(2.5 * spin_parameter, 1e6)
         part *= part
         eighth = math.sqrt(math.sqrt(math.sqrt(1.0 + part * part * part * part)))
-        spinning = level(reynolds) + SPIN_DRAG * min(spin_parameter, 4e5) / eighth
-        return spinning if weight == 1.0 else sphere(reynolds) * (1 - weight) + spinning * weight
+        return level(reynolds) + SPIN_DRAG * min(spin_parameter, 4e5) / eighth
+
+    return coefficient
+
+
+def soccer(ball: SoccerBall) -> Coefficient:
+    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4."""
+    fast = spinning(ball)
+
+    def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
+        weight = smoothstep(reynolds, 2e4, FAST)
+        if weight == 0.0:
+            return sphere(reynolds)
+        if weight == 1.0:
+            return fast(reynolds, spin_parameter)
+        return sphere(reynolds) * (1 - weight) + fast(reynolds, spin_parameter) * weight
 
     return coefficient
 
@@ -165,6 +180,7 @@ MODELS = {
                 (0.0, SPIN_DRAG_LIMIT),
                 "Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eq. 5, Table 1; "
                 "sphere below Re 2e4",
+                straight=(FAST, spinning(ball)),
             )
             for name, ball in BALLS.items()
         ),

@@ -16,6 +16,8 @@ _PLATEAU = _BALL.a
 _LEAST_DRAG = 0.1748588996
 """Of the Brazuca without spin, at 17.75 m/s."""
 
+_PER_DROP = 1.0 / (_PLATEAU - _LEAST_DRAG)
+
 _without_spin = without_spin(_BALL)
 _teamgeist = without_spin(BALLS["teamgeist"])
 
@@ -28,7 +30,7 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
     ball without spin: lift and drag have their crisis together (Goff et al. 2017, Eur. J. Phys.
     38).
     """
-    drop = (_PLATEAU - _without_spin(reynolds)) / (_PLATEAU - _LEAST_DRAG)
+    drop = (_PLATEAU - _without_spin(reynolds)) * _PER_DROP
     return min(max(drop, 0.0), 1.0) * 0.47 * spin_parameter / (0.135 + spin_parameter)
 
 

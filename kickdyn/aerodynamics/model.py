@@ -28,6 +28,8 @@ class CoefficientModel:
         source: where the numbers come from.
         refuses: whether it is wrong, not just unproven, outside its range: a flight that leaves
             it then ends in an error.
+        straight: a Reynolds number and a function without branches that is the same from there on,
+            for machines that compute many flights side by side.
     """
 
     kind: str
@@ -37,6 +39,7 @@ class CoefficientModel:
     spin: tuple[float, float]
     source: str
     refuses: bool = False
+    straight: tuple[float, Coefficient] | None = None
 
     def __reduce__(self) -> tuple[Callable[[str, str], CoefficientModel], tuple[str, str]]:
         """Pickle by kind and name: some of the functions are closures."""

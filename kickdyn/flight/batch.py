@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,9 +14,10 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.compiling import compiled_forces
+from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.forces import downward
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, march
+from kickdyn.flight.march import march
+from kickdyn.flight.steps import ALOFT, FAILED, LANDED
 from kickdyn.ground import Ground
 from kickdyn.version import __version__
 
@@ -78,16 +80,16 @@ def fly_many(
         solved, ends, counts = np.empty((len(rows), 16)), status[rows], evaluations[rows]
         scenes = _scenes(states, ball, air, drop, tol)[rows]
         velocities = np.ascontiguousarray(states.velocity[rows])
-        acting = compiled_forces(ball, air)
+        rates = compiled_rates(ball, air)
         given = (rtol, tol, time_limit)
         try:
-            march(acting, scenes, velocities, *given, solved, ends, counts)
+            march(rates, scenes, velocities, *given, solved, ends, counts)
         except Exception:  # a coefficient's own: only its rows shall fail
             for i in range(len(rows)):
                 one = slice(i, i + 1)
                 answer = solved[one], ends[one], counts[one]
                 try:
-                    march(acting, scenes[one], velocities[one], *given, *answer)
+                    march(rates, scenes[one], velocities[one], *given, *answer)
                 except Exception:
                     solved[i], ends[i], counts[i] = np.nan, FAILED, 0
         nodes[rows], status[rows], evaluations[rows] = solved, ends, counts
@@ -201,7 +203,7 @@ def _dataset(
     attributes: dict[str, str | float],
 ) -> xr.Dataset:
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
-    data = xr.Dataset(attrs=attributes, coords={"axis": ["x", "y", "z"]})
+    data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
     for name, values, unit, meaning in (
         ("range", np.hypot(moved[:, 0], moved[:, 1]), "m", "horizontal distance to the landing"),
         ("duration", ended, "s", "time from launch to landing"),
@@ -211,21 +213,14 @@ def _dataset(
         ("landing_position", states.position + moved, "m", "centre of the ball at the landing"),
         ("landing_velocity", velocity, "m/s", "velocity at the landing"),
         ("landing_spin", nodes[:, 7:8] * states.spin, "rad/s", "spin at the landing"),
+        ("evaluations", evaluations, "1", "evaluations of the acceleration"),
     ):
         dims = ("flight", "axis")[: values.ndim]
         data[name] = (dims, values, {"units": unit, "long_name": meaning})
-    data["status"] = (
-        "flight",
-        status,
-        {
-            "long_name": "how the flight ends",
-            "flag_values": np.arange(len(STATUSES), dtype=np.int8),
-            "flag_meanings": " ".join(STATUSES),
-        },
-    )
-    data["evaluations"] = (
-        "flight",
-        evaluations,
-        {"units": "1", "long_name": "evaluations of the acceleration"},
-    )
-    return data
+    flags = {
+        "long_name": "how the flight ends",
+        "flag_values": np.arange(len(STATUSES), dtype=np.int8),
+        "flag_meanings": " ".join(STATUSES),
+    }
+    data["status"] = ("flight", status, flags)
+    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)

@@ -17,12 +17,8 @@ from kickdyn.aerodynamics.model import Coefficient, CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.forces import forces
-
-_types: Any = numba.types
-
-SIGNATURE: Any = _types.Tuple((_types.float64,) * 4)(*(_types.float64,) * 7)
-"""Of the equations of motion, the same for every ball and air: one integrator serves them all."""
+from kickdyn.flight.forces import forces, reynolds_number
+from kickdyn.flight.lanes import HOW, SIGNATURE, inlined, mathematics, side_by_side
 
 _KEPT = 200
 """Compiled functions that are remembered; each holds some 100 kB of machine code."""
@@ -31,8 +27,8 @@ _compiled: dict[object, Any] = {}
 
 
 @lru_cache(maxsize=16)
-def compiled_forces(ball: Ball, air: Air) -> Any:
-    """Return `forces(ball, air)` as machine code.
+def compiled_rates(ball: Ball, air: Air) -> Any:
+    """Return `side_by_side(forces(ball, air))` as machine code.
 
     Raises:
         InvalidInput: wind or a coefficient is something that numba cannot compile.
@@ -43,12 +39,21 @@ def compiled_forces(ball: Ball, air: Air) -> Any:
         if callable(part):
             arguments = (numba.float64,) * (1 if name == "wind" else 2)
             _compile(part, arguments, f"the air's {name}")
-    twin = copy.copy(air)
-    for name in ("drag", "lift"):
+    whole, straight, bound = copy.copy(air), copy.copy(air), 0.0
+    for name in ("drag", "lift", "torque"):
         model = getattr(air, name)
-        if isinstance(model, CoefficientModel) and model.refuses:
-            object.__setattr__(twin, name, _refusing(model))
-    return _compile(forces(ball, twin), SIGNATURE, "the equations of motion")
+        if not isinstance(model, CoefficientModel):
+            continue
+        if model.refuses:
+            object.__setattr__(whole, name, _refusing(model))
+            object.__setattr__(straight, name, _refusing(model))
+        elif model.straight is not None:
+            object.__setattr__(straight, name, model.straight[1])
+            bound = max(bound, model.straight[0])
+    rates = side_by_side(
+        forces(ball, whole), forces(ball, straight), reynolds_number(ball, air), bound
+    )
+    return _compile(rates, SIGNATURE, "the equations of motion")
 
 
 def _refusing(model: CoefficientModel) -> Coefficient:
@@ -109,9 +114,7 @@ def _tree(function: Any, signature: Any = None) -> Any:
         tuple(types.CellType(cell) for cell in cells) or None,
     )
     twin.__kwdefaults__ = function.__kwdefaults__
-    # numpy's rules for errors: a division by zero gives a number that is not finite, and spoils
-    # one flight instead of stopping them all
-    dispatcher = numba.njit(signature, error_model="numpy", nogil=True)(twin)
+    dispatcher = inlined(twin) if signature is None else numba.njit(signature, **HOW)(twin)
     if len(_compiled) >= _KEPT:
         _compiled.clear()
     _compiled[key] = dispatcher
@@ -120,6 +123,8 @@ def _tree(function: Any, signature: Any = None) -> Any:
 
 def _known(value: Any) -> Any:
     """Return a constant as it is, and a function of someone's own compiled."""
+    if value is math:
+        return mathematics
     if isinstance(value, CoefficientModel):
         return _tree(value)
     ours = isinstance(value, types.FunctionType)

@@ -16,6 +16,8 @@ GRAVITY = 9.81
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""
 
+Reynolds = Callable[[float, float, float, float], float]
+
 Forces = Callable[
     [float, float, float, float, float, float, float], tuple[float, float, float, float]
 ]
@@ -87,3 +89,15 @@ def forces(ball: Ball, air: Air) -> Forces:
         return ax, ay, az, brake * beta(reynolds, spin_parameter) * speed + creep
 
     return acting
+
+
+def reynolds_number(ball: Ball, air: Air) -> Reynolds:
+    """Return a function of height and velocity: the Reynolds number; compiles as `forces` does."""
+    wind, per_speed = air.wind_at, 2.0 * ball.radius * air.density / air.viscosity
+
+    def reynolds(z: float, vx: float, vy: float, vz: float) -> float:
+        blowing = wind(z)
+        ux, uy, uz = vx - blowing[0], vy - blowing[1], vz - blowing[2]
+        return per_speed * math.sqrt(ux * ux + uy * uy + uz * uz)
+
+    return reynolds

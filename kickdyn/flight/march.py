@@ -1,284 +1,228 @@
-"""One flight after the other in machine code: scipy's DOP853 again, without its Python.
+"""Many flights in machine code: scipy's DOP853 again, without its Python.
 
-Coefficients, error estimate and step control are scipy's. Events are not read off an interpolant:
-the step that crosses one is taken anew with the length that ends there, so that a node is as
-accurate as the steps are.
+Events are not read off an interpolant: the step that crosses one is taken anew with the length that
+ends there, so that a node is as accurate as the steps are. Every flight has a lane, with its own
+time and step; whichever ends makes room for the next.
 """
 
 from __future__ import annotations
 
 import math
+import zlib
+from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
-from scipy.integrate._ivp import dop853_coefficients as dop853
 
-from kickdyn.flight.compiling import SIGNATURE
+from kickdyn.flight import lanes, steps
 from kickdyn.flight.integrate import MAX_EVALUATIONS
+from kickdyn.flight.lanes import LANES, LEFT, SIGNATURE, SIZE, U, W, X, Z, inlined, njit
+from kickdyn.flight.steps import (
+    ALOFT,
+    DROP,
+    ERROR,
+    FAILED,
+    GROWTH,
+    HIGH,
+    KNOWN,
+    LANDED,
+    LOW,
+    NEXT,
+    SPAN,
+    STAGES,
+    TAKEN,
+    H,
+    T,
+    advance,
+    board,
+    judge,
+    starts,
+    step,
+)  # fmt: skip
 
-LANDED, ALOFT, FAILED = 0, 1, 2
+_EPS = float(np.finfo(float).eps)
 
-_STAGES = 12
-# What row i of the rates is found with, then the step itself, then both estimates of its error:
-# column 0, and columns from _FIRST to _LAST.
-_TABLE = np.vstack(
-    [dop853.A[:_STAGES, :_STAGES], dop853.B, dop853.E5[:_STAGES], dop853.E3[:_STAGES]]
-)
-_FIFTH, _THIRD = _STAGES + 1, _STAGES + 2
-_LAST = np.minimum(np.arange(len(_TABLE)), _STAGES)
-_FIRST = np.array(
-    [next((j for j in range(1, n) if row[j]), n) for n, row in zip(_LAST, _TABLE, strict=True)]
-)
-_NEW, _AT = _STAGES, _STAGES + 1  # rows for the rates after the step, and at an event
-
-_ACTING = numba.types.FunctionType(SIGNATURE)
-_VECTOR, _MATRIX = numba.float64[::1], numba.float64[:, ::1]
-
-_njit: Any = numba.njit
-
-
-@_njit(error_model="numpy")
-def _rate(acting, scene, y, rate):  # type: ignore[no-untyped-def]
-    """Put the derivative of displacement, velocity and spin over that of the launch in `rate`."""
-    left = y[6]
-    ax, ay, az, k = acting(
-        scene[0] + y[2], y[3], y[4], y[5], left * scene[1], left * scene[2], left * scene[3]
-    )
-    rate[0], rate[1], rate[2] = y[3], y[4], y[5]
-    rate[3], rate[4], rate[5] = ax, ay, az
-    rate[6] = -k * left * scene[4]
+_FLYING, _TO_APEX, _TO_LANDING, _IDLE = range(4)  # what a lane's step is for
+_ROW, _PHASE, _REJECTED, _RISES, _CALLS = range(5)  # of what a lane knows in integers
 
 
-@_njit(error_model="numpy")
-def _mix(k, rates):  # type: ignore[no-untyped-def]
-    """Return the sum of the rates with the weights of row k of the table.
-
-    Seven sums side by side, so that none waits for another; no views, which would be counted.
-    """
-    w = _TABLE[k, 0]
-    x, y, z, u = w * rates[0, 0], w * rates[0, 1], w * rates[0, 2], w * rates[0, 3]
-    v, climb, left = w * rates[0, 4], w * rates[0, 5], w * rates[0, 6]
-    for j in range(_FIRST[k], _LAST[k]):
-        w = _TABLE[k, j]
-        x += w * rates[j, 0]
-        y += w * rates[j, 1]
-        z += w * rates[j, 2]
-        u += w * rates[j, 3]
-        v += w * rates[j, 4]
-        climb += w * rates[j, 5]
-        left += w * rates[j, 6]
-    return x, y, z, u, v, climb, left
-
-
-@_njit(error_model="numpy")
-def _step(acting, scene, old, h, rates, new):  # type: ignore[no-untyped-def]
-    """Take one step from `old`, whose rates are in row 0, to `new`."""
-    for i in range(1, _STAGES + 1):
-        x, y, z, u, v, climb, left = _mix(i, rates)
-        new[0] = old[0] + h * x
-        new[1] = old[1] + h * y
-        new[2] = old[2] + h * z
-        new[3] = old[3] + h * u
-        new[4] = old[4] + h * v
-        new[5] = old[5] + h * climb
-        new[6] = old[6] + h * left
-        if i < _STAGES:
-            _rate(acting, scene, new, rates[i])
-
-
-@_njit(error_model="numpy")
-def _error(y, new, h, rates, rtol, scale, count):  # type: ignore[no-untyped-def]
-    """Return scipy's estimate of the error of a step over what is tolerated."""
-    fifth, third = 0.0, 0.0
-    fives, threes = _mix(_FIFTH, rates), _mix(_THIRD, rates)
-    for c in range(7):
-        near = scale[c] + rtol * max(abs(y[c]), abs(new[c]))
-        five, three = fives[c] / near, threes[c] / near
-        fifth += five * five
-        third += three * three
-    if fifth == 0.0 and third == 0.0:
-        return 0.0
-    return h * fifth / math.sqrt((fifth + 0.01 * third) * count)
-
-
-@_njit(error_model="numpy")
-def _first_step(acting, scene, y, rates, rtol, scale, count, limit, new):  # type: ignore[no-untyped-def]
-    """Return scipy's guess of a first step (Hairer, Norsett & Wanner, II.4)."""
-    d0, d1 = 0.0, 0.0
-    for c in range(7):
-        near = scale[c] + rtol * abs(y[c])
-        if c != 6 or scene[4] > 0.0:
-            d0 += (y[c] / near) ** 2
-        d1 += (rates[0, c] / near) ** 2
-    d0, d1 = math.sqrt(d0 / count), math.sqrt(d1 / count)
-    h0 = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, limit)
-    for c in range(7):
-        new[c] = y[c] + h0 * rates[0, c]
-    _rate(acting, scene, new, rates[1])
-    d2 = 0.0
-    for c in range(7):
-        d2 += ((rates[1, c] - rates[0, c]) / (scale[c] + rtol * abs(y[c]))) ** 2
-    d2 = math.sqrt(d2 / count) / h0
-    h1 = max(1e-6, h0 * 1e-3) if max(d1, d2) <= 1e-15 else (0.01 / max(d1, d2)) ** 0.125
-    return min(100.0 * h0, h1, limit)
-
-
-@_njit(error_model="numpy")
-def _guess(y, new, h, rates, drop, apex, low):  # type: ignore[no-untyped-def]
+@njit
+def _guess(i, y, new, h, rates, new_rates, drop, apex, low):  # type: ignore[no-untyped-def]
     """Return about where in a step the event falls through 0, as a fraction, or -1 for nowhere.
 
     From the quintic through height, speed and acceleration at both ends.
     """
-    c1, c2 = h * y[5], 0.5 * h * h * rates[0, 5]
-    d = new[2] - y[2] - c1 - c2
-    e = h * new[5] - c1 - 2.0 * c2
-    f = h * h * rates[_NEW, 5] - 2.0 * c2
-    p0, p1, p2 = y[2] + drop, c1, c2
+    c1, c2 = h * y[W + i], 0.5 * h * h * rates[W + i]
+    d = new[Z + i] - y[Z + i] - c1 - c2
+    e = h * new[W + i] - c1 - 2.0 * c2
+    f = h * h * new_rates[W + i] - 2.0 * c2
+    p0, p1, p2 = y[Z + i] + drop, c1, c2
     p3, p4, p5 = 10.0 * d - 4.0 * e + 0.5 * f, -15.0 * d + 7.0 * e - f, 6.0 * d - 3.0 * e + 0.5 * f
     if apex:
         p0, p1, p2, p3, p4, p5 = p1, 2.0 * p2, 3.0 * p3, 4.0 * p4, 5.0 * p5, 0.0
     # An event that is zero at the start, as a level launch that lift carries up, must rise first.
-    start, part = low, 1.0
+    begin, part = low, 1.0
     for _ in range(60):
-        if p0 + start * (p1 + start * (p2 + start * (p3 + start * (p4 + start * p5)))) > 0.0:
+        if p0 + begin * (p1 + begin * (p2 + begin * (p3 + begin * (p4 + begin * p5)))) > 0.0:
             break
         part *= 0.5
-        start = low + (1.0 - low) * part
+        begin = low + (1.0 - low) * part
     else:
         return -1.0
-    end, s = 1.0, 0.5 * (start + 1.0)
+    end, s = 1.0, 0.5 * (begin + 1.0)
     for _ in range(60):
         value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
         if value > 0.0:
-            start = s
+            begin = s
         else:
             end = s
         further = s - value / slope
-        if not start < further < end:
-            further = 0.5 * (start + end)
+        if not begin < further < end:
+            further = 0.5 * (begin + end)
         moved, s = abs(further - s), further
         if moved < 1e-9:
             break
     return s
 
 
-@_njit(error_model="numpy")
-def _cut(acting, scene, y, h, rates, drop, apex, guess, low, tol, at):  # type: ignore[no-untyped-def]
-    """Put the states at the event in `at`; return its time since `y` and the evaluations taken.
+@njit
+def _arrived(i, apex, new, rates, tol, lane):  # type: ignore[no-untyped-def]
+    """Move a lane's try at an event by Newton's method; return whether it is there.
 
-    Newton's method on the length of the step. Once the way left is so short that its third order
-    is far below the tolerance, a parabola covers it.
+    Once the way left is so short that its third order is far below the tolerance, a parabola covers
+    it: the states are then those of the event.
     """
-    short = 0.03 * math.sqrt(tol) * h
-    begin, end, t = low, h, guess
-    taken = 0
-    for _ in range(100):
-        _step(acting, scene, y, t, rates, at)
-        _rate(acting, scene, at, rates[_AT])
-        taken += _STAGES
-        speed, slope = at[5], rates[_AT, 5]
-        if apex:
-            value, more = speed, -speed / slope
-        else:
-            value = at[2] + drop
-            more = -2.0 * value / (speed - math.sqrt(max(speed * speed - 2.0 * slope * value, 0.0)))
-        if abs(more) <= short or value == 0.0 or end - begin <= 1e-15 * h:
-            break
-        if value > 0.0:
-            begin = t
-        else:
-            end = t
-        t += more
-        if not begin < t < end:
-            t = 0.5 * (begin + end)
-    if abs(more) <= short:
-        more = min(max(more, -t), h - t)
-        for c in range(3):
-            at[c] += more * (at[c + 3] + 0.5 * more * rates[_AT, c + 3])
-        for c in range(3, 7):
-            at[c] += more * rates[_AT, c]
-        t += more
-    return t, taken
+    h, span, drop = lane[H, i], lane[SPAN, i], lane[DROP, i]
+    speed, slope = new[W + i], rates[W + i]
+    if apex:
+        value, more = speed, -speed / slope
+    else:
+        value = new[Z + i] + drop
+        more = -2.0 * value / (speed - math.sqrt(max(speed * speed - 2.0 * slope * value, 0.0)))
+    if abs(more) <= 0.03 * math.sqrt(tol) * span:
+        more = min(max(more, -h), span - h)
+        for c in (X, X + LANES, Z):
+            new[c + i] += more * (new[U + c + i] + 0.5 * more * rates[U + c + i])
+        for c in (U, U + LANES, W, LEFT):
+            new[c + i] += more * rates[c + i]
+        lane[H, i] += more
+        return True
+    if value == 0.0 or lane[HIGH, i] - lane[LOW, i] <= 1e-15 * span:
+        return True
+    if value > 0.0:
+        lane[LOW, i] = h
+    else:
+        lane[HIGH, i] = h
+    h += more
+    if not lane[LOW, i] < h < lane[HIGH, i]:
+        h = 0.5 * (lane[LOW, i] + lane[HIGH, i])
+    lane[H, i] = h
+    return False
 
 
-@_njit(error_model="numpy")
-def _one(acting, scene, start, rtol, tol, limit, rates, work, out):  # type: ignore[no-untyped-def]
-    """Fly once; return status and evaluations, and fill `out` as `march` says."""
-    drop, count = scene[5], scene[6]
-    y, new, at, scale = work[0], work[1], work[2], work[3]
-    y[:] = 0.0
-    y[3:6] = start
-    y[6] = 1.0
-    scale[:3], scale[3:6], scale[6] = scene[7], scene[8], tol
-    out[:] = 0.0
-    out[1:8] = y
-    out[9:16] = y
-    _rate(acting, scene, y, rates[0])
-    rises = y[5] > 0.0 or (y[5] == 0.0 and rates[0, 5] > 0.0)
-    if not rises and drop == 0.0:
-        return LANDED, 1
-    for c in range(7):
-        if not math.isfinite(rates[0, c]):
-            return FAILED, 1
-    t, evaluations = 0.0, 2
-    h = _first_step(acting, scene, y, rates, rtol, scale, count, limit, new)
-    rejected = False
-    while t < limit:
-        smallest = 10.0 * (np.nextafter(t, math.inf) - t)
-        if evaluations > MAX_EVALUATIONS or (rejected and h < smallest):
-            return FAILED, evaluations
-        h = max(h, smallest)
-        h = min(h, limit - t)
-        _step(acting, scene, y, h, rates, new)
-        evaluations += _STAGES - 1
-        error = _error(y, new, h, rates, rtol, scale, count)
-        if not error < 1.0:  # or not a number
-            h *= max(0.2, 0.9 * error**-0.125) if error < math.inf else 0.2
-            rejected = True
-            continue
-        _rate(acting, scene, new, rates[_NEW])
-        evaluations += 1
-        for c in range(7):
-            if not math.isfinite(new[c]) or not math.isfinite(rates[_NEW, c]):
-                return FAILED, evaluations
-        low = 0.0
-        if y[5] >= 0.0 >= new[5] and y[5] > new[5]:
-            rises = False
-            part = _guess(y, new, h, rates, drop, True, 0.0)
-            if part >= 0.0:
-                low, taken = _cut(acting, scene, y, h, rates, drop, True, part * h, 0.0, tol, at)
-                evaluations += taken
-                if at[2] > out[11]:
-                    out[8] = t + low
-                    out[9:16] = at
-        if not rises and y[2] + drop >= 0.0 >= new[2] + drop and y[2] > new[2]:
-            part = max(_guess(y, new, h, rates, drop, False, low / h), low / h)
-            end, taken = _cut(acting, scene, y, h, rates, drop, False, part * h, low, tol, at)
-            out[0] = t + end
-            out[1:8] = at
-            out[3] = -drop  # by definition; the event's root says so but for rounding
-            return LANDED, evaluations + taken
-        t = limit if h == limit - t else t + h
-        y[:] = new
-        rates[0] = rates[_NEW]
-        grow = 10.0 if error == 0.0 else min(10.0, 0.9 * error**-0.125)
-        h *= min(1.0, grow) if rejected else grow
-        rejected = False
-    if y[2] > out[11]:
-        out[8] = t
-        out[9:16] = y
+@njit
+def _note(i, t, y, out):  # type: ignore[no-untyped-def]
+    """Put a time and the states there into 8 numbers."""
     out[0] = t
-    out[1:8] = y
-    return ALOFT, evaluations
+    for c in range(7):
+        out[1 + c] = y[c * LANES + i]
 
 
-def _march(acting, scenes, velocities, rtol, tol, limit, out, status, evaluations):  # type: ignore[no-untyped-def]
+@inlined
+def _propose(i, h, limit, lane, knows):  # type: ignore[no-untyped-def]
+    """Set the length of a lane's next step; return -1, or `FAILED` where that is in vain."""
+    t = lane[T, i]
+    smallest = max(10.0 * _EPS * t, 1e-300)
+    lane[H, i] = min(max(h, smallest), limit - t)
+    knows[_PHASE, i] = _FLYING
+    vain = knows[_CALLS, i] > MAX_EVALUATIONS or (knows[_REJECTED, i] == 1 and h < smallest)
+    return FAILED if vain else -1
+
+
+@inlined
+def _pass(i, end, lane, knows, limit, out):  # type: ignore[no-untyped-def]
+    """Move a lane's clock to the `end` of its step; return status, -1 while the flight lasts."""
+    last = lane[SPAN, i] == limit - lane[T, i]
+    lane[T, i] = limit if last else lane[T, i] + lane[SPAN, i]
+    knows[_REJECTED, i] = 0
+    if not last:
+        return _propose(i, lane[NEXT, i], limit, lane, knows)
+    if end[Z + i] > out[11]:
+        _note(i, limit, end, out[8:])
+    _note(i, limit, end, out)
+    return ALOFT
+
+
+@inlined
+def _seek(i, y, rates, lane, knows, far, far_rates):  # type: ignore[no-untyped-def]
+    """Turn to the apex or the landing if the step whose end `far` holds crosses one, else -1."""
+    drop, span, first = lane[DROP, i], lane[SPAN, i], rates[0]
+    passed = knows[_PHASE, i] == _TO_APEX
+    if not passed and y[W + i] >= 0.0 >= far[W + i] and y[W + i] > far[W + i]:
+        knows[_RISES, i] = 0
+        part = _guess(i, y, far, span, first, far_rates, drop, True, 0.0)
+        if part >= 0.0:
+            lane[LOW, i], lane[HIGH, i], lane[H, i] = 0.0, span, part * span
+            knows[_PHASE, i] = _TO_APEX
+            return True
+    low = lane[H, i] if passed else 0.0
+    above, below = y[Z + i] + drop, far[Z + i] + drop
+    if knows[_RISES, i] == 0 and above >= 0.0 >= below and above > below:
+        part = _guess(i, y, far, span, first, far_rates, drop, False, low / span)
+        lane[LOW, i], lane[HIGH, i], lane[H, i] = low, span, max(part * span, low)
+        knows[_PHASE, i] = _TO_LANDING
+        return True
+    return False
+
+
+@inlined
+def _sought(i, y, rates, new, lane, knows, tol, limit, far, far_rates, out):  # type: ignore[no-untyped-def]
+    """Look at a step that went for an event; return the flight's status, -1 while it lasts."""
+    apex = knows[_PHASE, i] == _TO_APEX
+    if not _arrived(i, apex, new, rates[STAGES], tol, lane):
+        return -1
+    t = lane[T, i] + lane[H, i]
+    if not apex:
+        _note(i, t, new, out)
+        out[3] = -lane[DROP, i]  # by definition; the event's root says so but for rounding
+        return LANDED
+    if new[Z + i] > out[11]:
+        _note(i, t, new, out[8:])
+    if _seek(i, y, rates, lane, knows, far, far_rates):
+        return -1
+    for m in range(i, SIZE, LANES):
+        y[m], rates[0, m] = far[m], far_rates[m]
+    return _pass(i, far, lane, knows, limit, out)
+
+
+@inlined
+def _flown(i, y, rates, new, lane, knows, limit, far, far_rates, out):  # type: ignore[no-untyped-def]
+    """Look at an ordinary step; return the flight's status, -1 while it lasts."""
+    h, error, growth = lane[H, i], lane[ERROR, i], lane[GROWTH, i]
+    if not error < 1.0:  # or not a number
+        knows[_REJECTED, i] = 1
+        h *= max(0.2, growth) if error < math.inf else 0.2
+        return _propose(i, h, limit, lane, knows)
+    lane[SPAN, i] = h
+    lane[NEXT, i] = h * min(growth, 1.0 if knows[_REJECTED, i] == 1 else 10.0)
+    drop = lane[DROP, i]
+    if y[W + i] >= 0.0 >= new[W + i] or y[Z + i] + drop >= 0.0 >= new[Z + i] + drop:
+        for m in range(i, SIZE, LANES):
+            far[m], far_rates[m] = new[m], rates[STAGES, m]
+        if _seek(i, y, rates, lane, knows, far, far_rates):
+            return -1
+    lane[TAKEN, i] = 1.0
+    return _pass(i, new, lane, knows, limit, out)
+
+
+@njit
+def _march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations):  # type: ignore[no-untyped-def]
     """Fly every row.
 
     Args:
-        acting: the compiled forces.
+        pull: the compiled rates, `lanes.side_by_side`.
         scenes: per row height, spin (3), whether it decays, drop, number of states that change,
             absolute tolerance of displacement and of velocity.
         velocities: at the launch, shape `(n, 3)` [m/s].
@@ -289,24 +233,77 @@ def _march(acting, scenes, velocities, rtol, tol, limit, out, status, evaluation
         status: `LANDED`, `ALOFT` or `FAILED`.
         evaluations: of the acceleration.
     """
-    rates, work = np.empty((_STAGES + 2, 7)), np.empty((4, 7))
-    for i in range(len(out)):
-        status[i], evaluations[i] = _one(
-            acting, scenes[i], velocities[i], rtol, tol, limit, rates, work, out[i]
-        )
-        if status[i] == FAILED:
-            out[i] = math.nan
+    n = len(out)
+    rates, begin = np.zeros((STAGES + 1, SIZE)), np.empty((n, 8))
+    starts(pull, scenes, velocities, rtol, tol, limit, rates, begin, status, evaluations)
+    scene, scale = np.zeros(5 * LANES), np.ones(SIZE)
+    y, new, far, far_rates = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE)
+    five, three = np.zeros(SIZE), np.zeros(SIZE)
+    lane, knows = np.zeros((KNOWN, LANES)), np.zeros((5, LANES), np.int64)
+    knows[_PHASE] = _IDLE
+    waiting, flying = 0, 0
+    while True:
+        for i in range(LANES):
+            while knows[_PHASE, i] == _IDLE and waiting < n:
+                row = waiting
+                waiting += 1
+                board(i, row, scenes, velocities, tol, scene, y, scale, lane)
+                _note(i, 0.0, y, out[row])
+                _note(i, 0.0, y, out[row, 8:])
+                if status[row] != ALOFT:
+                    continue
+                lane[T, i] = 0.0
+                for c in range(7):
+                    rates[0, c * LANES + i] = begin[row, c]
+                climb, lifted = begin[row, 2], begin[row, 5]
+                knows[_ROW, i], knows[_CALLS, i], knows[_REJECTED, i] = row, 2, 0
+                knows[_RISES, i] = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
+                _propose(i, begin[row, 7], limit, lane, knows)
+                flying += 1
+        if flying == 0:
+            break
+        step(pull, scene, y, lane, rates, five, three, new)
+        judge(y, new, rates, rtol, scale, lane, five, three)
+        for i in range(LANES):
+            if knows[_PHASE, i] == _IDLE:
+                continue
+            row = knows[_ROW, i]
+            knows[_CALLS, i] += STAGES
+            lane[TAKEN, i] = 0.0
+            here = (i, y, rates, new, lane, knows)
+            if knows[_PHASE, i] == _FLYING:
+                done = _flown(*here, limit, far, far_rates, out[row])
+            else:
+                done = _sought(*here, tol, limit, far, far_rates, out[row])
+            if done >= 0:
+                status[row], evaluations[row] = done, knows[_CALLS, i]
+                knows[_PHASE, i], lane[H, i] = _IDLE, 0.0
+                flying -= 1
+        advance(y, rates, new, lane)
+    for row in range(n):
+        if status[row] == FAILED:
+            out[row] = math.nan
 
 
 def _compiled() -> Any:
-    """Return `_march` as machine code, from the disk if it can be kept there: 7 s to compile."""
+    """Return `_march` as machine code, from the disk if it can be kept there: it takes seconds."""
+    matrix = numba.float64[:, ::1]
     signature = numba.void(
-        _ACTING, _MATRIX, _MATRIX, *(numba.float64,) * 3, _MATRIX, numba.int8[::1], numba.int64[::1]
-    )
+        numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
+        matrix, numba.int8[::1], numba.int64[::1],
+    )  # fmt: skip
+    # numba looks for changes in this file only; what a function closes over is part of its name
+    sources = [Path(str(module.__file__)).read_bytes() for module in (lanes, steps)]
+    made_of = zlib.crc32(b"".join(sources), MAX_EVALUATIONS)
+
+    def march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations):  # type: ignore[no-untyped-def]
+        if made_of >= 0:
+            _march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations)
+
     try:
-        return _njit(signature, error_model="numpy", nogil=True, cache=True)(_march)
+        return numba.njit(signature, cache=True, nogil=True)(march)
     except (RuntimeError, OSError):  # nowhere to keep it
-        return _njit(signature, error_model="numpy", nogil=True)(_march)
+        return numba.njit(signature, nogil=True)(march)
 
 
 march = _compiled()

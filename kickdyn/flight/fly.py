@@ -18,13 +18,14 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.ballistic import ballistic, time_to_fall
 from kickdyn.flight.forces import downward, is_ballistic
-from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until, tolerances
+from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until
 from kickdyn.flight.motion import Motion
 from kickdyn.flight.ranges import outside, said
+from kickdyn.flight.scale import tolerances
 from kickdyn.ground import Ground
 
-MAX_SPEED = 1e4
-"""In air [m/s]: tolerances are relative to the launch, and drag must leave digits of it."""
+MAX_SPEED = 299_792_458.0
+"""In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +176,7 @@ def fly(
     if not math.hypot(*state.velocity) <= MAX_SPEED:
         raise InvalidInput(
             f"launch speed is {math.hypot(*state.velocity):g} m/s: in air it must be at most "
-            f"{MAX_SPEED:g} m/s, far beyond every coefficient"
+            f"{MAX_SPEED:g} m/s, that of light"
         )
     path = _integrate(state, ball, air, ground, tol, g, drop, time_limit)
     if strict or any(getattr(model, "refuses", False) for model in (air.drag, air.lift)):
@@ -245,8 +246,8 @@ def _integrate(
     motion = Motion(state, ball, air)
     begin, rise, climb = motion.begin, motion.rise, motion.climb
     wind = math.hypot(*air.wind_at(float(state.position[2])))
-    rtol, near, slow = tolerances(state.velocity, drop, g, wind, tol)
-    atol = np.array([near, near, near, slow, slow, slow, tol])[motion.kept]
+    rtol, near, slow = tolerances(state.velocity, drop, wind, ball, air, tol)
+    atol = np.array([near, near, near, slow, slow, slow, tol], dtype=float)[motion.kept]
 
     def until(event: Event, start: tuple[float, Array]) -> Arc:
         return fly_until(event, climb, motion.rates, start, time_limit, rtol, atol)

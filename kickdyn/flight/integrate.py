@@ -158,14 +158,3 @@ def _root(event: Event, piece: Any) -> float:
     if value(ended) >= 0.0:
         return float(ended)
     return float(brentq(value, low, ended, xtol=1e-300, disp=False))
-
-
-def tolerances(
-    launch: Array, drop: float, g: float, wind: float, tol: float
-) -> tuple[float, float, float]:
-    """Return rtol, and atol of displacement and of velocity: relative to the flight's own."""
-    # scipy divides by atol: never 0, not even for a balloon that starts at rest
-    pace = max(math.hypot(*launch), wind, math.sqrt(2.0 * abs(g) * drop), 1e-100)
-    length = max(pace * pace / max(abs(g), 1e-300), drop)
-    # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here
-    return max(tol, 100 * np.finfo(float).eps), tol * length, tol * pace

@@ -9,7 +9,7 @@ from mpmath import mp, mpf
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
-from kickdyn.flight.integrate import fly_until, tolerances
+from kickdyn.flight.integrate import fly_until
 
 BALL = kd.Ball()
 PLAIN = {"lift": None, "buoyancy": False}
@@ -251,24 +251,3 @@ def test_endless_integration_ends_in_an_error(monkeypatch):
 def test_speed_beyond_double_precision_ends_in_an_error(speed):
     with pytest.raises(kd.KickdynError):
         kd.fly(launch((speed, 0, speed)), BALL, kd.Air())
-
-
-@pytest.mark.parametrize(
-    ("speed", "drop", "wind", "length", "pace"),
-    [
-        (20.0, 0.0, 0.0, 40.0, 20.0),
-        (0.0, 5.0, 0.0, 10.0, 10.0),
-        (1.0, 0.0, 10.0, 10.0, 10.0),
-        (1e-3, 7.0, 0.0, 14.0, math.sqrt(140)),
-    ],
-)
-def test_tolerances_are_relative_to_the_flight(speed, drop, wind, length, pace):
-    launch = np.array([0.6 * speed, 0.0, 0.8 * speed])
-    found = tolerances(launch, drop, 10.0, wind, 1e-6)
-    assert found == pytest.approx((1e-6, 1e-6 * length, 1e-6 * pace))
-
-
-def test_tolerances_stay_within_double_precision():
-    rtol, near, slow = tolerances(np.zeros(3), 0.0, -5.0, 0.0, 1e-13)  # a balloon at rest
-    assert rtol >= 100 * np.finfo(float).eps  # scipy would raise it, with a warning
-    assert min(near, slow) > 0

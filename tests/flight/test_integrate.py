@@ -9,7 +9,7 @@ from mpmath import mp, mpf
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
-from kickdyn.flight.integrate import fly_until
+from kickdyn.flight.integrate import Event, fly_until
 
 BALL = kd.Ball()
 PLAIN = {"lift": None, "buoyancy": False}
@@ -205,8 +205,8 @@ ATOL = np.full(6, 1e-10)
 
 def test_until_the_event():
     start = np.array([0, 0, 0, 1.0, 0, 10.0])
-    arc = fly_until(lambda y: y[5], 5, fall, (2.0, start), 100.0, 1e-10, ATOL)
-    assert arc.reached
+    arc = fly_until([Event(lambda y: y[5])], 5, fall, (2.0, start), 100.0, 1e-10, ATOL)
+    assert arc.reached is not None
     assert arc.end == pytest.approx(3.0, rel=1e-14)
     assert arc.state == pytest.approx([1, 0, 5, 1, 0, 0], abs=1e-12)
     t = np.array([2.0, 2.5, 3.0])
@@ -215,8 +215,8 @@ def test_until_the_event():
 
 def test_until_the_time_limit():
     start = np.array([0, 0, 0, 1.0, 0, 10.0])
-    arc = fly_until(lambda y: y[2] + 1e6, 5, fall, (0.0, start), 3.0, 1e-10, ATOL)
-    assert (arc.reached, arc.end) == (False, 3.0)
+    arc = fly_until([Event(lambda y: y[2] + 1e6)], 5, fall, (0.0, start), 3.0, 1e-10, ATOL)
+    assert (arc.reached, arc.end) == (None, 3.0)
     assert arc.state == pytest.approx([3, 0, -15, 1, 0, -20])
     assert [t for t, _ in arc.crests] == [pytest.approx(1.0)]  # highest on the way
 
@@ -226,7 +226,9 @@ def test_event_that_is_zero_at_the_start_must_rise_first(brake):
     def hop(t, y):  # starts level, rises, and comes down: in the second case within a step
         return [*y[3:], 0.0, 0.0, 1.0 - brake * t]
 
-    arc = fly_until(lambda y: y[5], 5, hop, (0.0, np.zeros(6)), 10.0, 1e-6, np.full(6, 1e-2))
+    arc = fly_until(
+        [Event(lambda y: y[5])], 5, hop, (0.0, np.zeros(6)), 10.0, 1e-6, np.full(6, 1e-2)
+    )
     assert arc.end == pytest.approx(2 / brake, rel=1e-6)
 
 
@@ -237,7 +239,7 @@ def test_acceleration_that_is_no_number_ends_in_an_error(bad, when):
         return [*y[3:], 0.0, 0.0, bad if t >= when else -10.0]
 
     with pytest.raises(kd.KickdynError, match=r"not finite|could not be integrated beyond"):
-        fly_until(lambda y: y[2] + 100, 5, broken, (0.0, np.zeros(6)), 10.0, 1e-9, ATOL)
+        fly_until([Event(lambda y: y[2] + 100)], 5, broken, (0.0, np.zeros(6)), 10.0, 1e-9, ATOL)
 
 
 def test_endless_integration_ends_in_an_error(monkeypatch):

@@ -82,11 +82,8 @@ def test_vacuum(normal, gap):
     path = kd.fly(launch(velocity), BALL, plane=plane)
     with mp.workdps(40):
         a, b = -mpf(9.81) * mpf(n[2]) / 2, mpf(float(n @ velocity))
-        roots = (
-            [-gap / b]
-            if a == 0
-            else [(-b + sign * mp.sqrt(b**2 - 4 * a * mpf(gap))) / (2 * a) for sign in (1, -1)]
-        )
+        spread = mp.sqrt(b**2 - 4 * a * mpf(gap))
+        roots = [(-b + sign * spread) / (2 * a) for sign in (1, -1)] if a else [-gap / b]
         t = min(float(root) for root in roots if mp.im(root) == 0 and mp.re(root) > 0)
     assert (path.status, path.method) == ("at plane", "closed form")
     assert path.duration == pytest.approx(t, rel=1e-13)
@@ -118,6 +115,13 @@ def test_quadratic_drag_into_the_ceiling():
     assert path.duration == pytest.approx(t, rel=1e-11)
     assert path.landing.velocity[2] == pytest.approx(speed, rel=1e-11)
     assert path.apex.position[2] == path.landing.position[2] == pytest.approx(6, rel=1e-12)
+
+
+@pytest.mark.parametrize("air", [None, kd.Air(density=1e-12)], ids=["vacuum", "air"])
+def test_a_plane_below_that_falls_away_faster_is_never_reached(air):
+    hull = kd.Plane((0, 0, 1), (0, 0.1, -1), "centre")  # a ceiling that slopes
+    path = kd.fly(launch((3, 0, 3)), BALL, air, plane=hull)  # rises 0.46 m
+    assert path.status == "landed"
 
 
 # --- where and when -----------------------------------------------------------------------------
@@ -205,10 +209,25 @@ def test_a_ball_that_grazes_a_wall_within_a_step(tol):
     assert touched.landing.velocity[1] > 0
 
 
+def test_a_crest_after_the_wall_is_none():
+    """A step may cross the wall first and the top later; the ball then never was at the top."""
+    state = launch((25, 0, 0), (0, 0, 2), (0, -150, 0))  # dips or climbs all the way
+    climbing = launch((20, 0, 12))
+    for start in (state, climbing):
+        top = kd.fly(start, BALL, kd.Air(), kd.Ground(-5), tol=1e-12).apex
+        for short in (0.01, 0.1, 0.5):
+            x = float(top.position[0]) - short
+            wall = kd.Plane((x, 0, 0), (-1, 0, 0), "centre")
+            for tol in (1e-2, 1e-3, 1e-6):
+                path = kd.fly(start, BALL, kd.Air(), kd.Ground(-5), tol, plane=wall)
+                assert path.apex.time <= path.duration
+                assert path.apex.position[0] <= x + 1e-12
+
+
 def test_the_error_at_a_plane_is_estimated():
     rng = np.random.default_rng(3)
     for _ in range(30):
-        state = launch(rng.normal(size=3) * 4 + [22, 0, 9], spin=rng.normal(size=3) * 30)
+        state = launch(rng.normal(size=3) * 2 + [22, 0, 9], spin=rng.normal(size=3) * 30)
         tol = 10 ** rng.uniform(-10, -4)
         plane = kd.Plane((rng.uniform(2, 8), 0, 0), (-1, 0.2, 0.1))
         path, exact = (kd.fly(state, BALL, kd.Air(), tol=t, plane=plane) for t in (tol, 1e-13))

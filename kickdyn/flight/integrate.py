@@ -107,15 +107,23 @@ def fly_until(
                 key=lambda found: found[0],
             )
             crest = _when(Event(upward), piece, before, state)
-            if crest <= end and crest < math.inf:
-                crests.append((crest, piece(crest)))
             if end < math.inf:
                 end = max(end, math.nextafter(piece.t_old, math.inf))
                 pieces.pop()
-                final, calls = _landed(event.value, rates, (piece.t_old, before), end, rtol, atol)
+                node, calls = (piece.t_old, before), solver.nfev
+                final, more = _landed(event.value, rates, node, end, rtol, atol)
+                for other in events:  # which the interpolant saw after this one
+                    last = final[-1](final[-1].t)
+                    if other is not event and other.value(before) >= 0.0 > other.value(last):
+                        event, end, calls = other, final[-1].t, calls + more
+                        final, more = _landed(event.value, rates, node, end, rtol, atol)
                 pieces += final
                 path = OdeSolution([began, *(p.t for p in pieces)], pieces)
-                return Arc(path.t_max, path(path.t_max), path, solver.nfev + calls, event, crests)
+                if crest <= path.t_max:
+                    crests.append((crest, piece(crest)))
+                return Arc(path.t_max, path(path.t_max), path, calls + more, event, crests)
+            if crest < math.inf:
+                crests.append((crest, piece(crest)))
     path = OdeSolution([began, *(p.t for p in pieces)], pieces)
     return Arc(time_limit, state, path, solver.nfev, None, crests)
 

@@ -38,8 +38,8 @@ def brown_lawler(reynolds: float, spin_parameter: float = 0.0) -> float:
 def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     """Return C_D of a smooth sphere, exactly Stokes' for Re < 1 as in Eq. (14).
 
-    The correction of Brown & Lawler fades in between Re 1 and 10 (C1). Near Re = 1 this is up to
-    16 % below their correlation; `brown_lawler` alone has no such join.
+    The correction of Brown & Lawler fades in between Re 1 and 10 (C3). Near Re = 2 this is up to
+    17 % below their correlation; `brown_lawler` alone has no such join.
     """
     weight = smoothstep(reynolds, 1.0, 10.0)
     creeping = stokes(reynolds)
@@ -66,7 +66,7 @@ class SoccerBall:
 def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     """Return C_D(Re) of a ball that does not spin, for Re above 7e4.
 
-    Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C1).
+    Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C4).
     """
     a, v_c, v_s, b_min, b_max, v_min, v_max = (float(part) for part in astuple(ball))
     slope = (b_max - b_min) / (v_max - v_min)
@@ -74,7 +74,9 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     def coefficient(reynolds: float) -> float:
         v = reynolds / REYNOLDS_PER_SPEED
         if v > v_max:
-            v = v_max + 1.0 - math.exp(v_max - v)
+            over = min(v - v_max, 100.0)
+            square = over * over
+            v = v_max + over / math.sqrt(math.sqrt(1.0 + square * square))
         beyond = v - v_min
         crisis = (a - b_min) / (1.0 + math.exp((v - v_c) / v_s))
         return crisis + b_min + slope * beyond / (1.0 + math.exp(-beyond / v_s))
@@ -83,7 +85,7 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
 
 
 def soccer(ball: SoccerBall) -> Coefficient:
-    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4.
+    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C3) between Re 2e4 and 7e4.
 
     Spin adds `SPIN_DRAG` Sp / (1 + (Sp / 0.4)^8)^(1/8): Sp within 0.05 % up to 0.2 and 1.2 % up to
     0.3, where the data end, then level. It has no kink, which would cost integrators their order.
@@ -115,7 +117,7 @@ def goff_carre(reynolds: float, spin_parameter: float = 0.0) -> float:
     """Return C_D of Goff & Carre 2010, Eur. J. Phys. 31:775 (Teamgeist).
 
     0.155 + 0.346/(1 + exp((v - 12.19)/1.309)) without spin; 0.4127 Sp^0.3056 above 12.19 m/s and
-    Sp 0.05. The paper switches there; here both are joined (C1) within 10 % and 20 % of that.
+    Sp 0.05. The paper switches there; here both are joined (C3) within 10 % and 20 % of that.
     """
     v = reynolds / REYNOLDS_PER_SPEED
     level = 0.155 + 0.346 / (1.0 + math.exp(min((v - 12.19) / 1.309, 700.0)))

@@ -13,7 +13,7 @@ from kickdyn.aerodynamics.model import CoefficientModel
 
 _BALL = BALLS["brazuca"]
 _PLATEAU = _BALL.a
-_LEAST_DRAG = 0.1748588996
+LEAST_DRAG = 0.1748588996
 """Of the Brazuca without spin, at 17.75 m/s."""
 
 _without_spin = without_spin(_BALL)
@@ -28,7 +28,7 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
     ball without spin: lift and drag have their crisis together (Goff et al. 2017, Eur. J. Phys.
     38).
     """
-    drop = (_PLATEAU - _without_spin(reynolds)) / (_PLATEAU - _LEAST_DRAG)
+    drop = (_PLATEAU - _without_spin(reynolds)) / (_PLATEAU - LEAST_DRAG)
     return min(max(drop, 0.0), 1.0) * 0.47 * spin_parameter / (0.135 + spin_parameter)
 
 

@@ -124,3 +124,21 @@ def test_error_estimates_hold_for_fast_launches(speed):
         true = float(np.linalg.norm(path.landing.position - exact.landing.position))
         assert true <= path.error
         assert true < 100 * tol * np.linalg.norm(exact.landing.position)
+
+
+def test_error_estimates_hold_over_eight_decades_of_speed():
+    rng = np.random.default_rng(11)
+    ratios = []
+    for _ in range(80):
+        ahead = rng.normal(size=3) * [1, 1, 0] + [0, 0, rng.uniform(0.2, 2)]
+        velocity = 10 ** rng.uniform(-4, 4) * ahead / np.linalg.norm(ahead)
+        spin = rng.normal(size=3) * rng.choice([0, 30, 3000])
+        state = kd.BallState((0, 0, BALL.radius + rng.uniform(0, 30)), velocity, spin)
+        air, tol = kd.Air(wind=rng.normal(size=3) * rng.choice([0, 10])), 10 ** rng.uniform(-10, -4)
+        path, exact = (kd.fly(state, BALL, air, kd.Ground(), t) for t in (tol, 1e-13))
+        moved = exact.landing.position - state.position
+        true = float(np.linalg.norm(path.landing.position - exact.landing.position))
+        assert true <= path.error
+        assert true <= 300 * tol * max(np.abs(moved).max(), exact.height)
+        ratios.append(path.error / max(true, 1e-300))
+    assert np.median(ratios) < 100

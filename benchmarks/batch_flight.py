@@ -17,10 +17,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import kickdyn as kd
-from kickdyn.aerodynamics import drag, lift
+from kickdyn.accuracy.taylor import taylor
 from kickdyn.checks import Array
 from kickdyn.flight.batch import fly_many
-from kickdyn.flight.forces import GRAVITY, forces
+from kickdyn.flight.forces import forces
 
 BALL, AIR = kd.Ball(), kd.Air()
 MANY, FEW = 10_000, 200
@@ -54,57 +54,6 @@ def with_scipy(states: kd.BallState, method: str, rtol: float) -> Array:
         found = solve_ivp(rates, (0, 100), begin, method, rtol=rtol, atol=rtol, events=down)
         landed.append(found.y_events[0][0][:3])
     return np.array(landed)
-
-
-def with_heyoka(states: kd.BallState, tol: float) -> Callable[[], Array] | None:
-    """Return a function that gives landing points by a compiled Taylor integrator."""
-    try:
-        import heyoka as hy
-    except ImportError:
-        return None
-    names = hy.make_vars("x", "y", "z", "vx", "vy", "vz", "left")
-    z, vx, vy, vz, left = names[2:]
-    wx, wy, wz = (left * hy.par[i] for i in range(3))
-    speed = hy.sqrt(vx * vx + vy * vy + vz * vz)
-    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
-    across = hy.sqrt(mx * mx + my * my + mz * mz)
-    parameter = BALL.radius * across / (speed * speed)
-    fit = drag.BALLS["brazuca"]
-    v = 2 * BALL.radius * AIR.density / AIR.viscosity / drag.REYNOLDS_PER_SPEED * speed
-    beyond, slope = v - fit.v_min, (fit.b_max - fit.b_min) / (fit.v_max - fit.v_min)
-    crisis = (fit.a - fit.b_min) / (1.0 + hy.exp((v - fit.v_c) / fit.v_s))
-    level = crisis + fit.b_min + slope * beyond / (1.0 + hy.exp(-beyond / fit.v_s))
-    part = (parameter / drag.SPIN_DRAG_LIMIT) ** 2.0
-    eighth = hy.sqrt(hy.sqrt(hy.sqrt(1.0 + part * part * part * part)))
-    cd = level + drag.SPIN_DRAG * parameter / eighth
-    gate = (fit.a - level) / (fit.a - lift._LEAST_DRAG)
-    cl = gate * 0.47 * parameter / (0.135 + parameter)
-    pressure = 0.5 * AIR.density * BALL.cross_section / BALL.mass
-    pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
-    g = GRAVITY * (1.0 - AIR.density * BALL.volume / BALL.mass)
-    brake = AIR.density * BALL.cross_section * BALL.radius**2 / BALL.inertia * 0.010 * speed
-    creep = 8.0 * math.pi * AIR.viscosity * BALL.radius**3 / BALL.inertia
-    rates = [vx, vy, vz, push * mx - pull * vx, push * my - pull * vy, push * mz - pull * vz - g]
-    rates.append(-(brake + creep) * left)
-    event = hy.t_event(z, direction=hy.event_direction.negative)
-    system = list(zip(names, rates, strict=True))
-    ta = hy.taylor_adaptive(system, [0.0] * 5 + [1.0, 1.0], tol=tol, t_events=[event])
-    begin = np.column_stack([states.position, states.velocity, np.ones(len(states.position))])
-    spins = states.spin
-
-    def run() -> Array:
-        landed = np.empty((len(begin), 3))
-        state, pars = ta.state, ta.pars
-        for i in range(len(begin)):
-            ta.reset_cooldowns()
-            ta.time = 0.0
-            state[:] = begin[i]
-            pars[:] = spins[i]
-            ta.propagate_until(100.0)
-            landed[i] = state[:3]
-        return landed
-
-    return run
 
 
 def timed(run: Callable[[], Array], repeats: int) -> tuple[float, Array]:
@@ -142,9 +91,9 @@ def main() -> None:
 
     row("fly", 1e-9, FEW, one_by_one, 1)
     for tol in (1e-6, 1e-9, 1e-12):
-        run = with_heyoka(states, tol)
-        if run is not None:
-            row("heyoka", tol, MANY, run, 3)
+        flown = taylor(BALL, AIR, tol)
+        if flown is not None:
+            row("heyoka", tol, MANY, lambda run=flown: run(states)[0], 3)  # type: ignore[misc]
     for tol in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12):
         row("fly_many", tol, MANY,
             lambda t=tol: fly_many(states, BALL, AIR, tol=t).landing_position.values, 5)  # type: ignore[misc]  # fmt: skip

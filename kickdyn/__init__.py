@@ -10,10 +10,10 @@ from kickdyn.errors import InvalidInput as InvalidInput
 from kickdyn.errors import KickdynError as KickdynError
 from kickdyn.errors import NoImpact as NoImpact
 from kickdyn.errors import UrdfError as UrdfError
-from kickdyn.flight.fly import Flight as Flight
 from kickdyn.flight.fly import fly as fly
 from kickdyn.flight.follow import Course as Course
 from kickdyn.flight.follow import follow as follow
+from kickdyn.flight.path import Flight as Flight
 from kickdyn.ground import Ground as Ground
 from kickdyn.ground import Surface as Surface
 from kickdyn.impact.engine import EngineImpact as EngineImpact
@@ -23,6 +23,7 @@ from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
 from kickdyn.leg import Leg as Leg
+from kickdyn.plane import Plane as Plane
 from kickdyn.planning.launch import LaunchPlan as LaunchPlan
 from kickdyn.planning.launch import plan_launch as plan_launch
 from kickdyn.posture import Posture as Posture

@@ -22,7 +22,8 @@ from kickdyn.ball import Ball
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
-from kickdyn.flight.fly import Flight, fly
+from kickdyn.flight.fly import fly
+from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
 from kickdyn.leg import Leg, shipped_urdf
 from kickdyn.sweep.grid import Grid, grid
@@ -195,7 +196,7 @@ def _shown(lines: Sequence[Line], kick: Kick) -> Shown:
     for line in lines:
         hit = line.outcome.hit
         if hit is not None:
-            return hit, kick.ball, fly(hit.ball, kick.ball, kick.air)
+            return hit, kick.ball, fly(hit.ball, kick.ball, kick.air, orientation=True)
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 

@@ -1,4 +1,7 @@
-"""Flight: error of the landing point against time, for each integrator and tolerance."""
+"""Flight: error of the landing point against time, for each integrator and tolerance.
+
+heyoka is among them where it is installed.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from kickdyn.accuracy.taylor import taylor
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
@@ -31,7 +35,7 @@ class Measured:
         method: integrator.
         tol: relative tolerance it was asked for.
         error: largest distance of a landing from the reference's [m].
-        evaluations: of the acceleration, per flight.
+        evaluations: of the acceleration, per flight; of heyoka, its steps.
         seconds: per flight.
         pareto: whether no other is both faster and more exact.
     """
@@ -70,7 +74,7 @@ def measure(
     ball, air, states = Ball(), Air(), kicks()
     exact = np.array([fly(s, ball, air, tol=REFERENCE).landing.position for s in states])
     rows = []
-    for name, flown in _methods(ball, air).items():
+    for name, flown in _methods(ball, air, tolerances).items():
         if told is not None:
             told(name)
         flown(states, max(tolerances))  # compiles, loads
@@ -86,10 +90,13 @@ def measure(
 Flown = Callable[[list[BallState], float], tuple[Array, float, int]]
 
 
-def _methods(ball: Ball, air: Air) -> dict[str, Flown]:
+def _methods(ball: Ball, air: Air, tolerances: Sequence[float]) -> dict[str, Flown]:
     methods: dict[str, Flown] = {name: _scipy(name, ball, air) for name in SCIPY}
     methods["kd.fly"] = _fly(ball, air)
     methods["kd.fly_many"] = _many(ball, air)
+    compiled = {tol: run for tol in tolerances if (run := taylor(ball, air, tol)) is not None}
+    if compiled:
+        methods["heyoka"] = _heyoka(compiled)
     return methods
 
 
@@ -129,17 +136,28 @@ def _many(ball: Ball, air: Air) -> Flown:
     from kickdyn.flight.batch import fly_many
 
     def flown(states: list[BallState], tol: float) -> tuple[Array, float, int]:
-        copies = MANY // len(states)
-        position, velocity, spin = (
-            np.tile([getattr(state, name) for state in states], (copies, 1))
-            for name in ("position", "velocity", "spin")
-        )
-        together = BallState(position, velocity, spin, np.zeros(len(position)))
-        data = fly_many(together, ball, air, tol=tol)
+        data = fly_many(_copied(states), ball, air, tol=tol)
         landings = data.landing_position.values[: len(states)]
         return landings, float(data.evaluations.mean()), len(data.flight)
 
     return flown
+
+
+def _heyoka(compiled: dict[float, Callable[[BallState], tuple[Array, int]]]) -> Flown:
+    def flown(states: list[BallState], tol: float) -> tuple[Array, float, int]:
+        landings, steps = compiled[tol](_copied(states))
+        return landings[: len(states)], steps / len(landings), len(landings)
+
+    return flown
+
+
+def _copied(states: list[BallState]) -> BallState:
+    copies = MANY // len(states)
+    position, velocity, spin = (
+        np.tile([getattr(state, name) for state in states], (copies, 1))
+        for name in ("position", "velocity", "spin")
+    )
+    return BallState(position, velocity, spin, np.zeros(len(position)))
 
 
 def _marked(row: Measured, rows: list[Measured]) -> Measured:

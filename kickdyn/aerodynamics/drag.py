@@ -38,8 +38,8 @@ def brown_lawler(reynolds: float, spin_parameter: float = 0.0) -> float:
 def sphere(reynolds: float, spin_parameter: float = 0.0) -> float:
     """Return C_D of a smooth sphere, exactly Stokes' for Re < 1 as in Eq. (14).
 
-    The correction of Brown & Lawler fades in between Re 1 and 10 (C1). Near Re = 1 this is up to
-    16 % below their correlation; `brown_lawler` alone has no such join.
+    The correction of Brown & Lawler fades in between Re 1 and 10 (C3). Near Re = 2 this is up to
+    17 % below their correlation; `brown_lawler` alone has no such join.
     """
     weight = smoothstep(reynolds, 1.0, 10.0)
     creeping = stokes(reynolds)
@@ -70,7 +70,7 @@ class SoccerBall:
 def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     """Return C_D(Re) of a ball that does not spin, for Re above 7e4.
 
-    Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C1).
+    Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C4).
     """
     a, v_c, v_s, b_min, b_max, v_min, v_max = (float(part) for part in astuple(ball))
     slope = (b_max - b_min) / (v_max - v_min)
@@ -78,7 +78,9 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
 
     def coefficient(reynolds: float) -> float:
         v = speed * reynolds
-        v = min(v, v_max) + (1.0 - math.exp(-max(v - v_max, 0.0)))
+        over = min(max(v - v_max, 0.0), 20.0)
+        near = over * (1.0 + over * (1 / 2 + over * (1 / 3 + over * (1 / 4))))
+        v = min(v, v_max) + (1.0 - math.exp(-near))  # over less its fifth power and so on
         beyond = v - v_min
         crisis = (a - b_min) / (1.0 + math.exp(steep * (v - v_c)))
         return crisis + b_min + slope * beyond / (1.0 + math.exp(-steep * beyond))
@@ -104,7 +106,7 @@ def spinning(ball: SoccerBall) -> Coefficient:
 
 
 def soccer(ball: SoccerBall) -> Coefficient:
-    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C1) between Re 2e4 and 7e4."""
+    """Return C_D(Re, Sp) of a ball: the sphere's at low Re, joined (C3) between Re 2e4 and 7e4."""
     fast = spinning(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
@@ -130,7 +132,7 @@ def goff_carre(reynolds: float, spin_parameter: float = 0.0) -> float:
     """Return C_D of Goff & Carre 2010, Eur. J. Phys. 31:775 (Teamgeist).
 
     0.155 + 0.346/(1 + exp((v - 12.19)/1.309)) without spin; 0.4127 Sp^0.3056 above 12.19 m/s and
-    Sp 0.05. The paper switches there; here both are joined (C1) within 10 % and 20 % of that.
+    Sp 0.05. The paper switches there; here both are joined (C3) within 10 % and 20 % of that.
     """
     v = reynolds / REYNOLDS_PER_SPEED
     level = 0.155 + 0.346 / (1.0 + math.exp(min((v - 12.19) / 1.309, 700.0)))

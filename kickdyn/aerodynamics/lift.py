@@ -13,10 +13,10 @@ from kickdyn.aerodynamics.model import CoefficientModel
 
 _BALL = BALLS["brazuca"]
 _PLATEAU = _BALL.a
-_LEAST_DRAG = 0.1748588996
+LEAST_DRAG = 0.1748588996
 """Of the Brazuca without spin, at 17.75 m/s."""
 
-_PER_DROP = 1.0 / (_PLATEAU - _LEAST_DRAG)
+_PER_DROP = 1.0 / (_PLATEAU - LEAST_DRAG)
 
 _without_spin = without_spin(_BALL)
 _teamgeist = without_spin(BALLS["teamgeist"])

@@ -10,17 +10,22 @@ from kickdyn.checks import Array
 
 
 def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
-    """Return when a body is `drop` below its start, on its way down [s].
+    """Return when a body first is `drop` below its start while moving down [s]; inf if never.
+
+    Down is any direction: a plane's, where `drop` is the gap, and `rise_speed` and `g` are the
+    components across it.
 
     Args:
         rise_speed: upward speed at the start [m/s].
         drop: 0 or more [m].
-        g: downward acceleration, above 0 [m/s2].
+        g: downward acceleration [m/s2].
     """
-    root = math.sqrt(rise_speed * rise_speed + 2.0 * g * drop)
-    if rise_speed >= 0.0:
-        return (rise_speed + root) / g
-    return 2.0 * drop / (root - rise_speed)  # the same, without cancellation
+    square = rise_speed * rise_speed + 2.0 * g * drop
+    if rise_speed < 0.0:
+        if square < 0.0:
+            return math.inf
+        return 2.0 * drop / (math.sqrt(square) - rise_speed)  # Eq. (24), without cancellation
+    return (rise_speed + math.sqrt(square)) / g if g > 0.0 else math.inf
 
 
 def ballistic(velocity: Array, g: float, t: Array) -> Array:

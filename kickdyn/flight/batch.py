@@ -15,8 +15,10 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
+from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.forces import downward
 from kickdyn.flight.march import march
+from kickdyn.flight.scale import tolerances
 from kickdyn.flight.steps import ALOFT, FAILED, LANDED
 from kickdyn.ground import Ground
 from kickdyn.version import __version__
@@ -50,9 +52,9 @@ def fly_many(
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
-        acceleration was not finite, the integrator gave up, or the flight left the range of a
-        coefficient that refuses that, and the numbers are nan; where it is `aloft`, the landing is
-        merely the last state.
+        acceleration was not finite, the integrator gave up, the launch was faster than light, or
+        the flight left the range of a coefficient that refuses that, and the numbers are nan;
+        where it is `aloft`, the landing is merely the last state.
 
     Raises:
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
@@ -74,8 +76,10 @@ def fly_many(
     if closed.any():
         g = downward(ball, air)
         nodes[closed], status[closed] = _fall(states.velocity[closed], g, drop[closed], time_limit)
-    if air is not None and not closed.all():
-        rows = np.flatnonzero(~closed)
+    too_fast = ~closed & (checks.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
+    status[too_fast] = FAILED
+    rows = np.flatnonzero(~closed & ~too_fast)
+    if air is not None and len(rows):
         rtol = max(tol, 100 * float(np.finfo(float).eps))
         solved, ends, counts = np.empty((len(rows), 16)), status[rows], evaluations[rows]
         scenes = _scenes(states, ball, air, drop, tol)[rows]
@@ -161,15 +165,10 @@ def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) ->
         wind = np.array([_speed(air, height) for height in states.position[:, 2].tolist()])
     else:
         wind = np.full(n, math.hypot(*air.wind))
-    g = abs(downward(ball, air))
-    # `integrate.tolerances`, for all at once
-    with np.errstate(over="ignore"):  # spoils its own row only
-        pace = np.maximum(np.maximum(checks.length(states.velocity), wind), np.sqrt(2.0 * g * drop))
-        pace = np.maximum(pace, 1e-100)
-        length = np.maximum(pace * pace / max(g, 1e-300), drop)
+    _, near, slow = tolerances(states.velocity, drop, wind, ball, air, tol)
     count = np.where(planar, 4.0, 6.0) + decays
     height = states.position[:, 2]
-    columns = [height, states.spin, decays, drop, count, tol * length, tol * pace]
+    columns = [height, states.spin, decays, drop, count, near, slow]
     return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
 
 

@@ -13,9 +13,11 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.bounce import bounce
-from kickdyn.flight.fly import Flight, fly
+from kickdyn.flight.fly import fly, wall_of
+from kickdyn.flight.path import Flight
 from kickdyn.flight.roll import Glide, roll, slide
 from kickdyn.ground import Ground, Surface
+from kickdyn.plane import Plane
 
 LEAST_REBOUND = 0.15
 """Upward speed after a bounce below which the ball stays down [m/s]; it would hop about 1 mm."""
@@ -25,11 +27,11 @@ MOST_BOUNCES = 200
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """All a ball does until it rests; times count from the launch.
+    """All a ball does until it rests or meets a plane; times count from the launch.
 
     Attributes:
-        status: `at rest`; `aloft`, where a flight would not come down; `bouncing`, where
-            `MOST_BOUNCES` were not enough.
+        status: `at rest`; `at plane`, where that ended it; `aloft`, where a flight would not come
+            down; `bouncing`, where `MOST_BOUNCES` were not enough.
         flights: one before each bounce.
         bounces: the ball just after each touch of the ground that sent it up again.
         glides: slide and roll, if it came to that.
@@ -85,6 +87,7 @@ def follow(
     ground: Ground | None = None,
     tol: float = 1e-9,
     *,
+    plane: Plane | None = None,
     time_limit: float = 1000.0,
 ) -> Course:
     """Let a ball fly, bounce and roll until it rests.
@@ -95,6 +98,7 @@ def follow(
         air: None is the vacuum.
         ground: with a surface; turf at height 0 when not named.
         tol: relative tolerance of every flight.
+        plane: a wall or a goal line that ends it all, flying, sliding or rolling.
         time_limit: of every flight [s].
 
     Raises:
@@ -108,11 +112,11 @@ def follow(
     bounces: list[BallState] = []
     clock = 0.0
     while True:
-        path = fly(state, ball, air, ground, tol, time_limit=time_limit)
+        path = fly(state, ball, air, ground, tol, plane=plane, time_limit=time_limit)
         flights.append(path)
         clock += path.duration
-        if path.status == "aloft":
-            return _done("aloft", flights, bounces, [], path.landing, clock)
+        if path.status != "landed":
+            return _done(path.status, flights, bounces, [], path.landing, clock)
         state = bounce(path.landing, ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
             break
@@ -120,13 +124,15 @@ def follow(
             return _done("bouncing", flights, bounces, [], path.landing, clock)
         bounces.append(BallState(state.position, state.velocity, state.spin, clock))
     glides: list[Glide] = []
-    sliding = slide(state, ball, air, surface)
+    sliding = slide(state, ball, air, surface, wall_of(plane, ball, state))
     if sliding is not None:
         glides.append(sliding)
         state = sliding.end
-    glides.append(roll(state, ball, air, surface, tol))
+    if not (glides and glides[-1].at_wall):
+        glides.append(roll(state, ball, air, surface, tol, wall_of(plane, ball, state)))
     clock += sum(glide.duration for glide in glides)
-    return _done("at rest", flights, bounces, glides, glides[-1].end, clock)
+    status = "at plane" if glides[-1].at_wall else "at rest"
+    return _done(status, flights, bounces, glides, glides[-1].end, clock)
 
 
 def _done(

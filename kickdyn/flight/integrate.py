@@ -18,9 +18,20 @@ METHOD = "DOP853"
 MAX_EVALUATIONS = 1_000_000
 """Of the acceleration; a ball in syrup would take an explicit method for ever."""
 
-Event = Callable[[Array], float]
-
 Rates = Callable[[float, Sequence[float]], list[float]]
+
+
+class Event(NamedTuple):
+    """What happens where a value, of the states, falls through zero.
+
+    Attributes:
+        value: what falls.
+        rate: its rate of change, where the states tell it: then a value that falls and rises again
+            within a step is seen too, as of a ball that grazes a wall.
+    """
+
+    value: Callable[[Array], float]
+    rate: Callable[[Array], float] | None = None
 
 
 class Arc(NamedTuple):
@@ -31,7 +42,7 @@ class Arc(NamedTuple):
         state: there, shape `(m,)`.
         trajectory: the states at many times, shape `(m, n)`.
         evaluations: of the acceleration.
-        reached: whether the event came before the time limit.
+        reached: the event that ended it; None where the time limit did.
         crests: time and state wherever the ball was highest for a while.
     """
 
@@ -39,12 +50,12 @@ class Arc(NamedTuple):
     state: Array
     trajectory: Callable[[Array], Array]
     evaluations: int
-    reached: bool
+    reached: Event | None
     crests: list[tuple[float, Array]]
 
 
 def fly_until(
-    event: Event,
+    events: Sequence[Event],
     climb: int,
     rates: Rates,
     start: tuple[float, Array],
@@ -52,10 +63,10 @@ def fly_until(
     rtol: float,
     atol: Array,
 ) -> Arc:
-    """Integrate until `event` falls through zero, or to the time limit.
+    """Integrate until the first of `events`, or to the time limit.
 
     Args:
-        event: of the states.
+        events: any of them ends the flight.
         climb: index of the upward speed, whose falling through zero marks a crest.
         rates: derivative of the states.
         start: time and states to begin with.
@@ -91,22 +102,39 @@ def fly_until(
                 )
             piece = solver.dense_output()
             pieces.append(piece)
-            if _falls(upward, before, state):
-                crest = _root(upward, piece)
-                crests.append((crest, piece(crest)))
-            if _falls(event, before, state):
-                end = max(_root(event, piece), math.nextafter(piece.t_old, math.inf))
+            end, event = min(
+                ((_when(event, piece, before, state), event) for event in events),
+                key=lambda found: found[0],
+            )
+            crest = _when(Event(upward), piece, before, state)
+            if end < math.inf:
+                end = max(end, math.nextafter(piece.t_old, math.inf))
                 pieces.pop()
-                final, calls = _landed(event, rates, (piece.t_old, before), end, rtol, atol)
+                node, calls = (piece.t_old, before), solver.nfev
+                final, more = _landed(event.value, rates, node, end, rtol, atol)
+                for other in events:  # which the interpolant saw after this one
+                    last = final[-1](final[-1].t)
+                    if other is not event and other.value(before) >= 0.0 > other.value(last):
+                        event, end, calls = other, final[-1].t, calls + more
+                        final, more = _landed(event.value, rates, node, end, rtol, atol)
                 pieces += final
                 path = OdeSolution([began, *(p.t for p in pieces)], pieces)
-                return Arc(path.t_max, path(path.t_max), path, solver.nfev + calls, True, crests)
+                if crest <= path.t_max:
+                    crests.append((crest, piece(crest)))
+                return Arc(path.t_max, path(path.t_max), path, calls + more, event, crests)
+            if crest < math.inf:
+                crests.append((crest, piece(crest)))
     path = OdeSolution([began, *(p.t for p in pieces)], pieces)
-    return Arc(time_limit, state, path, solver.nfev, False, crests)
+    return Arc(time_limit, state, path, solver.nfev, None, crests)
 
 
 def _landed(
-    event: Event, rates: Rates, start: tuple[float, Array], end: float, rtol: float, atol: Array
+    event: Callable[[Array], float],
+    rates: Rates,
+    start: tuple[float, Array],
+    end: float,
+    rtol: float,
+    atol: Array,
 ) -> tuple[list[Any], int]:
     """Step anew to the event, which was found on an interpolant, to the integrator's own accuracy.
 
@@ -139,17 +167,30 @@ def _landed(
     return pieces, calls
 
 
-def _falls(event: Event, before: Array, after: Array) -> bool:
-    return event(before) >= 0.0 >= event(after) and event(before) > event(after)
+def _when(event: Event, piece: Any, before: Array, after: Array) -> float:
+    """Return when an event comes within a step, inf if it does not."""
+    if _falls(event.value, before, after):
+        return _root(event.value, piece, piece.t)
+    if event.rate is None or not event.rate(before) < 0.0 < event.rate(after):
+        return math.inf
+    rate = event.rate
+    lowest = float(brentq(lambda t: rate(piece(t)), piece.t_old, piece.t, xtol=1e-300, disp=False))
+    if event.value(piece(lowest)) > 0.0:
+        return math.inf
+    return _root(event.value, piece, lowest)
 
 
-def _root(event: Event, piece: Any) -> float:
-    """Return when `event` falls through zero within a step, to the last digit."""
+def _falls(value: Callable[[Array], float], before: Array, after: Array) -> bool:
+    return value(before) >= 0.0 >= value(after) and value(before) > value(after)
+
+
+def _root(of: Callable[[Array], float], piece: Any, ended: float) -> float:
+    """Return when a value falls through zero between the start of a step and `ended`."""
 
     def value(t: float) -> float:
-        return event(piece(t))
+        return of(piece(t))
 
-    began, ended = piece.t_old, piece.t
+    began = piece.t_old
     # An event that is zero at the start, as a level launch that lift carries up, must rise first.
     times = (began, *(began + (ended - began) * 0.5**k for k in range(1, 60)))
     low = next((t for t in times if value(t) > 0.0), None)
@@ -158,14 +199,3 @@ def _root(event: Event, piece: Any) -> float:
     if value(ended) >= 0.0:
         return float(ended)
     return float(brentq(value, low, ended, xtol=1e-300, disp=False))
-
-
-def tolerances(
-    launch: Array, drop: float, g: float, wind: float, tol: float
-) -> tuple[float, float, float]:
-    """Return rtol, and atol of displacement and of velocity: relative to the flight's own."""
-    # scipy divides by atol: never 0, not even for a balloon that starts at rest
-    pace = max(math.hypot(*launch), wind, math.sqrt(2.0 * abs(g) * drop), 1e-100)
-    length = max(pace * pace / max(abs(g), 1e-300), drop)
-    # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here
-    return max(tol, 100 * np.finfo(float).eps), tol * length, tol * pace

@@ -10,7 +10,7 @@ from kickdyn import checks
 from kickdyn.aerodynamics.model import CoefficientModel
 
 if TYPE_CHECKING:
-    from kickdyn.flight.fly import Flight
+    from kickdyn.flight.path import Flight
 
 
 def outside(path: Flight) -> list[tuple[CoefficientModel, float]]:

@@ -12,9 +12,10 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
+from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import slip
 from kickdyn.flight.forces import downward, forces
-from kickdyn.flight.integrate import fly_until
+from kickdyn.flight.integrate import Event, fly_until
 from kickdyn.ground import Surface
 
 
@@ -25,12 +26,14 @@ class Glide:
     Attributes:
         start, end: the ball there.
         kind: `slide` or `roll`.
+        at_wall: whether it ended there.
     """
 
     start: BallState
     end: BallState
     kind: str
     _states: Any
+    at_wall: bool = False
 
     @property
     def duration(self) -> float:
@@ -42,10 +45,17 @@ class Glide:
         return self._states(t)  # type: ignore[no-any-return]
 
 
-def slide(state: BallState, ball: Ball, air: Air | None, surface: Surface) -> Glide | None:
+def slide(
+    state: BallState,
+    ball: Ball,
+    air: Air | None,
+    surface: Surface,
+    wall: tuple[Array, float] | None = None,
+) -> Glide | None:
     """Return the stretch in which friction turns sliding into rolling; None if it rolls already.
 
-    Its deceleration mu g is constant; the air's share of it is left out.
+    Its deceleration mu g is constant; the air's share of it is left out. A wall, normal and gap
+    [m], may end it before.
     """
     ux, uy = slip(state, ball)
     sliding = math.hypot(ux, uy)
@@ -68,14 +78,27 @@ def slide(state: BallState, ball: Ball, air: Air | None, surface: Surface) -> Gl
 
     if push <= 0.0:
         return None
-    end = states(np.array([sliding / (push * (1.0 + shell))]))
-    return Glide(_with_time(state, 0.0), _single(end), "slide", states)
+    last = sliding / (push * (1.0 + shell))
+    reached = math.inf
+    if wall is not None:
+        normal, gap = wall
+        reached = time_to_fall(float(normal @ level), gap, float(normal @ speed_change))
+    end = states(np.array([min(last, reached)]))
+    return Glide(_with_time(state, 0.0), _single(end), "slide", states, reached <= last)
 
 
-def roll(state: BallState, ball: Ball, air: Air | None, surface: Surface, tol: float) -> Glide:
+def roll(
+    state: BallState,
+    ball: Ball,
+    air: Air | None,
+    surface: Surface,
+    tol: float,
+    wall: tuple[Array, float] | None = None,
+) -> Glide:
     """Return the stretch from rolling to rest, slowed by the surface and, with air, by drag.
 
-    The ball keeps its direction: a side wind does not turn it.
+    The ball keeps its direction: a side wind does not turn it. A wall, normal and gap [m], may end
+    it before.
     """
     level = np.array([state.velocity[0], state.velocity[1], 0.0])
     speed = math.hypot(*level)
@@ -98,16 +121,23 @@ def roll(state: BallState, ball: Ball, air: Air | None, surface: Surface, tol: f
     longest = speed / 1e-3
     length = speed * speed / (2 * surface.rolling_deceleration)
     atol = tol * np.array([length, speed])
-    arc = fly_until(
-        lambda y: float(y[1]), 1, rates, (0.0, np.array([0.0, speed])), longest, tol, atol
-    )
+    stop = Event(lambda y: float(y[1]))
+    events = [stop]
+    if wall is not None:
+        normal, gap = wall
+        towards = -float(normal @ along)
+        if towards > 0.0:
+            events.append(Event(lambda y: gap - towards * float(y[0])))
+    arc = fly_until(events, 1, rates, (0.0, np.array([0.0, speed])), longest, tol, atol)
+    resting = arc.reached is stop or arc.reached is None
 
     def states(t: Array) -> BallState:
         moved, v = arc.trajectory(np.minimum(t, arc.end))
-        v = np.where(t >= arc.end, 0.0, v)[:, None]
+        v = np.where((t >= arc.end) & resting, 0.0, v)[:, None]
         return BallState(state.position + moved[:, None] * along, v * along, v * axis, t)
 
-    return Glide(_with_time(state, 0.0), _single(states(np.array([arc.end]))), "roll", states)
+    last = _single(states(np.array([arc.end])))
+    return Glide(_with_time(state, 0.0), last, "roll", states, not resting)
 
 
 def _resting(still: BallState, t: Array) -> BallState:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from matplotlib.figure import Figure
 
-from kickdyn.flight.fly import Flight, fly
+from kickdyn.flight.fly import fly
+from kickdyn.flight.path import Flight
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.paper.assumptions import (
     ALTERNATIVES,

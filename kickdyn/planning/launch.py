@@ -15,8 +15,9 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.fly import Flight, fly
+from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import GRAVITY
+from kickdyn.flight.path import Flight
 
 Method = Literal["newton", "learned"]
 

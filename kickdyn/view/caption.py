@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from kickdyn.flight.fly import Flight
+from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
 from kickdyn.view.kick_scene import Drawn
 from kickdyn.view.marks import ARROW, CURVE

@@ -12,7 +12,7 @@ from meshcat.animation import Animation
 
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
-from kickdyn.flight.fly import Flight
+from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
 from kickdyn.view import motion
 from kickdyn.view.ball_figure import draw_ball

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from kickdyn.ball import BallState
 from kickdyn.checks import Array
-from kickdyn.flight.fly import Flight
+from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
 
 RATE = 60
@@ -97,7 +97,8 @@ def ball_place(before: BallState, path: Flight, time: float) -> Array:
     state = before if time < 0 else path.launch
     place = np.eye(4)
     seen = time if time < 0 else min(time, path.duration)
-    place[:3, :3] = pin.exp3(state.spin * seen)
+    known = time >= 0 and path.turning
+    place[:3, :3] = path.orientation(seen).as_matrix() if known else pin.exp3(state.spin * seen)
     place[:3, 3] = (
         before.position + before.velocity * time if time < 0 else path.sample(seen).position
     )

@@ -34,8 +34,22 @@ def test_smoothstep_climbs_from_0_to_1(x, more):
     assert 0 <= below <= above <= 1
 
 
+S = 0.25
+
+
 @pytest.mark.parametrize(
-    ("x", "weight"), [(0.5, 0), (1, 0), (math.sqrt(10), 0.5), (10**0.25, 5 / 32), (10, 1), (99, 1)]
+    ("x", "weight"),
+    [
+        *((0.5, 0), (1, 0), (math.sqrt(10), 0.5), (10, 1), (99, 1)),
+        (10**S, 35 * S**4 - 84 * S**5 + 70 * S**6 - 20 * S**7),
+    ],
 )
-def test_smoothstep_is_a_cubic_of_the_logarithm(x, weight):
+def test_smoothstep_is_a_polynomial_of_the_logarithm(x, weight):
     assert smoothstep(x, 1.0, 10.0) == pytest.approx(weight, rel=1e-14)
+
+
+def test_three_derivatives_of_smoothstep_vanish_at_both_ends():
+    """So that near them it is flatter than any cubic: h^4 and no less."""
+    for h in (1e-2, 1e-3):
+        assert smoothstep(10.0**h, 1.0, 10.0) == pytest.approx(35 * h**4, rel=3 * h)
+        assert 1 - smoothstep(10.0 ** (1 - h), 1.0, 10.0) == pytest.approx(35 * h**4, rel=0.05)

@@ -313,3 +313,16 @@ def test_importing_kickdyn_imports_neither_numba_nor_xarray():
     code = "import sys, kickdyn; print({'numba', 'xarray'} & set(sys.modules))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "set()"
+
+
+def test_any_speed_that_fly_takes_and_no_other():
+    speeds = np.array([1e-6, 1e3, 1e6, 2.9e8, 3.1e8])
+    velocity = speeds[:, None] * [0.8, 0.1, 0.6]
+    states = kd.BallState(np.zeros((5, 3)), velocity, [(5, -40, 20)] * 5, np.zeros(5))
+    many = agree(states, BALL, AIR, tol=1e-13, rows=range(4), length=1e-6)
+    assert many.status.values.tolist() == [0, 0, 0, 0, 2]
+    assert np.isnan(many.landing_position.values[4]).all()
+    with pytest.raises(kd.InvalidInput, match=r"launch speed is 3.1\d*e\+08 m/s"):
+        kd.fly(of(states, 4), BALL, AIR)
+    level = kd.BallState([(0, 0, 0)], [(1e9, 0, 0)], [(0, 0, 0)], [0])  # never leaves
+    assert int(fly_many(level, BALL, AIR).status[0]) == 2

@@ -328,7 +328,7 @@ def test_any_launch_lands_where_it_should(velocity, spin, wind, height, drag):
     assert heights.max() < start.position[2] + path.height + 1e-4
 
 
-# --- error, warnings, arrival -------------------------------------------------------------------
+# --- error, warnings ----------------------------------------------------------------------------
 
 
 def test_error_is_never_below_the_true_one():
@@ -347,6 +347,15 @@ def test_error_is_never_below_the_true_one():
         assert path.error >= true
         ratios.append(path.error / max(true, 1e-16))
     assert np.median(ratios) < 100
+
+
+def test_the_error_of_a_flight_cut_short_is_that_of_where_it_is_cut():
+    """Not of the landing that a second, longer flight would come to."""
+    path = kd.fly(launch(), BALL, kd.Air(), tol=1e-6, time_limit=1.0)
+    exact = kd.fly(launch(), BALL, kd.Air(), tol=1e-13, time_limit=1.0)
+    true = np.linalg.norm(path.landing.position - exact.landing.position)
+    assert path.status == "aloft"
+    assert true <= path.error < 1e-3
 
 
 def test_error_of_the_closed_form_is_rounding():
@@ -368,16 +377,3 @@ def test_kiratidis_and_leinweber_refuse_much_spin():
     kd.fly(launch((28, 0, 4), (0, -30, 0)), BALL, air)
     with pytest.raises(kd.InvalidInput, match=r"lift kiratidis-leinweber: .* outside"):
         kd.fly(launch((28, 0, 4), (0, -120, 0)), BALL, air)
-
-
-def test_arrival_at_a_plane():
-    path = kd.fly(launch((25, 3, 10), (0, -20, 10)), BALL, kd.Air(), tol=1e-12)
-    there = path.arrival(20.0)
-    assert there.position[0] == pytest.approx(20.0, abs=1e-12)
-    assert there.position == pytest.approx(path.sample(there.time).position)
-    assert path.arrival(path.landing.position[0] + 1) is None
-    assert path.arrival(0.0).time == 0.0
-    vacuum = kd.fly(launch((10, 0, 10)), BALL)
-    assert vacuum.arrival(5.0).position[2] - vacuum.launch.position[2] == pytest.approx(
-        5 - 9.81 / 8, rel=1e-12
-    )

@@ -118,3 +118,14 @@ def test_a_ball_that_came_is_shown_coming():
     np.testing.assert_allclose(before.spin, spin, atol=1e-8)
     early = motion.ball_place(before, kd.fly(hit.ball, ball), -0.1)[:3, 3]
     np.testing.assert_allclose(early, hit.ball.position - 0.1 * np.array(velocity))
+
+
+def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):
+    hit, ball, _ = struck
+    thick = kd.Air(torque=lambda reynolds, spin_parameter: 1.0)  # a hundred times the default
+    launch = kd.BallState(hit.ball.position, hit.ball.velocity, (0, -3, 0))
+    path = kd.fly(launch, ball, thick, orientation=True)
+    end = motion.ball_place(hit.ball_before, path, path.duration + 1)[:3, :3]
+    np.testing.assert_allclose(end, path.orientation(path.duration).as_matrix())
+    turned = path.orientation(path.duration).magnitude()
+    assert 0 < turned < 0.9 * 3 * path.duration < math.pi

@@ -1,0 +1,85 @@
+"""Flights of the default ball by heyoka, a compiled Taylor integrator; not a dependency."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics.torque import smits_smith
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.flight.forces import downward
+
+
+def equations(hy: Any, ball: Ball, air: Air) -> list[tuple[Any, Any]]:
+    """Return the equations of motion in still air as heyoka's expressions.
+
+    They are those of `forces` for the drag `brazuca`, the lift `saturating` and the torque
+    `smits-smith` between Re 7e4 and 5.1e5, where these are one analytic formula each. The states
+    are displacement, velocity and spin over that of the launch, which is `par[0:3]`.
+    """
+    names = hy.make_vars("x", "y", "z", "vx", "vy", "vz", "left")
+    vx, vy, vz, left = names[3:]
+    wx, wy, wz = (left * hy.par[i] for i in range(3))
+    speed = hy.sqrt(vx * vx + vy * vy + vz * vz)
+    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+    across = hy.sqrt(mx * mx + my * my + mz * mz)
+    parameter = ball.radius * across / (speed * speed)
+    fit = drag.BALLS["brazuca"]
+    v = 2 * ball.radius * air.density / air.viscosity / drag.REYNOLDS_PER_SPEED * speed
+    beyond, slope = v - fit.v_min, (fit.b_max - fit.b_min) / (fit.v_max - fit.v_min)
+    crisis = (fit.a - fit.b_min) / (1.0 + hy.exp((v - fit.v_c) / fit.v_s))
+    level = crisis + fit.b_min + slope * beyond / (1.0 + hy.exp(-beyond / fit.v_s))
+    part = (parameter / drag.SPIN_DRAG_LIMIT) ** 2.0
+    eighth = hy.sqrt(hy.sqrt(hy.sqrt(1.0 + part * part * part * part)))
+    cd = level + drag.SPIN_DRAG * parameter / eighth
+    gate = (fit.a - level) / (fit.a - lift.LEAST_DRAG)
+    cl = gate * 0.47 * parameter / (0.135 + parameter)
+    pressure = 0.5 * air.density * ball.cross_section / ball.mass
+    pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
+    beta = air.density * ball.cross_section * ball.radius**2 / ball.inertia * smits_smith(1e5, 0.0)
+    creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
+    rates = [
+        *(vx, vy, vz),
+        push * mx - pull * vx,
+        push * my - pull * vy,
+        push * mz - pull * vz - downward(ball, air),
+        -(beta * speed + creep) * left,
+    ]
+    return list(zip(names, rates, strict=True))
+
+
+def taylor(ball: Ball, air: Air, tol: float) -> Callable[[BallState], tuple[Array, int]] | None:
+    """Return a function of many launches: landing points and steps; None without heyoka.
+
+    The flights end at the height of their launch.
+    """
+    try:
+        import heyoka as hy
+    except ImportError:
+        return None
+    z = hy.make_vars("z")
+    event = hy.t_event(z, direction=hy.event_direction.negative)
+    start = [0.0] * 5 + [1.0, 1.0]
+    ta = hy.taylor_adaptive(equations(hy, ball, air), start, tol=tol, t_events=[event])
+
+    def fly(states: BallState) -> tuple[Array, int]:
+        landed = np.empty_like(states.position)
+        begin = np.column_stack([0 * states.position, states.velocity, np.ones(len(landed))])
+        spins = states.spin
+        state, spin, steps = ta.state, ta.pars, 0
+        for i in range(len(begin)):
+            ta.reset_cooldowns()
+            ta.time = 0.0
+            state[:] = begin[i]
+            spin[:] = spins[i]
+            steps += ta.propagate_until(100.0)[3]
+            landed[i] = state[:3]
+        return states.position + landed, steps
+
+    return fly

@@ -1,0 +1,156 @@
+"""What a flight answers, once it is flown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.forces import brakes
+from kickdyn.flight.ranges import outside, said
+from kickdyn.ground import Ground
+from kickdyn.plane import Plane
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A ball's way through the air; all times count from the launch.
+
+    Attributes:
+        launch: the start.
+        apex: the highest point; the launch if the ball never rises.
+        landing: the end, a node too: on the ground, back at the height of the launch, or at the
+            plane.
+        status: `landed`; `at plane`, where that came first; `aloft`, where the time limit did:
+            `landing` is then merely the last state.
+        method: how it was computed.
+        evaluations: of the acceleration; 0 for the closed form.
+        ball, air, ground, plane, tol: what was flown, and how exactly.
+        turning: whether `orientation` was asked for.
+    """
+
+    ball: Ball
+    air: Air | None
+    ground: Ground | None
+    plane: Plane | None
+    tol: float
+    turning: bool
+    launch: BallState
+    apex: BallState
+    landing: BallState
+    status: str
+    method: str
+    evaluations: int
+    _trajectory: Callable[[Array], Array] = field(repr=False)
+    _again: Callable[..., Flight] = field(repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Time from launch to landing [s]."""
+        return float(self.landing.time)
+
+    @property
+    def range(self) -> float:
+        """Horizontal distance from launch to landing [m]."""
+        return float(np.hypot(*(self.landing.position - self.launch.position)[:2]))
+
+    @property
+    def height(self) -> float:
+        """Height of the apex above the launch [m]."""
+        return float(self.apex.position[2] - self.launch.position[2])
+
+    @cached_property
+    def error(self) -> float:
+        """Estimate of the error of the landing point [m], from a second, more exact flight.
+
+        Twice what the landing moves when the tolerance is 10,000 times tighter (but 1e-13 at
+        tightest), and never less than a thousandth of the tolerance's share of the flight's length,
+        where both happen to agree. Computed when asked for: it costs that flight.
+        """
+        length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
+        if self.evaluations == 0:
+            return 4 * float(np.finfo(float).eps) * length
+        finer = self._again(tol=max(self.tol * 1e-4, 1e-13))
+        moved = float(np.linalg.norm(self.landing.position - finer.landing.position))
+        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each coefficient that was used outside the range it is meant for."""
+        return tuple(said(model, share) for model, share in outside(self) if share > 0)
+
+    def arrival(self, x: float) -> BallState | None:
+        """Return the ball where its centre first is at `x` [m, world frame]; None if it never is.
+
+        The height there is `position[2]`; the time is in the state. As exact as a landing: it is
+        flown to, which costs a flight.
+        """
+        there = checks.number("x", x, unit="m")
+        before = float(self.launch.position[0]) - there
+        if before == 0.0:
+            return self.sample(0.0)
+        path = self._again(plane=Plane((there, 0, 0), (before, 0, 0), "centre"))
+        reached = path.status == "at plane" and path.duration <= self.duration
+        return path.landing if reached else None
+
+    def sample(self, t: ArrayLike) -> BallState:
+        """Return the ball at one time or many.
+
+        Args:
+            t: since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
+
+        Raises:
+            InvalidInput: a time outside the flight.
+        """
+        times, moved = self._states(t)
+        spin = moved[..., 6:7] * self.launch.spin
+        return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
+
+    def orientation(self, t: ArrayLike) -> Rotation:
+        """Return how the ball is turned from its orientation at the launch, world frame.
+
+        The air brakes the spin but does not turn its axis, so this is a turn about that axis, by
+        the integral of the spin. `as_quat()` of the result gives `(x, y, z, w)`, as Pinocchio and
+        meshcat take it, `as_matrix()` the rotation matrix.
+
+        Args:
+            t: as for `sample`.
+
+        Returns:
+            A scipy `Rotation`: one, or a stack of n.
+
+        Raises:
+            InvalidInput: a time outside the flight, or one flown without `orientation=True`.
+        """
+        from scipy.spatial.transform import Rotation
+
+        if not self.turning:
+            raise InvalidInput("the orientation is not known: ask fly for it, orientation=True")
+        times, moved = self._states(t)
+        turned = moved[..., 7] if brakes(self.air, self.launch.spin) else times
+        return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
+
+    def _states(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Return checked times, and there what changes since the launch, shape `(..., m)`."""
+        times = checks.floats("t", t, unit="s")
+        if times.ndim > 1:
+            raise InvalidInput(f"t has shape {times.shape}: it must be a number or (n,)")
+        outside = times[(times < 0) | (times > self.duration)]
+        if outside.size:
+            raise InvalidInput(
+                f"t is {float(outside.flat[0]):g} s: the flight lasts from 0 to {self.duration:g} s"
+            )
+        moved = self._trajectory(np.atleast_1d(times))
+        return times, moved.reshape(*times.shape, moved.shape[-1])

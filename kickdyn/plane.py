@@ -1,0 +1,64 @@
+"""A plane in the ball's way: a wall, a goal line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+
+_PARTS = {"front": -1.0, "centre": 0.0, "back": 1.0}
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Plane:
+    """An endless plane that a flight ends at, reached from the side its normal points to.
+
+    Args:
+        point: any point of it, shape `(3,)` [m, world frame].
+        normal: towards the ball, shape `(3,)`, of any length but zero.
+        reached_by: the part of the ball that is on the plane when it counts as reached: `front`,
+            the surface, as at a wall; `centre`; `back`, where the whole ball is over it, as a goal
+            is scored (IFAB, Laws of the Game 2023/24, Law 10).
+
+    Raises:
+        InvalidInput: a vector that is not finite, a normal of length 0, or an unknown part.
+    """
+
+    point: Array
+    normal: Array
+    reached_by: str
+
+    def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
+        place = checks.vector("point of the plane", point, 3, unit="m")
+        towards = checks.direction("normal of the plane", normal)
+        if reached_by not in _PARTS:
+            raise InvalidInput(f"reached_by is {reached_by!r}: choose {', '.join(_PARTS)}")
+        for array in (place, towards):
+            array.setflags(write=False)
+        object.__setattr__(self, "point", place)
+        object.__setattr__(self, "normal", towards)
+        object.__setattr__(self, "reached_by", reached_by)
+
+    def gap(self, ball: Ball, position: Array) -> float:
+        """Return how far a ball still is from reaching the plane, 0 or more, along its normal [m].
+
+        Args:
+            ball: what is to reach it.
+            position: of its centre, shape `(3,)` [m].
+
+        Raises:
+            InvalidInput: the ball is beyond it already.
+        """
+        away = float(self.normal @ (position - self.point)) + _PARTS[self.reached_by] * ball.radius
+        scale = max(ball.radius, float(abs(self.point).max()), float(abs(position).max()))
+        if away < -1e-9 * scale:  # more than rounding
+            raise InvalidInput(
+                f"the ball's {self.reached_by} starts {-away:g} m beyond the plane: the normal "
+                f"{self.normal.tolist()} must point to where the ball comes from"
+            )
+        return max(away, 0.0)

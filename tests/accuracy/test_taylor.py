@@ -1,0 +1,53 @@
+"""heyoka's equations are those of `forces`, wherever heyoka is installed."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.accuracy.flight import kicks
+from kickdyn.accuracy.taylor import equations, taylor
+from kickdyn.flight.forces import forces
+
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+def test_the_rates_are_those_of_forces():
+    hy = pytest.importorskip("heyoka")
+    system = equations(hy, BALL, AIR)
+    rates = hy.cfunc([rate for _, rate in system], [name for name, _ in system])
+    acting = forces(BALL, AIR)
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        velocity = rng.normal(size=3)
+        velocity *= rng.uniform(7, 34) / np.linalg.norm(velocity)
+        spin, left = rng.normal(size=3) * 40, rng.uniform(0.5, 1)
+        found = rates([1.0, 2.0, 3.0, *velocity, left], pars=spin)
+        ax, ay, az, k = acting(3.0, *velocity, *(left * spin))
+        assert found == pytest.approx([*velocity, ax, ay, az, -k * left], rel=1e-11)
+
+
+def test_the_landings_are_those_of_fly():
+    pytest.importorskip("heyoka")
+    states = kicks(5)
+    position, velocity, spin = (
+        np.array([getattr(state, name) for state in states])
+        for name in ("position", "velocity", "spin")
+    )
+    landed, steps = taylor(BALL, AIR, 1e-14)(kd.BallState(position, velocity, spin, np.zeros(5)))
+    exact = [kd.fly(state, BALL, AIR, tol=1e-13).landing.position for state in states]
+    assert landed == pytest.approx(np.array(exact), abs=1e-9)
+    assert steps > 5
+
+
+def test_without_heyoka_there_is_nothing(monkeypatch):
+    found = builtins.__import__
+
+    def lacking(name, *rest, **named):
+        if name == "heyoka":
+            raise ImportError(name)
+        return found(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", lacking)
+    assert taylor(BALL, AIR, 1e-9) is None

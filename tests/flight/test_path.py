@@ -1,0 +1,143 @@
+"""What a flight answers once flown: arrival at x, orientation."""
+
+import math
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.aerodynamics.drag import constant
+
+BALL = kd.Ball()
+
+
+def launch(velocity, spin=(0, 0, 0), at=(0, 0, 0)):
+    return kd.BallState(at, velocity, spin)
+
+
+# --- arrival ------------------------------------------------------------------------------------
+
+
+def test_arrival_is_on_the_path():
+    path = kd.fly(launch((25, 3, 10), (0, -20, 10)), BALL, kd.Air(), tol=1e-12)
+    there = path.arrival(20.0)
+    assert there.position[0] == pytest.approx(20.0, abs=1e-12)
+    assert there.position == pytest.approx(path.sample(there.time).position, abs=1e-7)
+    assert path.arrival(path.landing.position[0] + 1) is None
+    assert path.arrival(-1.0) is None
+    assert path.arrival(0.0).time == 0.0
+
+
+def test_arrival_in_a_vacuum_is_the_formula():
+    vacuum = kd.fly(launch((10, 0, 10)), BALL)
+    assert vacuum.arrival(5.0).position[2] == pytest.approx(5 - 9.81 / 8, rel=1e-14)
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-9])
+def test_arrival_is_as_exact_as_a_landing(tol):
+    state = launch((25, 3, 10), (5, -20, 10))
+    path = kd.fly(state, BALL, kd.Air(), tol=tol)
+    exact = kd.fly(state, BALL, kd.Air(), tol=1e-13)
+    for x in (10.0, 20.0, 30.0):
+        apart = np.linalg.norm(path.arrival(x).position - exact.arrival(x).position)
+        assert apart <= 30 * tol * x
+
+
+def test_a_ball_blown_back_arrives_from_either_side():
+    gale = kd.Air(wind=(-40, 0, 0))
+    path = kd.fly(launch((8, 0, 20)), BALL, gale, tol=1e-10)
+    x = path.sample(np.linspace(0, path.duration, 4001)).position[:, 0]
+    assert path.landing.position[0] < -5
+    assert path.arrival(x.max() - 1e-3).velocity[0] > 0
+    assert path.arrival(x.max() + 1e-3) is None
+    assert path.arrival(-3.0).velocity[0] < 0
+
+
+def test_no_arrival_after_the_end():
+    path = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), plane=kd.Plane((10, 0, 0), (-1, 0, 0)))
+    assert path.arrival(9.5) is not None
+    assert path.arrival(10.5) is None
+    cut = kd.fly(launch((25, 0, 10)), BALL, kd.Air(), time_limit=0.2)
+    assert cut.arrival(4.0) is not None
+    assert cut.arrival(6.0) is None
+
+
+# --- orientation --------------------------------------------------------------------------------
+
+AIRS = {"vacuum": None, "no torque": kd.Air(torque=None), "air": kd.Air()}
+
+
+@pytest.mark.parametrize("name", ["vacuum", "no torque"])
+@pytest.mark.parametrize("spin", [(0, 0, 0), (0, -40, 0), (10, -40, 25)])
+def test_constant_spin_turns_at_a_constant_rate(name, spin):
+    path = kd.fly(launch((25, 0, 10), spin), BALL, AIRS[name], orientation=True)
+    rate = float(np.linalg.norm(spin))
+    for t in (0.0, 0.1, path.duration):
+        axis = np.array(spin) / rate if rate else np.array([1.0, 0, 0])
+        x, y, z = axis
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        expected = np.eye(3) + math.sin(rate * t) * cross + (1 - math.cos(rate * t)) * cross @ cross
+        assert path.orientation(t).as_matrix() == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("spin", [(0, -60, 0), (10, -40, 25)], ids=["planar", "spatial"])
+def test_decaying_spin_turns_by_its_integral(spin):
+    path = kd.fly(launch((25, 0, 12), spin), BALL, kd.Air(), tol=1e-12, orientation=True)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    end = path.duration
+    rates = np.linalg.norm(path.sample(end / 2 * (nodes + 1)).spin, axis=1)
+    angle = float(end / 2 * weights @ rates)
+    assert angle < 0.99 * end * np.linalg.norm(spin)
+    turned = path.orientation(end).as_rotvec()
+    axis = np.array(spin) / np.linalg.norm(spin)
+    assert abs(turned - (turned @ axis) * axis).max() < 1e-9  # about the axis of the spin
+    assert math.remainder(float(turned @ axis) - angle, 2 * math.pi) == pytest.approx(0, abs=1e-7)
+
+
+def test_decay_at_constant_speed_has_a_closed_form():
+    """The angle is omega tau (1 - exp(-t/tau)); a ball that neither drags nor falls."""
+    still = kd.Air(drag=None, lift=None, torque=lambda re, sp: 0.5, wind=(-1e3, 0, 0))
+    path = kd.fly(launch((0, 0, 10), (0, 0, 30)), BALL, still, tol=1e-12, orientation=True)
+    t = path.duration
+    speed = 1e3  # the ball's own 10 m/s add 5e-5 of it
+    brake = 0.5 * still.density * BALL.cross_section * speed * BALL.radius**2 / BALL.inertia
+    tau = 1 / (brake + 8 * math.pi * still.viscosity * BALL.radius**3 / BALL.inertia)
+    angle = 30 * tau * -math.expm1(-t / tau)
+    assert t > 5 * tau
+    assert path.orientation(t).magnitude() == pytest.approx(angle, rel=1e-4)
+
+
+def test_quaternions_are_those_of_pinocchio():
+    import pinocchio as pin
+
+    path = kd.fly(launch((25, 0, 10), (3, -40, 9)), BALL, kd.Air(), orientation=True)
+    turn = path.orientation(0.3)
+    assert pin.Quaternion(turn.as_quat()).toRotationMatrix() == pytest.approx(turn.as_matrix())
+    many = path.orientation([0.0, 0.3])
+    assert many.as_quat().shape == (2, 4)
+    assert many.as_matrix()[1] == pytest.approx(turn.as_matrix(), abs=1e-14)
+
+
+def test_the_flight_is_the_same_with_and_without():
+    state = launch((25, 2, 10), (3, -40, 9))
+    with_it, without = (
+        kd.fly(state, BALL, kd.Air(), tol=1e-11, orientation=asked) for asked in (True, False)
+    )
+    assert with_it.landing.position == pytest.approx(without.landing.position, abs=1e-8)
+    assert (with_it.turning, without.turning) == (True, False)
+
+
+@pytest.mark.parametrize("name", AIRS)
+def test_it_must_be_asked_for(name):
+    path = kd.fly(launch((25, 0, 10), (0, 30, 0)), BALL, AIRS[name])
+    with pytest.raises(kd.InvalidInput, match="ask fly for it, orientation=True"):
+        path.orientation(0.0)
+    asked = kd.fly(launch((25, 0, 10), (0, 30, 0)), BALL, AIRS[name], orientation=True)
+    with pytest.raises(kd.InvalidInput, match="the flight lasts from 0"):
+        asked.orientation(99.0)
+
+
+def test_lift_only_air_turns_too():
+    air = kd.Air(drag=None, lift=constant(0.2))
+    path = kd.fly(launch((25, 0, 10), (0, -30, 0)), BALL, air, orientation=True)
+    assert 0 < path.orientation(0.05).magnitude() < 1.5

@@ -7,6 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 
 Coefficient = Callable[[float, float], float]
@@ -45,11 +49,12 @@ class CoefficientModel:
         """Pickle by kind and name: some of the functions are closures."""
         return _shipped, (self.kind, self.name)
 
-    def range_left(self, reynolds: float, spin_parameter: float) -> bool:
-        """Return whether this is outside what the model is meant for."""
+    def range_left(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
+        """Return where this is outside what the model is meant for."""
         low, high = self.reynolds
         least, most = self.spin
-        return not (low <= reynolds <= high and least <= spin_parameter <= most)
+        inside = (low <= reynolds) & (reynolds <= high)
+        return np.logical_not(inside & (least <= spin_parameter) & (spin_parameter <= most))
 
     def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
         """Return the coefficient (dimensionless)."""

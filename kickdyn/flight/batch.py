@@ -18,6 +18,7 @@ from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.forces import downward
 from kickdyn.flight.march import march
+from kickdyn.flight.ranges import left_by
 from kickdyn.flight.scale import tolerances
 from kickdyn.flight.steps import ALOFT, FAILED, LANDED
 from kickdyn.ground import Ground
@@ -97,7 +98,9 @@ def fly_many(
                 except Exception:
                     solved[i], ends[i], counts[i] = np.nan, FAILED, 0
         nodes[rows], status[rows], evaluations[rows] = solved, ends, counts
-    return _dataset(states, nodes, status, evaluations, _attributes(ball, air, ground, tol))
+    left = _outside(states, nodes, rows, ball, air)
+    attributes = _attributes(ball, air, ground, tol)
+    return _dataset(states, nodes, status, evaluations, left, attributes)
 
 
 def _drops(states: BallState, ball: Ball, ground: Ground | None) -> Array:
@@ -172,6 +175,26 @@ def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) ->
     return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
 
 
+def _outside(
+    states: BallState, nodes: Array, rows: NDArray[np.intp], ball: Ball, air: Air | None
+) -> NDArray[np.bool_]:
+    """Return which flights have a node where a coefficient is not meant to be used."""
+    left = np.zeros(len(nodes), bool)
+    if air is None:
+        return left
+    launch, flown = states.position[rows, 2], nodes[rows]
+    spin, one = states.spin[rows], np.ones((len(rows), 1))
+    for height, velocity, share in (
+        (launch, states.velocity[rows], one),
+        (launch + flown[:, 3], flown[:, 4:7], flown[:, 7:8]),
+        (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
+    ):
+        for _, out in left_by(height, velocity, share * spin, ball, air):
+            left[rows] |= out
+    left[~(nodes[:, 0] > 0.0)] = False  # failed: nobody knows; or never flew
+    return left
+
+
 def _speed(air: Air, height: float) -> float:
     """Return the speed of the wind, nan where its function fails."""
     try:
@@ -199,6 +222,7 @@ def _dataset(
     nodes: Array,
     status: NDArray[np.int8],
     evaluations: NDArray[np.int64],
+    left: NDArray[np.bool_],
     attributes: dict[str, str | float],
 ) -> xr.Dataset:
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
@@ -213,6 +237,7 @@ def _dataset(
         ("landing_velocity", velocity, "m/s", "velocity at the landing"),
         ("landing_spin", nodes[:, 7:8] * states.spin, "rad/s", "spin at the landing"),
         ("evaluations", evaluations, "1", "evaluations of the acceleration"),
+        ("outside", left, "1", "whether launch, apex or landing is out of a coefficient's range"),
     ):
         dims = ("flight", "axis")[: values.ndim]
         data[name] = (dims, values, {"units": unit, "long_name": meaning})

@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kickdyn import checks
 from kickdyn.aerodynamics.model import CoefficientModel
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
 
 if TYPE_CHECKING:
     from kickdyn.flight.path import Flight
@@ -15,22 +18,32 @@ if TYPE_CHECKING:
 
 def outside(path: Flight) -> list[tuple[CoefficientModel, float]]:
     """Return each coefficient model with the share of the flight outside its range."""
-    air = path.air
-    if air is None or path.evaluations == 0:
+    if path.air is None or path.evaluations == 0:
         return []
-    times = np.linspace(0.0, path.duration, 101)
-    states = path.sample(times)
-    wind = np.array([air.wind_at(height) for height in states.position[:, 2].tolist()])
-    through = states.velocity - wind
-    speed = np.maximum(checks.length(through), 1e-300)
-    reynolds = 2 * path.ball.radius * air.density * speed / air.viscosity
-    across = checks.length(np.cross(states.spin, through / speed[:, None]))
-    spin_parameter = path.ball.radius * across / speed
-    used = [air.drag, air.lift, air.torque] if path.launch.spin.any() else [air.drag]
-    met = list(zip(reynolds.tolist(), spin_parameter.tolist(), strict=True))
+    states = path.sample(np.linspace(0.0, path.duration, 101))
+    found = left_by(states.position[:, 2], states.velocity, states.spin, path.ball, path.air)
+    return [(model, float(left.mean())) for model, left in found]
+
+
+def left_by(
+    height: Array, velocity: Array, spin: Array, ball: Ball, air: Air
+) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
+    """Return each coefficient model and which of many states lie outside its range."""
+    wind: Array = np.asarray(air.wind if not callable(air.wind) else 0.0)
+    if callable(air.wind):
+        wind = np.array([air.wind_at(z) for z in height.tolist()])
+    through = velocity - wind
+    square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
+    along = np.einsum("ij,ij->i", through, spin)
+    whole = np.einsum("ij,ij->i", spin, spin)
+    across = np.sqrt(np.maximum(whole - along * along / square, 0.0))
+    speed = np.sqrt(square)
+    reynolds = 2 * ball.radius * air.density / air.viscosity * speed
+    spin_parameter = ball.radius * across / speed
+    spins = whole > 0.0
     return [
-        (model, sum(model.range_left(*pair) for pair in met) / len(met))
-        for model in used
+        (model, (spins | (model is air.drag)) & model.range_left(reynolds, spin_parameter))
+        for model in (air.drag, air.lift, air.torque)
         if isinstance(model, CoefficientModel)
     ]
 

@@ -1,0 +1,69 @@
+"""Many flights side by side: none knows of its neighbours."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.flight.batch import fly_many
+from kickdyn.flight.lanes import LANES, exp, mathematics
+
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+def test_exp_is_right_to_the_last_digits():
+    for x in np.concatenate([np.linspace(-708, 709, 2001), np.linspace(-1, 1, 500), [0.0, -0.0]]):
+        exact = mpmath.exp(mpmath.mpf(float(x)))
+        assert abs(mpmath.mpf(exp(float(x))) / exact - 1) < 4e-16
+    assert exp(0.0) == 1.0
+    assert (exp(-709.0), exp(-math.inf), exp(709.5), exp(math.inf)) == (0, 0, math.inf, math.inf)
+    assert math.isnan(exp(math.nan))
+    assert mathematics.sin is math.sin
+
+
+def mixed(n):
+    """Fast kicks among which some are slow, at rest, vertical, in the drag crisis or fail."""
+    draw = np.random.default_rng(3)
+    velocity = draw.normal(size=(n, 3)) * draw.choice([0.5, 5.0, 12.0, 25.0], (n, 1))
+    velocity[:, 2] = np.abs(velocity[:, 2])
+    velocity[::17] = 0.0
+    spin = draw.normal(0, 40, (n, 3)) * draw.choice([0.0, 1.0], (n, 1))
+    return kd.BallState(draw.normal(size=(n, 3)), velocity, spin, np.zeros(n))
+
+
+def part(states, rows):
+    return kd.BallState(*(getattr(states, name)[rows] for name in ("position", "velocity", "spin")),
+                        states.time[rows])  # fmt: skip
+
+
+@pytest.mark.parametrize("air", [AIR, kd.Air(lift="kiratidis-leinweber")], ids=["all", "some fail"])
+def test_neighbours_do_not_matter(air):
+    states = mixed(5 * LANES + 7)
+    together = fly_many(states, BALL, air)
+    order = np.random.default_rng(1).permutation(len(states.position))
+    shuffled = fly_many(part(states, order), BALL, air)
+    for name in together:
+        assert np.array_equal(together[name][order], shuffled[name], equal_nan=name != "status")
+    for i in (0, 1, 20, len(order) - 1):
+        alone = fly_many(part(states, [i]), BALL, air)
+        assert np.array_equal(alone.landing_position[0], together.landing_position[i], True)
+    assert set(np.unique(together.status)) == ({0} if air is AIR else {0, 2})
+
+
+def test_outside_is_what_warnings_say():
+    states = mixed(3 * LANES)
+    for air in (AIR, kd.Air(drag="sphere"), kd.Air(wind=lambda z: (2.0 * z, 0.0, 0.0)), None):
+        many = fly_many(states, BALL, air)
+        for i in range(len(states.position)):
+            warned = kd.fly(kd.BallState(states.position[i], states.velocity[i], states.spin[i]),
+                            BALL, air).warnings  # fmt: skip
+            assert bool(many.outside[i]) == bool(warned)
+
+
+def test_outside_of_a_flight_that_failed_is_not_claimed():
+    states = kd.BallState([(0, 0, 0)], [(10, 0, 8)], [(0, -15, 0)], [0])
+    many = fly_many(states, BALL, kd.Air(lift="kiratidis-leinweber"))
+    assert int(many.status[0]) == 2
+    assert not many.outside[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from kickdyn.air import Air as Air
 from kickdyn.ball import Ball as Ball
 from kickdyn.ball import BallState as BallState
+from kickdyn.constraints import Support as Support
 from kickdyn.contact import Contact as Contact
 from kickdyn.errors import InvalidInput as InvalidInput
 from kickdyn.errors import KickdynError as KickdynError

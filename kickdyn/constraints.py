@@ -124,15 +124,16 @@ class Constraints:
         matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
         for support, place in zip(self.supports, self._supported, strict=True):
             at = slice(start, start + support.size)
-            jacobian, turn = _motion(model, data, q, place)
+            jacobian, turn, _ = _motion(model, data, q, place)
             matrix[at] = jacobian[: support.size]
             blocks.append(Row(at, place.joint, 0, (turn, turn), (place.lever, place.lever)))
             start = at.stop
         for one, two in self._looped:
             at = slice(start, start + 3)
-            first, turn_1 = _motion(model, data, q, one)
-            second, turn_2 = _motion(model, data, q, two)
-            matrix[at] = second[:3] - first[:3]
+            first, turn_1, from_ = _motion(model, data, q, one)
+            second, turn_2, to = _motion(model, data, q, two)
+            # across a gap, both move as their bodies do at the second origin
+            matrix[at] = second[:3] - first[:3] + pin.skew(to - from_) @ first[3:]
             blocks.append(Row(at, two.joint, one.joint, (turn_2, turn_1), (two.lever, one.lever)))
             start = at.stop
         return matrix, blocks
@@ -174,12 +175,13 @@ def _place(model: Any, name: str) -> _Place:
     return _Place(frame, int(found.parentJoint), place.rotation.copy(), place.translation.copy())
 
 
-def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Array]:
-    """Return a frame's Jacobian in world axes, and the turn from those into its joint's axes."""
-    rotation = pin.updateFramePlacement(model, data, place.frame).rotation
+def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Array, Array]:
+    """Return a frame's Jacobian in world axes, the turn from those to its joint's, its origin."""
+    placement = pin.updateFramePlacement(model, data, place.frame)
+    rotation, origin = placement.rotation, placement.translation.copy()
     local = pin.computeFrameJacobian(model, data, q, place.frame, pin.LOCAL).reshape(6, model.nv)
     jacobian = (rotation @ local.reshape(2, 3, -1)).reshape(6, -1)
-    return jacobian, place.turn @ rotation.T
+    return jacobian, place.turn @ rotation.T, origin
 
 
 def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None:

@@ -253,7 +253,9 @@ class Leg:
         return Posture(self, q)
 
     def closed(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
-        """Return the configuration nearest to `q`, step by step, in which all loops are closed.
+        """Return a configuration near `q` with all loops closed, by Newton's method.
+
+        Where that fails, the kept joints are led to their values from 0, in small steps.
 
         Args:
             q: to start from, shape `(nq,)` [rad; m for prismatic joints].
@@ -262,8 +264,6 @@ class Leg:
         Raises:
             InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
         """
-        if self.constraints is None:
-            return checks.vector("q", q, self.nq)
         fixed = [self.velocity_index(name) for name in keep]
         return close_loops(self, checks.vector("q", q, self.nq), fixed)
 

@@ -23,6 +23,8 @@ from kickdyn.impact.laws import normal_impulse as normal_impulse
 from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
+from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
+from kickdyn.impact.unilateral import unilateral_strike as unilateral_strike
 from kickdyn.leg import Leg as Leg
 from kickdyn.plane import Plane as Plane
 from kickdyn.planning.launch import LaunchPlan as LaunchPlan

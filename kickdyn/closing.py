@@ -48,7 +48,7 @@ def close_loops(leg: Leg, q: Array, fixed: Sequence[int] = ()) -> Array:
             if _open(led):
                 break
         else:
-            return here
+            return np.asarray(here)
         widths = np.linalg.norm(gaps, axis=1)
         a, b = leg.constraints.loops[int(np.argmax(widths))]
         raise InvalidInput(

@@ -77,6 +77,7 @@ class Row:
         at: which rows.
         joint, other: joints of the model; `other` is 0 for the ground.
         turns: from world axes to those of the joint and of the other, shape `(3, 3)`.
+        frame: from the support's or first loop frame's axes to the world's, shape `(3, 3)`.
         levers: from the joint's origin to the point, in its axes, one per joint [m].
     """
 
@@ -84,6 +85,7 @@ class Row:
     joint: int
     other: int
     turns: tuple[Array, Array]
+    frame: Array
     levers: tuple[Array, Array]
 
 
@@ -126,7 +128,16 @@ class Constraints:
             at = slice(start, start + support.size)
             jacobian, turn, _ = _motion(model, data, q, place)
             matrix[at] = jacobian[: support.size]
-            blocks.append(Row(at, place.joint, 0, (turn, turn), (place.lever, place.lever)))
+            blocks.append(
+                Row(
+                    at,
+                    place.joint,
+                    0,
+                    (turn, turn),
+                    turn.T @ place.turn,
+                    (place.lever, place.lever),
+                )
+            )
             start = at.stop
         for one, two in self._looped:
             at = slice(start, start + 3)
@@ -134,7 +145,16 @@ class Constraints:
             second, turn_2, to = _motion(model, data, q, two)
             # across a gap, both move as their bodies do at the second origin
             matrix[at] = second[:3] - first[:3] + pin.skew(to - from_) @ first[3:]
-            blocks.append(Row(at, two.joint, one.joint, (turn_2, turn_1), (two.lever, one.lever)))
+            blocks.append(
+                Row(
+                    at,
+                    two.joint,
+                    one.joint,
+                    (turn_2, turn_1),
+                    turn_1.T @ one.turn,
+                    (two.lever, one.lever),
+                )
+            )
             start = at.stop
         return matrix, blocks
 

@@ -13,6 +13,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
@@ -89,6 +90,14 @@ class Impact:
         The first frame takes the opposite.
         """
         return named_impulses(self.posture.hold, self.constraint_impulses)[1]
+
+    @property
+    def footing(self) -> dict[str, str]:
+        """What the ground, which only pushes, would let each support do; see `footing`.
+
+        `stands`, or `lifts off`, `slips`, `tips`: then `unilateral_strike` says what happens.
+        """
+        return judged(self.posture.hold, self.constraint_impulses, math.hypot(*self.impulse))
 
     @property
     def support_residual(self) -> float:

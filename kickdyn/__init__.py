@@ -19,6 +19,8 @@ from kickdyn.ground import Ground as Ground
 from kickdyn.ground import Surface as Surface
 from kickdyn.impact.engine import EngineImpact as EngineImpact
 from kickdyn.impact.engine import engine_strike as engine_strike
+from kickdyn.impact.joint_load import JointLoad as JointLoad
+from kickdyn.impact.joint_load import joint_loads as joint_loads
 from kickdyn.impact.laws import normal_impulse as normal_impulse
 from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike

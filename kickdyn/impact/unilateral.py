@@ -21,6 +21,7 @@ from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.strike import Impact, strike
 from kickdyn.leg import Leg
+from kickdyn.posture import Posture
 
 MAX_RESIDUAL = 1e-9
 STILL = 1e-9
@@ -31,7 +32,8 @@ STILL = 1e-9
 class UnilateralImpact(Impact):
     """An `Impact` in which supports rest on points that can push and rub, but not pull.
 
-    `support_impulses` are the points' together; `support_residual` is how fast the foot leaves.
+    `support_impulses` are the points' together, `support_residual` is how fast the foot leaves, and
+    `effective_mass` is the leg's with no support held.
 
     Attributes:
         point_impulses: by support, on the robot at each corner of the sole, or at the point foot,
@@ -89,32 +91,63 @@ def unilateral_strike(
     supports = _checked(leg)
     free = leg.standing_on().posture(held.posture.q)
     feet = _feet(held, supports)
-    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), touch.normal).matrix()
+    contacts = _contacts(held, ball, free, feet)
+    bounced = contacts.before.copy()
+    bounced[2] *= 1.0 + touch.restitution
+    frictions = [touch.friction]
+    for support, foot in zip(supports, feet, strict=True):
+        frictions += [support.friction or 0.0] * len(foot.levers)
+    impulses, residual = solve_cones(contacts.delassus, bounced, np.array(frictions))
+    if not residual <= MAX_RESIDUAL:
+        raise KickdynError(f"no impulses found for the supports (residual {residual:.1g})")
+    return _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
+
+
+class _Contacts(NamedTuple):
+    """Ball first, then the points of the feet.
+
+    `axes` has the ball's normal for its third column; `jacobian`, `delassus` and the velocities
+    `before` are those of the contact problem, three rows each, normal last.
+    """
+
+    axes: Array
+    jacobian: Array
+    delassus: Array
+    before: Array
+
+
+def _contacts(held: Impact, ball: Ball, free: Posture, feet: list[_Foot]) -> _Contacts:
+    normal = held.touch.normal
+    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
     delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
-    problem = ContactProblem(
-        normal=touch.normal,
+    alone = ContactProblem(
+        normal=normal,
         leg_delassus=np.zeros((3, 3)),
         ball=ball,
         centre_velocity=held.ball_before.velocity - held.foot_velocity,
         spin=held.ball_before.spin,
-        restitution=touch.restitution,
-        friction=touch.friction,
+        restitution=held.touch.restitution,
+        friction=held.touch.friction,
     )
-    delassus[:3, :3] += axes.T @ problem.delassus() @ axes
-    delassus = (delassus + delassus.T) / 2
-    before = np.concatenate([axes.T @ problem.velocity, np.zeros(len(jacobian) - 3)])
-    bounced = before + np.eye(len(before))[2] * touch.restitution * before[2]
-    frictions = [touch.friction]
-    for support, foot in zip(supports, feet, strict=True):
-        frictions += [support.friction or 0.0] * len(foot.levers)
-    impulses, residual = solve_cones(delassus, bounced, np.array(frictions))
-    if not residual <= MAX_RESIDUAL:
-        raise KickdynError(f"no impulses found for the supports (residual {residual:.1g})")
+    delassus[:3, :3] += axes.T @ alone.delassus() @ axes
+    before = np.concatenate([axes.T @ alone.velocity, np.zeros(len(jacobian) - 3)])
+    return _Contacts(axes, jacobian, (delassus + delassus.T) / 2, before)
 
-    impulse = axes @ impulses[:3]
-    jump, loops = free.respond(jacobian.T @ impulses)
-    after = before + delassus @ impulses
+
+def _outcome(
+    held: Impact,
+    ball: Ball,
+    free: Posture,
+    supports: tuple[Support, ...],
+    feet: list[_Foot],
+    contacts: _Contacts,
+    impulses: Array,
+    residual: float,
+) -> UnilateralImpact:
+    impulse, before, normal = contacts.axes @ impulses[:3], held.ball_before, held.touch.normal
+    jump, loops = free.respond(contacts.jacobian.T @ impulses)
+    after = contacts.before + contacts.delassus @ impulses
     ends = np.cumsum([3, *(len(foot.rows) for foot in feet)])[:-1]
     shares = [part.reshape(-1, 3) for part in np.split(impulses, ends)[1:]]
     velocities = [part.reshape(-1, 3) for part in np.split(after, ends)[1:]]
@@ -122,28 +155,24 @@ def unilateral_strike(
         np.concatenate([share.sum(axis=0), np.cross(foot.levers, share).sum(axis=0)])[: s.size]
         for s, foot, share in zip(supports, feet, shares, strict=True)
     ]
-    stacked = np.concatenate([*wrenches, loops])
+    stacked, v_after = np.concatenate([*wrenches, loops]), held.v_before + jump
     transmitted, left_over = joint_impulses(held.posture, jump, -impulse, stacked)
-    parting = float(after[2])
-    spin = held.ball_before.spin - np.cross(touch.normal, impulse) * (ball.radius / ball.inertia)
-    v_after = held.v_before + jump
     for array in (impulse, v_after, transmitted, stacked, *shares, *velocities):
         array.setflags(write=False)
     names = [support.frame for support in supports]
     lever = float(np.linalg.norm(free.jacobian) * np.linalg.norm(impulse))
+    spin = before.spin - np.cross(normal, impulse) * (ball.radius / ball.inertia)
     same = {field.name: getattr(held, field.name) for field in dataclasses.fields(Impact)}
     changed = {
         "impulse": impulse,
-        "effective_mass": free.effective_mass(touch.normal),
-        "ball": BallState(
-            held.ball_before.position, held.ball_before.velocity + impulse / ball.mass, spin
-        ),
+        "effective_mass": free.effective_mass(normal),
+        "ball": BallState(before.position, before.velocity + impulse / ball.mass, spin),
         "v_after": v_after,
         "joint_impulses": transmitted,
         "constraint_impulses": stacked,
-        "energy_lost": -0.5 * float(impulses @ (before + after)),
+        "energy_lost": -0.5 * float(impulses @ (contacts.before + after)),
         "sticking": bool(np.hypot(after[0], after[1]) <= STILL * held.approach_speed),
-        "restitution_residual": abs(parting / held.approach_speed - touch.restitution),
+        "restitution_residual": abs(float(after[2]) / held.approach_speed - held.touch.restitution),
         "momentum_residual": float(np.abs(left_over).max()) / lever,
         "point_impulses": dict(zip(names, shares, strict=True)),
         "point_velocities": dict(zip(names, velocities, strict=True)),

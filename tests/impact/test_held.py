@@ -6,6 +6,7 @@ import pytest
 from chains import any_kick
 
 import kickdyn as kd
+from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.robots import ROBOTS
 
 FREE = {
@@ -102,3 +103,11 @@ def test_standing_makes_the_foot_heavier():
     q = free.configuration({"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.5})
     masses = [leg.posture(q).effective_mass((1, 0, 0)) for leg in (free, held)]
     assert masses[0] < masses[1]
+
+
+def test_an_earlier_strike_leaves_nothing_behind():
+    kick, options = any_kick(np.random.default_rng(3), STANDING["g1 on a sole"])
+    posture = kd.strike(*kick, **options).posture
+    forces, left_over = joint_impulses(posture, np.zeros(posture.leg.nv), np.zeros(3))
+    assert not forces.any()
+    assert not left_over.any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from kickdyn.air import Air as Air
 from kickdyn.ball import Ball as Ball
 from kickdyn.ball import BallState as BallState
+from kickdyn.constraints import Support as Support
 from kickdyn.contact import Contact as Contact
 from kickdyn.errors import InvalidInput as InvalidInput
 from kickdyn.errors import KickdynError as KickdynError
@@ -18,10 +19,14 @@ from kickdyn.ground import Ground as Ground
 from kickdyn.ground import Surface as Surface
 from kickdyn.impact.engine import EngineImpact as EngineImpact
 from kickdyn.impact.engine import engine_strike as engine_strike
+from kickdyn.impact.joint_load import JointLoad as JointLoad
+from kickdyn.impact.joint_load import joint_loads as joint_loads
 from kickdyn.impact.laws import normal_impulse as normal_impulse
 from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
+from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
+from kickdyn.impact.unilateral import unilateral_strike as unilateral_strike
 from kickdyn.leg import Leg as Leg
 from kickdyn.plane import Plane as Plane
 from kickdyn.planning.launch import LaunchPlan as LaunchPlan

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-import tempfile
-import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,16 +13,22 @@ from numpy.typing import ArrayLike
 
 from kickdyn import checks
 from kickdyn.checks import Array
-from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.closing import close_loops
+from kickdyn.constraints import Constraints, Support
+from kickdyn.errors import InvalidInput
 from kickdyn.posture import Posture
-from kickdyn.urdf_file import UrdfFile, read_urdf
+from kickdyn.robots import robot, robot_model
+from kickdyn.sound_model import check_model, frame_id
+from kickdyn.urdf_file import UrdfFile, read_urdf, shipped_urdf
+from kickdyn.urdf_model import build_model
+from kickdyn.workspace import Workspace
 
 
 class Leg:
-    """A leg on a fixed base, with the frame that touches the ball.
+    """A leg, or a whole robot, with the frame that touches the ball.
 
-    A leg does not change; for another mass or rotor inertia, change your own `pin.Model` and make
-    a new leg with `from_model`. It can be pickled and shared between threads.
+    A leg does not change: `locked`, `with_armature`, `standing_on` and `with_loops` return another.
+    It can be pickled and shared between threads.
 
     Attributes:
         name: of the robot.
@@ -37,16 +38,24 @@ class Leg:
         nq, nv: sizes of configuration and velocity.
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
         velocity_limit, effort_limit: shape `(nv,)` [rad/s, N m].
+        constraints: supports and loops; None without any.
     """
 
-    def __init__(self, model: Any, frame: str, urdf: UrdfFile | None = None) -> None:
+    def __init__(
+        self,
+        model: Any,
+        frame: str,
+        urdf: UrdfFile | None = None,
+        supports: tuple[Support, ...] = (),
+        loops: tuple[tuple[str, str], ...] = (),
+    ) -> None:
         self._model = model.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self._gravity = model.gravity.copy()
         self.name = str(model.name)
         self.frame = frame
         self.urdf = urdf
-        self.frame_id = _frame_id(self._model, frame)
+        self.frame_id = frame_id(self._model, frame)
         self.contact_joint = int(self._model.frames[self.frame_id].parentJoint)
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
@@ -59,6 +68,9 @@ class Leg:
         self.effort_limit: Array = self._model.effortLimit.copy()
         for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
             limit.setflags(write=False)
+        self.constraints: Constraints | None = None
+        if supports or loops:
+            self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
         self._workspace = Workspace(self._model)
 
     @classmethod
@@ -72,38 +84,61 @@ class Leg:
         return cls.from_urdf(shipped_urdf("leg_testbed.urdf"))
 
     @classmethod
-    def from_urdf(cls, path: str | PathLike[str], frame: str = "toe") -> Leg:
-        """Load a URDF file, its root link fixed to the world.
+    def from_urdf(
+        cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
+    ) -> Leg:
+        """Load a URDF file.
 
         Args:
             path: the file; it is read once and checked before Pinocchio sees it.
             frame: link or joint of the file whose origin touches the ball.
+            base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
+                `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
+                velocity, in the root link's axes, in v.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame.
+            InvalidInput: there is no such frame or base.
         """
         urdf = read_urdf(path)
-        with _captured_stderr() as said:
-            try:
-                model = pin.buildModelFromXML(urdf.text)
-            except Exception as error:
-                model, reason = None, str(error).strip().splitlines()[0]
-        complaints = [line.strip() for line in said if line.strip()]
-        if model is None:
-            raise UrdfError(urdf.source, ["Pinocchio cannot read it", *(complaints or [reason])])
-        if complaints:
-            raise UrdfError(urdf.source, ["Pinocchio complains", *complaints])
-        if model.nv == 0:
-            raise UrdfError(urdf.source, ["has no moving joint"])
-        return cls(model, frame, urdf)
+        return cls(build_model(urdf.text, urdf.source, base), frame, urdf)
+
+    @classmethod
+    def from_robot(
+        cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
+    ) -> Leg:
+        """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
+
+        Its base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
+        -x). All else is the file's own, zero configuration and joint directions included.
+
+        Args:
+            name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
+            frame: what touches the ball; the right foot if not named.
+            base: `fixed` or `floating`, as for `from_urdf`.
+            legs_only: lock all joints but the legs' at 0.
+
+        Raises:
+            InvalidInput: no such robot, frame or base, the package is not installed, or a mass
+                matrix that is singular (`icub`, `romeo`), with the joints at fault.
+        """
+        model = robot_model(name, base, legs_only=legs_only)
+        try:
+            leg = cls.from_model(model, robot(name).foot)
+            leg.posture(leg.configuration())  # singular there is singular everywhere
+        except InvalidInput as error:
+            if legs_only:
+                raise
+            raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
+        return leg if frame is None else cls(model, frame)
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:
         """Take a copy of a `pin.Model` built elsewhere, `armature` and all.
 
         Args:
-            model: with positive mass and a sound inertia on every joint.
+            model: with sound inertias, and mass that moves with every joint; on a fixed base, or
+                with a `JointModelFreeFlyer` as its first joint.
             frame: name of one of its frames.
 
         Raises:
@@ -111,14 +146,84 @@ class Leg:
         """
         if not isinstance(model, pin.Model):
             raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
-        if model.nv == 0:
-            raise InvalidInput("model has no moving joint")
-        _check_bodies(model)
+        check_model(model)
         return cls(model, frame)
+
+    def locked(self, joints: Mapping[str, float]) -> Leg:
+        """Return the leg with joints locked at their values [rad; m for prismatic joints].
+
+        Raises:
+            InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
+        """
+        q = self.configuration(joints)
+        numbers = [1 + self.joint_names.index(name) for name in joints]
+        if len(numbers) == len(self.joint_names):
+            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
+        return self._with(pin.buildReducedModel(self.model, numbers, q))
+
+    def with_armature(self, rotors: Mapping[str, float]) -> Leg:
+        """Return the leg with rotors behind its joints.
+
+        Args:
+            rotors: joint name to rotor inertia times gear ratio squared, 0 or more [kg m2; kg for
+                prismatic joints]; it replaces what the joint had.
+
+        Raises:
+            InvalidInput: no such joint, or a value below 0.
+        """
+        model, armature = self.model, self._model.armature.copy()
+        for name, value in rotors.items():
+            armature[self.velocity_index(name)] = checks.number(
+                f"armature of {name}", value, at_least=0, unit="kg m2"
+            )
+        model.armature = armature
+        return self._with(model)
+
+    def standing_on(self, *supports: str | Support) -> Leg:
+        """Return the leg with frames that stand and are held while the ball is struck.
+
+        Args:
+            supports: names of frames held as flat feet, or `Support`s; none lets all go.
+
+        Raises:
+            InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
+        """
+        held = tuple(Support(s) if isinstance(s, str) else s for s in supports)
+        for support in held:
+            if not isinstance(support, Support):
+                raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
+        return self._with(self.model, supports=held)
+
+    def with_loops(self, *loops: tuple[str, str]) -> Leg:
+        """Return the leg with closed loops: pairs of frames whose origins stay together.
+
+        Each joins two bodies by a ball joint: in a planar mechanism, a pin.
+
+        Raises:
+            InvalidInput: no such frame, or both on one body.
+        """
+        for loop in loops:
+            if isinstance(loop, str) or len(tuple(loop)) != 2:
+                raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
+        return self._with(self.model, loops=tuple((a, b) for a, b in loops))
+
+    def _with(
+        self,
+        model: Any,
+        supports: tuple[Support, ...] | None = None,
+        loops: tuple[tuple[str, str], ...] | None = None,
+    ) -> Leg:
+        held = self.constraints
+        if supports is None:
+            supports = held.supports if held else ()
+        if loops is None:
+            loops = held.loops if held else ()
+        return Leg(model, self.frame, self.urdf, supports, loops)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model with the frame's name; the workspace is made anew."""
-        return (Leg, (self.model, self.frame, self.urdf))
+        held = (self.constraints.supports, self.constraints.loops) if self.constraints else ()
+        return (Leg, (self.model, self.frame, self.urdf, *held))
 
     def __repr__(self) -> str:
         """Name the leg, its joints and its contact frame."""
@@ -147,6 +252,21 @@ class Leg:
         """
         return Posture(self, q)
 
+    def closed(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
+        """Return a configuration near `q` with all loops closed, by Newton's method.
+
+        Where that fails, the kept joints are led to their values from 0, in small steps.
+
+        Args:
+            q: to start from, shape `(nq,)` [rad; m for prismatic joints].
+            keep: joints that stay as they are.
+
+        Raises:
+            InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
+        """
+        fixed = [self.velocity_index(name) for name in keep]
+        return close_loops(self, checks.vector("q", q, self.nq), fixed)
+
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
         """Return q with the named joints at their values and all others at 0.
 
@@ -162,10 +282,12 @@ class Leg:
         return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
 
     def angles_deg(self, q: Array) -> dict[str, float]:
-        """Return the joints' values at a configuration [deg; m for prismatic joints]."""
+        """Return the values of joints of one degree of freedom [deg; m for prismatic joints]."""
         step = pin.difference(self._model, pin.neutral(self._model), q)
         values = {}
-        for name in self.joint_names:
+        for number, name in enumerate(self.joint_names, start=1):
+            if self._model.nvs[number] != 1:
+                continue
             value = float(step[self.velocity_index(name)])
             values[name] = value if self.joint_unit(name) == "m" else math.degrees(value)
         return values
@@ -195,90 +317,3 @@ class Leg:
             return -math.pi, math.pi
         at = self._model.idx_qs[index]
         return float(self.lower[at]), float(self.upper[at])
-
-
-def shipped_urdf(name: str) -> Path:
-    """Return the path of a URDF that comes with kickdyn: in the wheel, or in the checkout."""
-    here = Path(__file__).resolve().parent
-    packaged = here / "urdf" / name
-    return packaged if packaged.exists() else here.parent / "urdf" / name
-
-
-class Workspace(threading.local):
-    """Scratch space per thread: two threads in one `pin.Data` would mix their kinematics.
-
-    Attributes:
-        model: the leg's model, without gravity; read only.
-        data: `pin.Data` of that model.
-        external: one zero `pin.Force` per joint.
-    """
-
-    def __init__(self, model: Any) -> None:
-        self.model = model
-        self.data = model.createData()
-        self.external = pin.StdVec_Force()
-        self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
-
-
-def _frame_id(model: Any, name: str) -> int:
-    # Looked up here: getFrameId returns nframes for an unknown name, and using that crashes.
-    matches = [i for i, frame in enumerate(model.frames) if frame.name == name and i > 0]
-    if not matches:
-        names = [frame.name for frame in model.frames][1:]
-        shown = ", ".join(names[:40]) + (f" and {len(names) - 40} more" if len(names) > 40 else "")
-        raise InvalidInput(f"frame {name!r} is unknown: {model.name} has {shown}")
-    bodies = [i for i in matches if model.frames[i].type != pin.FrameType.JOINT]
-    return bodies[0] if bodies else matches[0]
-
-
-def _check_bodies(model: Any) -> None:
-    names = list(model.names)[1:]
-    for name, inertia in zip(names, list(model.inertias)[1:], strict=True):
-        parts = [inertia.mass, *inertia.lever, *inertia.inertia.flat]
-        # Half the trace less a moment is how far the mass spreads along that axis, squared.
-        spread = np.trace(inertia.inertia) / 2 - np.linalg.eigvalsh(np.nan_to_num(inertia.inertia))
-        if not (np.isfinite(parts).all() and inertia.mass > 0 and spread[-1] >= -1e-9 * spread[0]):
-            raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {inertia.mass:g} kg): mass must be "
-                "above 0, and the principal moments must satisfy the triangle inequality"
-            )
-    for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
-        turn = placement.rotation
-        square = turn @ turn.T - np.eye(3)  # NaN where the placement has one
-        if not (np.abs(square).max() < 1e-9 and np.isfinite(placement.translation).all()):
-            raise InvalidInput(f"joint {name!r} is placed by what is no rigid motion")
-    for frame in model.frames:
-        if not np.isfinite(frame.placement.homogeneous).all():
-            raise InvalidInput(f"frame {frame.name!r} is placed by what is not finite")
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    if not (lower <= upper).all():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"
-        )
-    if not (model.velocityLimit >= 0).all():
-        raise InvalidInput(
-            f"velocity limit is {model.velocityLimit.tolist()}: every entry must be 0 or more"
-        )
-    if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
-        raise InvalidInput(
-            f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"
-        )
-
-
-_stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process
-
-
-@contextmanager
-def _captured_stderr() -> Iterator[list[str]]:
-    """Catch what C++ writes to file descriptor 2, which contextlib does not see."""
-    lines: list[str] = []
-    with _stderr_lock, tempfile.TemporaryFile() as sink:
-        saved = os.dup(2)
-        os.dup2(sink.fileno(), 2)
-        try:
-            yield lines
-        finally:
-            os.dup2(saved, 2)
-            os.close(saved)
-            sink.seek(0)
-            lines += sink.read().decode(errors="replace").splitlines()

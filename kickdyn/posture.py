@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,14 +14,20 @@ from scipy.linalg import blas, lapack
 from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.hold import Hold
+from kickdyn.sound_model import culprits, listed
 
 if TYPE_CHECKING:
+    from kickdyn.constraints import Constraints
     from kickdyn.leg import Leg
 
-MAX_CONDITION = 1e15
+MAX_CONDITION = 1e13
 
 REACH_TOLERANCE = 1e-9
 """Share of a wished-for velocity that may be missed before it counts as out of reach."""
+
+HELD_TOLERANCE = 1e-9
+"""Share of what the joints contribute that a held frame may move at, for rounding."""
 
 
 class Posture:
@@ -33,6 +39,7 @@ class Posture:
         contact_point: origin of the leg's contact frame, shape `(3,)` [m, world frame].
         condition: condition number of the joint-space inertia, 1-norm (LAPACK's estimate), joints
             scaled to unit diagonal; about log10 of it digits can be lost.
+        hold: its supports and loops there; None without any.
         jacobian: KIC of that point, `velocity = jacobian @ v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
     """
@@ -59,11 +66,13 @@ class Posture:
             fault = (
                 "is not positive definite: a joint moves no inertia"
                 if self.condition == math.inf
-                else f"has condition {self.condition:.1g}: above {MAX_CONDITION:g} no digit is left"
+                else f"has condition {self.condition:.1g}, above {MAX_CONDITION:g}: no digits"
             )
             raise InvalidInput(
-                f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault}"
+                f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault} (at "
+                f"fault: {listed(culprits(model, self.inertia))}; Leg.locked locks joints)"
             )
+        self.hold = None if leg.constraints is None else self._held(leg.constraints, model, data)
         for array in (
             *(self.q, self.inertia, self.contact_point),
             *(self.jacobian, self.joint_rotation, self._factor),
@@ -75,11 +84,25 @@ class Posture:
         angles = ", ".join(f"{angle:.4g}" for angle in self.q)
         return f"Posture({self.leg.name}, q=[{angles}])"
 
+    def _held(self, constraints: Constraints, model: Any, data: Any) -> Hold:
+        constraints.check_closed(model, data, self)
+        rows, blocks = constraints.rows(model, data, self.q)
+        return Hold(constraints, rows, blocks, self._weighed(rows), self)
+
+    def _weighed(self, rows: Array) -> Array:
+        """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
+        # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
+        return np.asarray(blas.dtrsm(1.0, self._factor, (rows * self._scale).T, lower=1))
+
     @cached_property
     def mobility(self) -> Array:
-        """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix."""
-        # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
-        rows = blas.dtrsm(1.0, self._factor, (self.jacobian * self._scale).T, lower=1)
+        """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix.
+
+        Without the part that supports and loops block, if there are any.
+        """
+        rows = self._weighed(self.jacobian)
+        if self.hold:
+            rows = self.hold.freed(rows)
         rows.setflags(write=False)
         return np.asarray(rows.T)
 
@@ -135,9 +158,51 @@ class Posture:
         return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
 
     def solve(self, joint_impulse: Array) -> Array:
-        """Return M^-1 times a joint-space impulse, shape `(nv,)` [rad/s]."""
-        v, _ = lapack.dpotrs(self._factor, self._scale * joint_impulse, lower=1)
-        return np.asarray(self._scale * v)
+        """Return the velocity jump after a joint-space impulse, shape `(nv,)` [rad/s].
+
+        It is M^-1 times the impulse, and that of supports and loops, where there are any.
+        """
+        return self.respond(joint_impulse)[0]
+
+    def respond(self, joint_impulse: Array) -> tuple[Array, Array]:
+        """Return what `solve` does, and the impulses of supports and loops.
+
+        Those are stacked as in `Constraints.rows`, shape `(rows,)` [N s, N m s, world axes]; where
+        they are redundant, of all splits the smallest.
+        """
+        if self.hold is None:
+            v, _ = lapack.dpotrs(self._factor, self._scale * joint_impulse, lower=1)
+            return np.asarray(self._scale * v), np.zeros(0)
+        weighed = blas.dtrsv(self._factor, self._scale * joint_impulse, lower=1)
+        jump = blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1)
+        return np.asarray(self._scale * jump), self.hold.impulses(weighed)
+
+    def admissible(self, v: ArrayLike) -> Array:
+        """Return the joint velocity nearest to `v`, by kinetic energy, that supports and loops let.
+
+        Args:
+            v: shape `(nv,)` [rad/s].
+        """
+        v = checks.vector("v", v, self.leg.nv)
+        if self.hold is None:
+            return v
+        # M v = L L^T v: what L^T v loses is the constraints' share
+        weighed = blas.dtrmv(self._factor, v / self._scale, lower=1, trans=1)
+        part = blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1)
+        return np.asarray(self._scale * part)
+
+    def check_velocity(self, v: Array) -> None:
+        """Raise `InvalidInput` if a joint velocity moves what a support or loop holds."""
+        if self.hold is None:
+            return
+        speeds = np.abs(self.hold.rows @ v)
+        if not (speeds <= HELD_TOLERANCE * (np.abs(self.hold.rows) @ np.abs(v))).all():
+            worst = int(np.argmax(speeds))
+            raise InvalidInput(
+                f"v moves {self.hold.name_of(worst)}, which is held, at {speeds[worst]:.3g} "
+                f"{self.hold.unit_of(worst)} in {self!r}: Posture.admissible(v) gives the nearest "
+                "velocity that does not"
+            )
 
 
 def _factored(inertia: Array) -> tuple[Array, Array, float]:

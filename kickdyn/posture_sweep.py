@@ -25,13 +25,14 @@ from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
-from kickdyn.leg import Leg, shipped_urdf
+from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid, grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.report import as_json, table, text
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
 from kickdyn.sweep.summary import Line, best_and_worst, paper_lines
+from kickdyn.urdf_file import shipped_urdf
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
 AIRS: dict[str, Callable[[], Air | None]] = {

@@ -38,18 +38,31 @@ def read_urdf(path: str | PathLike[str]) -> UrdfFile:
         UrdfError: with all faults of the file in one message.
         InvalidInput: `path` is no path at all.
     """
+    urdf = read_document(path)
+    faults = faults_of(ElementTree.fromstring(urdf.text))
+    if faults:
+        raise UrdfError(urdf.source, faults)
+    return urdf
+
+
+def read_document(path: str | PathLike[str]) -> UrdfFile:
+    """Read a URDF file as `read_urdf` does, without judging the robot that it describes."""
     try:
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
     root = _parse(_decode(_read(file, source), source), source)
-    faults = faults_of(root)
-    if faults:
-        raise UrdfError(source, faults)
     # Written anew, so that Pinocchio's parser cannot read what ours did not: theirs keeps line
     # ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")
     return UrdfFile(text, file.resolve().parent, source)
+
+
+def shipped_urdf(name: str) -> Path:
+    """Return the path of a URDF that comes with kickdyn: in the wheel, or in the checkout."""
+    here = Path(__file__).resolve().parent
+    packaged = here / "urdf" / name
+    return packaged if packaged.exists() else here.parent / "urdf" / name
 
 
 def _read(file: Path, source: str) -> bytes:

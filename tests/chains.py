@@ -46,3 +46,18 @@ def random_kick(rng, leg, **touch):
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
     touch = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **touch})
     return (leg, q, v, ball, touch), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+
+
+def any_kick(rng, leg, **touch):
+    """As `random_kick`, for legs with a floating base, supports or loops."""
+    model = leg.model
+    q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.7, 0.7, size=leg.nv))
+    if leg.constraints:
+        q = leg.closed(q)
+    posture = leg.posture(q)
+    v = posture.admissible(rng.normal(size=leg.nv) * 2)
+    ball_velocity, ball_spin = rng.normal(size=3) * 0.3, rng.normal(size=3) * 20
+    closing = posture.point_velocity(v) - ball_velocity
+    normal = closing / np.linalg.norm(closing) + rng.uniform(-0.3, 0.3, size=3)
+    touch = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **touch})
+    return (leg, q, v, kd.Ball(), touch), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}

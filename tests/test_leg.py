@@ -251,6 +251,49 @@ def test_joint_of_many_degrees_is_refused_by_name(method):
         getattr(leg, method)("j0")
 
 
+def test_locked_joints_move_as_one_body():
+    leg, q = kd.Leg.human(), [0.3, 0.8, -0.2]
+    locked = leg.locked({"ankle": -0.2})
+    assert locked.joint_names == ("hip", "knee")
+    assert locked.frame == "toe"
+    full, less = leg.posture(q), locked.posture(q[:2])
+    assert less.contact_point == pytest.approx(full.contact_point, abs=1e-15)
+    assert less.inertia == pytest.approx(full.inertia[:2, :2], abs=1e-14)
+    assert less.effective_mass([1, 0, 0]) > full.effective_mass([1, 0, 0])
+    assert locked.upper.tolist() == leg.upper[:2].tolist()
+    assert leg.joint_names == ("hip", "knee", "ankle")
+
+
+def test_a_rotor_as_heavy_as_the_world_locks_its_joint():
+    """The limit of armature is the locked joint: their difference shrinks with the rotor."""
+    leg, q = kd.Leg.human(), [0.3, 0.8, -0.2]
+    locked = leg.locked({"ankle": -0.2}).posture(q[:2]).delassus()
+    gaps = [
+        np.abs(leg.with_armature({"ankle": rotor}).posture(q).delassus() - locked).max()
+        for rotor in (1e2, 1e4, 1e6)
+    ]
+    assert gaps[0] > 90 * gaps[1] > 8000 * gaps[2]
+    geared = leg.with_armature({"knee": 0.5, "hip": 0.2}).posture(q).inertia
+    assert geared - leg.posture(q).inertia == pytest.approx(np.diag([0.2, 0.5, 0]), abs=1e-15)
+    again = leg.with_armature({"knee": 0.5}).with_armature({"knee": 0.1, "hip": 0.2})
+    assert again.model.armature == pytest.approx([0.2, 0.1, 0])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda leg: leg.locked({"toe": 0}), "joint 'toe' is unknown: leg_human has hip"),
+        (lambda leg: leg.locked({"hip": math.nan}), "joint hip is nan"),
+        (lambda leg: leg.locked({"hip": 0, "knee": 0, "ankle": 0}), "all joints .* are locked"),
+        (lambda leg: leg.with_armature({"toe": 1}), "joint 'toe' is unknown"),
+        (lambda leg: leg.with_armature({"hip": -1}), "armature of hip is -1.0: .*at least 0"),
+    ],
+)
+def test_bad_locks_and_rotors_are_refused(change, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        change(kd.Leg.human())
+
+
 def test_repr_names_joints_and_frame():
     assert repr(kd.Leg.human()) == (
         "Leg('leg_human', joints=['hip', 'knee', 'ankle'], frame='toe')"

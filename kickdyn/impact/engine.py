@@ -45,8 +45,8 @@ def engine_strike(
     """Strike a ball by `pin.impulseDynamics`; arguments and errors as for `strike`.
 
     The solver knows no friction: `touch.friction` must be 0. It gets one row, n^T (J_ball -
-    J_foot), which always has rank one thanks to the ball; with rows of lower rank it would answer
-    wrongly without a word.
+    J_foot), which always has rank one thanks to the ball, and those rows of supports and loops
+    that are independent; with rows of lower rank it would answer wrongly without a word.
     """
     if touch.friction != 0.0:
         raise InvalidInput(
@@ -54,6 +54,7 @@ def engine_strike(
         )
     posture = leg.posture(q)
     v = checks.vector("v", v, leg.nv)
+    posture.check_velocity(v)
     centre = posture.contact_point + ball.radius * touch.normal
     before = BallState(centre, ball_velocity, ball_spin)
     approach(posture, posture.jacobian @ v, before, touch)
@@ -74,8 +75,11 @@ def engine_strike(
         touch.normal @ pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)[:3]
         for frame_id in (leg.frame_id, ball_frame)
     )
-    row = (ball_row - foot_row).reshape(1, model.nv)
-    after = pin.impulseDynamics(model, data, both_q, both_v, row, touch.restitution, 0.0)
+    rows = (ball_row - foot_row).reshape(1, model.nv)
+    if posture.hold is not None:  # as many as their rank; before, they are at rest
+        held = posture.hold.rows[posture.hold.independent]
+        rows = np.vstack([rows, np.hstack([held, np.zeros((len(held), 6))])])
+    after = pin.impulseDynamics(model, data, both_q, both_v, rows, touch.restitution, 0.0)
     impulse = float(data.impulse_c[0]) * touch.normal
     return EngineImpact(
         impulse, BallState(centre, after[leg.nv : leg.nv + 3], after[leg.nv + 3 :]), after[: leg.nv]

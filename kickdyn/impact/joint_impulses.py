@@ -9,13 +9,16 @@ from kickdyn.checks import Array
 from kickdyn.posture import Posture
 
 
-def joint_impulses(posture: Posture, jump: Array, impulse: Array) -> tuple[Array, Array]:
+def joint_impulses(
+    posture: Posture, jump: Array, impulse: Array, held: Array | None = None
+) -> tuple[Array, Array]:
     """Return what each joint transmits when an impulse acts on the foot.
 
     Args:
         posture: of the leg.
         jump: change of the joint velocity, shape `(nv,)` [rad/s].
         impulse: on the foot at its contact point, shape `(3,)` [N s, world frame].
+        held: impulses of supports and loops, from `Posture.respond`.
 
     Returns:
         The 6-D impulse that each joint's parent exerts on its child, linear then angular, about
@@ -23,10 +26,37 @@ def joint_impulses(posture: Posture, jump: Array, impulse: Array) -> tuple[Array
         momentum left over, shape `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
-    local = posture.joint_rotation.T @ impulse
-    at_joint = pin.Force(local, np.cross(leg.contact_lever, local))
-    space.external[leg.contact_joint] = at_joint
+    outside = {leg.contact_joint: at_joint(posture.joint_rotation.T, leg.contact_lever, impulse)}
+    if posture.hold is not None and held is not None:
+        for block in posture.hold.blocks:
+            for end, joint in enumerate((block.joint, block.other)):
+                if joint:
+                    given = held[block.at] if end == 0 else -held[block.at]
+                    force = at_joint(block.turns[end], block.levers[end], given)
+                    outside[joint] = outside[joint] + force if joint in outside else force
+    for joint, force in outside.items():
+        space.external[joint] = force
     still = np.zeros(leg.nv)
     left_over = pin.rnea(space.model, space.data, posture.q, still, jump, space.external)
-    forces = np.array([force.vector for force in list(space.data.f)[1:]])
-    return forces, left_over.copy()
+    for joint in outside:
+        space.external[joint] = NOTHING
+    return np.array(space.forces), left_over.copy()
+
+
+NOTHING = pin.Force.Zero()
+
+
+def at_joint(turn: Array, lever: Array, impulse: Array) -> pin.Force:
+    """Return an impulse at a point as Newton-Euler takes it: about the joint, in its axes.
+
+    Args:
+        turn: from world axes to the joint's, shape `(3, 3)`.
+        lever: from the joint's origin to the point, in its axes, shape `(3,)` [m].
+        impulse: shape `(3,)`, or with its moment about the point `(6,)` [world axes].
+    """
+    x, y, z = turn @ impulse[:3]
+    a, b, c = lever
+    moment = np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+    if len(impulse) == 6:
+        moment += turn @ impulse[3:]
+    return pin.Force(np.array([x, y, z]), moment)

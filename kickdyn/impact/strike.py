@@ -13,6 +13,8 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.impact.footing import judged
+from kickdyn.impact.held import named_impulses, residuals
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
 from kickdyn.leg import Leg
@@ -41,6 +43,8 @@ class Impact:
         sticking: whether friction held the contact points together.
         restitution_residual: |u_n+ + e u_n-| / |u_n-|, from the velocities after. Law `paper`
             restitutes along the attack direction: where that is not the normal, this shows it.
+        constraint_impulses: of supports and loops, stacked as in `posture.hold.rows` [N s, N m s,
+            world axes], empty without; `support_impulses` and `loop_impulses` give them by name.
         momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
             the impulse times the Jacobian's norm.
         condition: of the joint-space inertia, 1-norm; about log10 of it digits can be lost.
@@ -58,6 +62,7 @@ class Impact:
     v_before: Array
     v_after: Array
     joint_impulses: Array
+    constraint_impulses: Array
     energy_lost: float
     sticking: bool
     restitution_residual: float
@@ -69,6 +74,40 @@ class Impact:
         """Ball speed just after over foot speed just before; inf where the foot was at rest."""
         foot = math.hypot(*self.foot_velocity)
         return float(self.ball.speed) / foot if foot else math.inf
+
+    @property
+    def support_impulses(self) -> dict[str, Array]:
+        """What each support gives the robot, linear then angular, about its frame, world axes.
+
+        Shape `(6,)`, of a point foot `(3,)` [N s, N m s].
+        """
+        return named_impulses(self.posture.hold, self.constraint_impulses)[0]
+
+    @property
+    def loop_impulses(self) -> dict[tuple[str, str], Array]:
+        """What each loop gives its second frame, shape `(3,)` [N s, world axes].
+
+        The first frame takes the opposite.
+        """
+        return named_impulses(self.posture.hold, self.constraint_impulses)[1]
+
+    @property
+    def footing(self) -> dict[str, str]:
+        """What the ground, which only pushes, would let each support do; see `footing`.
+
+        `stands`, or `lifts off`, `slips`, `tips`: then `unilateral_strike` says what happens.
+        """
+        return judged(self.posture.hold, self.constraint_impulses, math.hypot(*self.impulse))
+
+    @property
+    def support_residual(self) -> float:
+        """The largest velocity of a held frame just after [m/s, rad/s]: 0 but for rounding."""
+        return residuals(self.posture.hold, self.v_after)[0]
+
+    @property
+    def loop_residual(self) -> float:
+        """The largest velocity at which a loop opens just after [m/s]: 0 but for rounding."""
+        return residuals(self.posture.hold, self.v_after)[1]
 
     @property
     def worst_joint(self) -> tuple[str, float]:
@@ -124,6 +163,7 @@ def strike_at(
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     v = checks.vector("v", v, posture.leg.nv)
+    posture.check_velocity(v)
     before = BallState(posture.contact_point + ball.radius * touch.normal, ball_velocity, ball_spin)
     n = touch.normal
     with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
@@ -176,15 +216,15 @@ def _outcome(
     solution: Solution,
 ) -> Impact:
     n, impulse = touch.normal, solution.impulse
-    jump = posture.solve(-(posture.jacobian.T @ impulse))
-    transmitted, left_over = joint_impulses(posture, jump, -impulse)
+    jump, held = posture.respond(-(posture.jacobian.T @ impulse))
+    transmitted, left_over = joint_impulses(posture, jump, -impulse, held)
     after = BallState(
         before.position,
         before.velocity + impulse / ball.mass,
         before.spin - np.cross(n, impulse) * (ball.radius / ball.inertia),
     )
     v_after = v + jump
-    for array in (impulse, v, v_after, foot_velocity, transmitted):
+    for array in (impulse, v, v_after, foot_velocity, transmitted, held):
         array.setflags(write=False)
     parting = float(n @ (after.velocity - posture.jacobian @ v_after))
     lever = float(np.linalg.norm(posture.jacobian) * np.linalg.norm(impulse))
@@ -201,6 +241,7 @@ def _outcome(
         v_before=v,
         v_after=v_after,
         joint_impulses=transmitted,
+        constraint_impulses=held,
         energy_lost=solution.energy_lost,
         sticking=solution.sticking,
         restitution_residual=abs(parting - touch.restitution * approach_speed) / approach_speed,

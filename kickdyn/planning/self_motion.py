@@ -32,8 +32,11 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
         around, where the motion closes.
 
     Raises:
-        InvalidInput: the leg has not exactly one degree of self-motion at q, or q is out of range.
+        InvalidInput: the leg has not exactly one degree of self-motion at q, q is out of range, or
+            the leg has supports or loops.
     """
+    if leg.constraints is not None:
+        raise InvalidInput(f"{leg.name} has supports or loops: only a free leg is followed")
     start = leg.posture(q)
     step = checks.number("step", step, above=0, at_most=0.1, unit="rad")
     if not isinstance(most, int) or most < 0:

@@ -73,7 +73,7 @@ def grid(leg: Leg, joints: Iterable[str] = ()) -> Grid:
             f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): "
             f"at most {MAX_POSTURES:,} are swept, take larger steps"
         )
-    for name in leg.joint_names:
+    for name in _joints(leg):
         if name not in axes:
             _inside(leg, name, np.zeros(1), "not named, so at")
     return result
@@ -103,15 +103,19 @@ def _axis(leg: Leg, text: str) -> tuple[str, Array]:
     return name, values
 
 
+def _joints(leg: Leg) -> list[str]:
+    return list(leg.angles_deg(leg.configuration()))  # a floating base has no one value
+
+
 def _default(leg: Leg) -> dict[str, Array]:
-    if len(leg.joint_names) > 3:
+    joints = _joints(leg)
+    if len(joints) > 3:
         raise InvalidInput(
-            f"{leg.name} has {len(leg.joint_names)} joints: name those to sweep, "
-            f"for example --joint {leg.joint_names[0]}=0:30:5 "
-            f"(there are {', '.join(leg.joint_names)})"
+            f"{leg.name} has {len(joints)} joints: name those to sweep, "
+            f"for example --joint {joints[0]}=0:30:5 (there are {', '.join(joints)})"
         )
     axes = {}
-    for name in leg.joint_names:
+    for name in joints:
         low, high = leg.joint_range(name)
         metres = leg.joint_unit(name) == "m"
         step = (high - low) / 9 if metres else math.radians(DEFAULT_STEP_DEG)

@@ -30,12 +30,13 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
         pad_edge=False,
         padding=(0, 1),
     )
-    units = {"m" if leg.joint_unit(name) == "m" else "deg" for name in leg.joint_names}
+    joints = list(leg.angles_deg(leg.configuration()))  # a floating base has no one angle
+    units = {"m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
     paper = any(line.paper for line in lines)
     odd = any(line.outcome.status != "ok" for line in lines)
     for head in (
         "posture",
-        escape(" / ".join(leg.joint_names)) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
+        escape(" / ".join(joints)) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
         "eff. mass\nkg",
         "impulse\nN s",
         "ball /\nfoot",

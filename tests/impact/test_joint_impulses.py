@@ -6,6 +6,7 @@ import pytest
 from chains import random_kick, random_leg
 
 import kickdyn as kd
+from kickdyn.urdf_file import shipped_urdf
 
 
 def skew(a):
@@ -15,7 +16,8 @@ def skew(a):
 def maximal_coordinates(hit):
     """Velocities after and joint impulses (world axes, at the joint) of free rigid bodies.
 
-    Unknown: six velocities per body at its centre of mass and five multipliers per joint.
+    Unknown: six velocities per body at its centre of mass, five multipliers per joint and two per
+    loop.
     """
     leg, q = hit.posture.leg, hit.posture.q
     model = leg.model
@@ -58,12 +60,18 @@ def maximal_coordinates(hit):
         relative = motion_of(i, point) - motion_of(model.parents[i], point)
         rows.append(tied @ relative)
         directions.append(tied)
+    frames = {frame.name: frame for frame in model.frames}
+    for names in leg.constraints.loops if leg.constraints else ():
+        one, two = (frames[name] for name in names)
+        point = data.oMi[one.parentJoint].act(one.placement.translation)
+        relative = motion_of(two.parentJoint, point) - motion_of(one.parentJoint, point)
+        rows.append(relative[[0, 2]])  # in a planar leg, y has no say
     tie = np.vstack(rows)
     foot = motion_of(leg.contact_joint, hit.posture.contact_point)[:3]
-    system = np.block([[mass, -tie.T], [tie, np.zeros((5 * n, 5 * n))]])
-    right = np.concatenate([momentum - foot.T @ hit.impulse, np.zeros(5 * n)])
+    system = np.block([[mass, -tie.T], [tie, np.zeros((len(tie), len(tie)))]])
+    right = np.concatenate([momentum - foot.T @ hit.impulse, np.zeros(len(tie))])
     answer = np.linalg.solve(system, right)
-    multipliers = answer[6 * n :].reshape(n, 5)
+    multipliers = answer[6 * n : 11 * n].reshape(n, 5)
     wrenches = [tied.T @ m for tied, m in zip(directions, multipliers, strict=True)]
     return (
         foot @ answer[: 6 * n],
@@ -95,6 +103,42 @@ def test_our_legs(leg, seed):
 def test_random_chains(seed):
     rng = np.random.default_rng(seed)
     check(*random_kick(rng, random_leg(rng), friction=0.4))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_closed_loop(seed):
+    tree = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+    leg = tree.with_loops(("shank_pin", "rocker_b_tip"))
+    rng = np.random.default_rng(seed)
+    angles = {"hip": rng.uniform(0, 2), "rocker_b": rng.uniform(0, 1.3)}
+    q = leg.closed(leg.configuration(angles), keep=angles)
+    posture = leg.posture(q)
+    v = posture.admissible(rng.normal(size=leg.nv) * 5)
+    normal = posture.point_velocity(v) + rng.uniform(-0.2, 0.2, size=3)
+    kick = (leg, q, v, kd.Ball(), kd.Contact(normal, 0.8, friction=0.4))
+    check(kick, {})
+    hit = kd.strike(*kick)
+    assert hit.momentum_residual <= 1e-12
+    assert hit.loop_residual <= 1e-10
+    assert hit.support_residual == 0.0
+    ((loop, carried),) = hit.loop_impulses.items()
+    assert loop == ("shank_pin", "rocker_b_tip")
+    # rocker_b hangs on two pins: what comes in at its tip and at the thigh moves it
+    model, joint = leg.model, leg.joint_names.index("rocker_b")
+    data = model.createData()
+    jump = hit.v_after - hit.v_before
+    pin.centerOfMass(model, data, q, jump)
+    turn = data.oMi[joint + 1].rotation
+    gained = (
+        model.inertias[joint + 1].mass
+        * turn
+        @ (
+            data.v[joint + 1].linear
+            + np.cross(data.v[joint + 1].angular, model.inertias[joint + 1].lever)
+        )
+    )
+    assert carried + turn @ hit.joint_impulses[joint][:3] == pytest.approx(gained, abs=1e-12)
+    assert np.linalg.norm(carried) > 1e-3
 
 
 def test_the_axis_of_a_passive_joint_carries_nothing():

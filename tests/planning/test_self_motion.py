@@ -79,3 +79,10 @@ def test_a_leg_without_redundancy_is_refused():
     chain.lowerPositionLimit, chain.upperPositionLimit = np.array([-1.0]), np.array([1.0])
     with pytest.raises(kd.InvalidInput, match="0 degrees of self-motion"):
         self_motion(kd.Leg.from_model(chain, "toe"), [0.0])
+
+
+def test_a_held_leg_is_refused():
+    robot = kd.Leg.from_robot("bolt", base="floating")
+    leg = robot.standing_on(kd.Support("FL_FOOT", point=True))
+    with pytest.raises(kd.InvalidInput, match="bolt has supports or loops: only a free leg"):
+        self_motion(leg, leg.configuration())

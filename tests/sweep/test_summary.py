@@ -4,6 +4,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.sweep.grid import grid
 from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.report import table
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.summary import best_and_worst, counts, paper_lines
 
@@ -41,3 +42,14 @@ def test_json_holds_no_nan():
     assert line["posture"] == "paper a"
     assert line["angles"] == pytest.approx({"hip": 5, "knee": 10, "ankle": -5})
     assert np.linalg.norm(line["impulse_vector"]) == pytest.approx(line["impulse"])
+
+
+def test_a_whole_robot_is_swept_by_its_named_joints():
+    robot = kd.Leg.from_robot("bolt", base="floating")
+    leg = robot.standing_on(kd.Support("FL_FOOT", point=True))
+    kick = Kick(speed=2.0)
+    data = sweep(leg, grid(leg, ["FR_HFE=-30:30:30", "FR_KFE=-60:0:30"]), kick)
+    assert data.ball_speed.shape == (3, 3)
+    lines = best_and_worst(leg, data, kick)
+    assert list(lines[0].angles) == list(leg.joint_names[1:])
+    assert str(table(leg, kick, lines).columns[1].header).startswith("FL_HAA / FL_HFE")

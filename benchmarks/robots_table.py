@@ -1,0 +1,101 @@
+"""The same kick by every robot: the table of docs/robots.md, and a page of each.
+
+    python benchmarks/robots_table.py [--pages FOLDER]
+
+Posture of the paper's Table 2 (hip 5, knee 10, ankle -5 degrees, all else straight), foot at 1 m/s
+along 30 degrees upward, which is also the contact normal, e 0.8, frictionless, a size 5 ball at
+rest. Robots strike on a fixed base, on a floating one, and afloat with the left foot held.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import kickdyn as kd
+from kickdyn.robots import ROBOTS
+
+ATTACK = np.array([np.cos(np.radians(30)), 0.0, np.sin(np.radians(30))])
+TOUCH = kd.Contact(ATTACK, restitution=0.8)
+DEGREES = (5.0, 10.0, -5.0)
+BENDS = {
+    "g1": ("right_hip_pitch_joint", "right_knee_joint", "right_ankle_pitch_joint"),
+    "talos": ("leg_right_3_joint", "leg_right_4_joint", "leg_right_5_joint"),
+    "icub": ("r_hip_pitch", "r_knee", "r_ankle_pitch"),
+    "romeo": ("RHipPitch", "RKneePitch", "RAnklePitch"),
+    "bolt": ("FR_HFE", "FR_KFE"),
+    "human": ("right_hip_Z", "right_knee_Z", "right_ankle_Z"),
+    "simple_humanoid": ("RLEG_HIP_P", "RLEG_KNEE", "RLEG_ANKLE_P"),
+}
+SINGULAR = ("icub", "romeo")
+POINT_FEET = ("bolt",)
+
+
+def posture(leg: kd.Leg, joints: tuple[str, ...]) -> kd.Posture:
+    """Return the leg bent as in Table 2; hip flexion turns about -y, the others about y."""
+    leg.posture(leg.configuration())  # so that the joints' axes are those of the straight leg
+    angles = {}
+    for joint, degrees, about in zip(joints, DEGREES, (-1, 1, 1), strict=False):
+        space = leg.workspace
+        index = 1 + leg.joint_names.index(joint)
+        axis = space.data.oMi[index].rotation @ np.array(space.data.joints[index].S)[3:]
+        angles[joint] = about * np.sign(axis[1]) * np.radians(degrees)
+    return leg.posture(leg.configuration(angles))
+
+
+def kicks() -> Iterator[tuple[str, str, kd.Impact]]:
+    """Yield name, base and impact of every line."""
+    for name, leg in (("human leg", kd.Leg.human()), ("test bed", kd.Leg.testbed())):
+        yield name, "fixed", struck(posture(leg, leg.joint_names))
+    for name, joints in BENDS.items():
+        legs = name in SINGULAR
+        shown = f"{name}, legs only" if legs else name
+        floating = kd.Leg.from_robot(name, base="floating", legs_only=legs)
+        foot = kd.Support(ROBOTS[name].stance, point=name in POINT_FEET)
+        fixed = kd.Leg.from_robot(name, legs_only=legs)
+        yield shown, "fixed", struck(posture(fixed, joints))
+        yield shown, "floating", struck(posture(floating, joints))
+        yield shown, "left foot held", struck(posture(floating.standing_on(foot), joints))
+
+
+def struck(bent: kd.Posture) -> kd.Impact:
+    """Return the kick from a posture."""
+    return kd.strike_at(bent, bent.joint_velocity(ATTACK), kd.Ball(), TOUCH)
+
+
+def table() -> str:
+    """Return the table, in Markdown."""
+    lines = [
+        "| robot | base | impulse on the ball [N s] | effective mass [kg] | ball / foot speed "
+        "| worst joint [N s] | where | residual |",
+        "|---|---|---:|---:|---:|---:|---|---:|",
+    ]
+    for name, base, hit in kicks():
+        joint, size = hit.worst_joint
+        residual = max(hit.momentum_residual, hit.restitution_residual)
+        lines.append(
+            f"| {name} | {base} | {np.linalg.norm(hit.impulse):.4f} | {hit.effective_mass:.4f} "
+            f"| {hit.speed_ratio:.4f} | {size:.4f} | {joint} "
+            f"| {'below 1e-12' if residual <= 1e-12 else f'{residual:.0e}'} |"
+        )
+    return "\n".join(lines)
+
+
+def pages(folder: Path) -> None:
+    """Write a page of every line that shows the kick."""
+    from kickdyn.view.page import kick_page, write_page
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, base, hit in kicks():
+        path = kd.fly(hit.ball, kd.Ball(), air=kd.Air(), ground=None)
+        file = folder / f"{name} {base}.html".replace(", ", " ").replace(" ", "_")
+        write_page(file, kick_page(hit, kd.Ball(), path, caption=f"{name}, {base}"))
+
+
+if __name__ == "__main__":
+    print(table())
+    if sys.argv[1:2] == ["--pages"]:
+        pages(Path(sys.argv[2]))

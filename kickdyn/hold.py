@@ -1,0 +1,91 @@
+"""Supports and loops at one configuration: what they let through, and what they carry."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from kickdyn.checks import Array
+from kickdyn.constraints import Constraints, Row
+from kickdyn.errors import InvalidInput
+from kickdyn.sound_model import listed
+
+INDEPENDENT = 1e-9
+"""Share of a row, in the metric of inertia, that others must leave for it to count."""
+
+
+class Hold:
+    """Projects on the velocities with A v = 0, orthogonally in the metric of inertia.
+
+    With M = L L^T and W = L^-1 A^T = Q R, a velocity L^-T w is admissible where Q^T w = 0.
+
+    Attributes:
+        constraints: of the leg.
+        rows: A, shape `(size, nv)` [world axes].
+        blocks: where each support's and loop's impulse acts.
+        rank: of A; below its number of rows, some are redundant.
+        independent: indices of as many rows as the rank.
+    """
+
+    def __init__(
+        self,
+        constraints: Constraints,
+        rows: Array,
+        blocks: list[Row],
+        weighed: Array,
+        where: object,
+    ) -> None:
+        self.constraints, self.rows, self.blocks = constraints, rows, blocks
+        self._weighed = weighed
+        length = np.sqrt(np.einsum("ij,ij->j", weighed, weighed))
+        largest = length.max()
+        self._length = np.where(length > INDEPENDENT * largest, length, np.inf)
+        packed, pivots, tau, _, _ = lapack.dgeqp3(weighed / self._length)
+        steps = min(weighed.shape)
+        self.rank = int((np.abs(packed.diagonal()) > INDEPENDENT).sum())
+        self.independent = pivots[: self.rank] - 1
+        self._factor = packed[: self.rank, : self.rank]
+        basis, _, _ = lapack.dorgqr(packed[:, :steps], tau)
+        self._basis = basis[:, : self.rank]
+        if self.rank == rows.shape[1]:
+            raise InvalidInput(
+                f"{listed(constraints.names)} contradict each other: together they have rank "
+                f"{self.rank} of {len(rows)} rows, and leave none of {rows.shape[1]} degrees of "
+                f"freedom in {where!r}"
+            )
+        for array in (rows, self._basis):
+            array.setflags(write=False)
+
+    def freed(self, weighed: Array) -> Array:
+        """Return L^-1 times an impulse, or several as columns, less what the constraints block."""
+        return np.asarray(weighed - self._basis @ (self._basis.T @ weighed))
+
+    def impulses(self, weighed: Array) -> Array:
+        """Return the constraints' impulses that answer L^-1 times an impulse, shape `(size,)`."""
+        blocked = self._basis.T @ weighed
+        if self.rank == len(self.rows):
+            scaled = blas.dtrsv(self._factor, -blocked)
+            answer = np.empty(self.rank)
+            answer[self.independent] = scaled
+            return np.asarray(answer / self._length)
+        return np.asarray(self._least @ -blocked)
+
+    def name_of(self, row: int) -> str:
+        """Return the name of the support or loop that a row belongs to."""
+        return next(
+            name
+            for name, block in zip(self.constraints.names, self.blocks, strict=True)
+            if block.at.start <= row < block.at.stop
+        )
+
+    def unit_of(self, row: int) -> str:
+        """Return the unit of a row's velocity."""
+        block = next(block for block in self.blocks if block.at.start <= row < block.at.stop)
+        return "m/s" if row - block.at.start < 3 else "rad/s"
+
+    @cached_property
+    def _least(self) -> Array:
+        """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
+        return np.asarray(np.linalg.pinv(self._basis.T @ self._weighed, rcond=INDEPENDENT))

@@ -1,0 +1,208 @@
+"""A strike on ground that only pushes: feet may lift off, slip or tip."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.constraints import Support
+from kickdyn.contact import Contact
+from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.cone_solver import solve_cones
+from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS
+from kickdyn.impact.joint_impulses import joint_impulses
+from kickdyn.impact.laws import ContactProblem
+from kickdyn.impact.strike import Impact, strike
+from kickdyn.leg import Leg
+from kickdyn.posture import Posture
+
+MAX_RESIDUAL = 1e-9
+STILL = 1e-9
+"""Share of the approach speed below which a point of the sole counts as at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnilateralImpact(Impact):
+    """An `Impact` in which supports rest on points that can push and rub, but not pull.
+
+    `support_impulses` are the points' together, `support_residual` is how fast the foot leaves, and
+    `effective_mass` is the leg's with no support held.
+
+    Attributes:
+        point_impulses: by support, on the robot at each corner of the sole, or at the point foot,
+            shape `(k, 3)` [N s, world axes]. More than three corners of a stiff sole leave their
+            split open: sum and moment are certain, and the split is one of many.
+        point_velocities: of the same points just after, shape `(k, 3)` [m/s, world axes].
+        cone_residual: how far the contact laws are missed, relative to the largest impulse.
+    """
+
+    point_impulses: dict[str, Array]
+    point_velocities: dict[str, Array]
+    cone_residual: float
+
+    @property
+    def footing(self) -> dict[str, str]:
+        """What each support does: `stands`, `slips`, `tips` on an edge, or `lifts off`."""
+        still = STILL * self.approach_speed
+        found = {}
+        for name, velocities in self.point_velocities.items():
+            up = velocities[:, 2] > still
+            slides = np.hypot(velocities[:, 0], velocities[:, 1])[~up] > still
+            found[name] = LIFTS if up.all() else TIPS if up.any() else SLIPS
+            if not up.any() and not slides.any():
+                found[name] = STANDS
+        return found
+
+
+class _Foot(NamedTuple):
+    """Points of a support: from its frame to each, shape `(k, 3)`, and their rows of J."""
+
+    levers: Array
+    rows: Array
+
+
+def unilateral_strike(
+    leg: Leg,
+    q: ArrayLike,
+    v: ArrayLike,
+    ball: Ball,
+    touch: Contact,
+    *,
+    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
+    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+) -> UnilateralImpact:
+    """Strike a ball from supports that are not held, but stand on points of the ground.
+
+    Newton's restitution at the ball, none at the ground, where all is at rest, and Coulomb's cone
+    at every point: one nonlinear complementarity problem. Arguments and errors as for `strike`, and
+
+    Raises:
+        InvalidInput: the leg has no supports, one lacks its friction, or a flat one its sole.
+        KickdynError: no solution was found.
+    """
+    held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
+    supports = _checked(leg)
+    free = leg.standing_on().posture(held.posture.q)
+    feet = _feet(held, supports)
+    contacts = _contacts(held, ball, free, feet)
+    bounced = contacts.before.copy()
+    bounced[2] *= 1.0 + touch.restitution
+    frictions = [touch.friction]
+    for support, foot in zip(supports, feet, strict=True):
+        frictions += [support.friction or 0.0] * len(foot.levers)
+    impulses, residual = solve_cones(contacts.delassus, bounced, np.array(frictions))
+    if not residual <= MAX_RESIDUAL:
+        raise KickdynError(f"no impulses found for the supports (residual {residual:.1g})")
+    return _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
+
+
+class _Contacts(NamedTuple):
+    """Ball first, then the points of the feet.
+
+    `axes` has the ball's normal for its third column; `jacobian`, `delassus` and the velocities
+    `before` are those of the contact problem, three rows each, normal last.
+    """
+
+    axes: Array
+    jacobian: Array
+    delassus: Array
+    before: Array
+
+
+def _contacts(held: Impact, ball: Ball, free: Posture, feet: list[_Foot]) -> _Contacts:
+    normal = held.touch.normal
+    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
+    jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
+    delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
+    alone = ContactProblem(
+        normal=normal,
+        leg_delassus=np.zeros((3, 3)),
+        ball=ball,
+        centre_velocity=held.ball_before.velocity - held.foot_velocity,
+        spin=held.ball_before.spin,
+        restitution=held.touch.restitution,
+        friction=held.touch.friction,
+    )
+    delassus[:3, :3] += axes.T @ alone.delassus() @ axes
+    before = np.concatenate([axes.T @ alone.velocity, np.zeros(len(jacobian) - 3)])
+    return _Contacts(axes, jacobian, (delassus + delassus.T) / 2, before)
+
+
+def _outcome(
+    held: Impact,
+    ball: Ball,
+    free: Posture,
+    supports: tuple[Support, ...],
+    feet: list[_Foot],
+    contacts: _Contacts,
+    impulses: Array,
+    residual: float,
+) -> UnilateralImpact:
+    impulse, before, normal = contacts.axes @ impulses[:3], held.ball_before, held.touch.normal
+    jump, loops = free.respond(contacts.jacobian.T @ impulses)
+    after = contacts.before + contacts.delassus @ impulses
+    ends = np.cumsum([3, *(len(foot.rows) for foot in feet)])[:-1]
+    shares = [part.reshape(-1, 3) for part in np.split(impulses, ends)[1:]]
+    velocities = [part.reshape(-1, 3) for part in np.split(after, ends)[1:]]
+    wrenches = [
+        np.concatenate([share.sum(axis=0), np.cross(foot.levers, share).sum(axis=0)])[: s.size]
+        for s, foot, share in zip(supports, feet, shares, strict=True)
+    ]
+    stacked, v_after = np.concatenate([*wrenches, loops]), held.v_before + jump
+    transmitted, left_over = joint_impulses(held.posture, jump, -impulse, stacked)
+    for array in (impulse, v_after, transmitted, stacked, *shares, *velocities):
+        array.setflags(write=False)
+    names = [support.frame for support in supports]
+    lever = float(np.linalg.norm(free.jacobian) * np.linalg.norm(impulse))
+    spin = before.spin - np.cross(normal, impulse) * (ball.radius / ball.inertia)
+    same = {field.name: getattr(held, field.name) for field in dataclasses.fields(Impact)}
+    changed = {
+        "impulse": impulse,
+        "effective_mass": free.effective_mass(normal),
+        "ball": BallState(before.position, before.velocity + impulse / ball.mass, spin),
+        "v_after": v_after,
+        "joint_impulses": transmitted,
+        "constraint_impulses": stacked,
+        "energy_lost": -0.5 * float(impulses @ (contacts.before + after)),
+        "sticking": bool(np.hypot(after[0], after[1]) <= STILL * held.approach_speed),
+        "restitution_residual": abs(float(after[2]) / held.approach_speed - held.touch.restitution),
+        "momentum_residual": float(np.abs(left_over).max()) / lever,
+        "point_impulses": dict(zip(names, shares, strict=True)),
+        "point_velocities": dict(zip(names, velocities, strict=True)),
+        "cone_residual": residual,
+    }
+    return UnilateralImpact(**(same | changed))
+
+
+def _checked(leg: Leg) -> tuple[Support, ...]:
+    supports = leg.constraints.supports if leg.constraints else ()
+    if not supports:
+        raise InvalidInput(f"{leg.name} has no supports: Leg.standing_on names them")
+    for support in supports:
+        if support.friction is None:
+            raise InvalidInput(f"support {support.frame} has no friction: name its coefficient")
+        if support.sole is None and not support.point:
+            raise InvalidInput(f"support {support.frame} has no sole: name its corners")
+    if len({support.frame for support in supports}) < len(supports):
+        raise InvalidInput("a support is named twice: once will do")
+    return supports
+
+
+def _feet(held: Impact, supports: tuple[Support, ...]) -> list[_Foot]:
+    feet, hold = [], held.posture.hold
+    for support, block in zip(supports, hold.blocks if hold else (), strict=False):
+        rows = hold.rows[block.at] if hold else np.zeros((0, 0))
+        if support.sole is None:
+            feet.append(_Foot(np.zeros((1, 3)), rows))
+            continue
+        levers = support.sole @ block.frame.T
+        at_points = [rows[:3] - pin.skew(lever) @ rows[3:] for lever in levers]
+        feet.append(_Foot(levers, np.vstack(at_points)))
+    return feet

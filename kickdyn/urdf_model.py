@@ -1,0 +1,67 @@
+"""From the text of a URDF to a Pinocchio model, with whatever C++ says on the way."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pinocchio as pin
+
+from kickdyn.errors import InvalidInput, UrdfError
+
+BASES = ("fixed", "floating")
+
+
+def build_model(text: str, source: str, base: str) -> Any:
+    """Return the `pin.Model` of a URDF.
+
+    Args:
+        text: the document.
+        source: its name, for errors.
+        base: `fixed` welds the root link to the world; `floating` lets it move, as the first
+            joint, `root_joint`, of seven coordinates (position, quaternion xyzw) and six
+            velocities (linear, angular, in the base's own axes).
+
+    Raises:
+        UrdfError: Pinocchio refuses it, or complains, or no joint moves.
+        InvalidInput: an unknown base.
+    """
+    if base not in BASES:
+        raise InvalidInput(f"base is {base!r}: it must be {' or '.join(BASES)}")
+    root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
+    with _captured_stderr() as said:
+        try:
+            model = pin.buildModelFromXML(text, *root)
+        except Exception as error:
+            model, reason = None, str(error).strip().splitlines()[0]
+    complaints = [line.strip() for line in said if line.strip()]
+    if model is None:
+        raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
+    if complaints:
+        raise UrdfError(source, ["Pinocchio complains", *complaints])
+    if model.nv == 0:
+        raise UrdfError(source, ["has no moving joint"])
+    return model
+
+
+_stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process
+
+
+@contextmanager
+def _captured_stderr() -> Iterator[list[str]]:
+    """Catch what C++ writes to file descriptor 2, which contextlib does not see."""
+    lines: list[str] = []
+    with _stderr_lock, tempfile.TemporaryFile() as sink:
+        saved = os.dup(2)
+        os.dup2(sink.fileno(), 2)
+        try:
+            yield lines
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+            sink.seek(0)
+            lines += sink.read().decode(errors="replace").splitlines()

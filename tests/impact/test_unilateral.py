@@ -1,0 +1,155 @@
+"""Feet that may leave the ground: the laws themselves, and the held foot where it would stand."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+FOOT, OTHER = "left_ankle_roll_link", "right_ankle_roll_link"
+SOLE = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+ROBOT = kd.Leg.from_robot("g1", base="floating")
+Q = {"right_hip_pitch_joint": -0.4, "right_knee_joint": 0.6, "left_knee_joint": 0.3}
+
+
+def stance(friction=0.6, scale=1.0, **options):
+    options = {"sole": scale * np.array(SOLE), **options}
+    return ROBOT.standing_on(kd.Support(FOOT, friction=friction, **options))
+
+
+def kick(leg, wish=(4.0, 0.5, 1.0), normal=None, friction=0.3, e=0.7):
+    q = leg.configuration(Q)
+    v = leg.posture(q).joint_velocity(wish)
+    return leg, q, v, kd.Ball(), kd.Contact(normal or wish, e, friction)
+
+
+KICKS = {
+    "forward": kick(stance()),
+    "down": kick(stance(), (1, 0, -4)),
+    "up": kick(stance(), (1, 0, 4)),
+    "sideways": kick(stance(), (1, 4, 0), (1, 3, 0.5)),
+    "slippery": kick(stance(0.05), (4, 0, 0.3)),
+    "frictionless": kick(stance(0.0), (4, 0, -1), friction=0.0),
+    "down, large foot": kick(stance(0.6, 3), (1, 0, -4)),
+    "point foot": kick(stance(sole=None, point=True), (3, 0, 2)),
+    "askew": kick(stance(0.3), (3, -1, 2)),
+}
+OPTIONS = {"ball_velocity": (-1.0, 0.2, 0.0), "ball_spin": (3.0, -20.0, 1.0)}
+
+
+@pytest.mark.parametrize("name", KICKS)
+def test_contact_laws_hold_in_the_outcome(name):
+    """Read from v_after and the impulses alone: Signorini and Coulomb at the ground and ball."""
+    leg, _, _, ball, touch = KICKS[name]
+    hit = kd.unilateral_strike(*KICKS[name], **OPTIONS)
+    posture, mu = hit.posture, leg.constraints.supports[0].friction
+    scale, speed = np.linalg.norm(hit.impulse), hit.approach_speed
+    rows = posture.hold.rows @ hit.v_after
+    assert hit.cone_residual <= 1e-11
+    for lever, p, u in zip(
+        levers(hit), hit.point_impulses[FOOT], hit.point_velocities[FOOT], strict=True
+    ):
+        moves = rows[:3] + (np.cross(rows[3:], lever) if len(rows) == 6 else 0)
+        assert moves == pytest.approx(u, abs=1e-11 * speed)
+        assert u[2] >= -1e-10 * speed
+        assert p[2] >= -1e-10 * scale
+        assert abs(u[2] * p[2]) <= 1e-9 * speed * scale
+        assert np.hypot(*p[:2]) <= mu * p[2] + 1e-9 * scale
+        if np.hypot(*u[:2]) > 1e-6 * speed:  # slides: friction is full, and against it
+            assert p[:2] * np.hypot(*u[:2]) == pytest.approx(-mu * p[2] * u[:2], abs=1e-8 * scale)
+    n = touch.normal
+    slip = (
+        hit.ball.velocity
+        - ball.radius * np.cross(hit.ball.spin, n)
+        - posture.jacobian @ hit.v_after
+    )
+    slip -= (slip @ n) * n
+    across = hit.impulse - (hit.impulse @ n) * n
+    assert np.linalg.norm(across) <= touch.friction * (hit.impulse @ n) + 1e-9 * scale
+    if np.linalg.norm(slip) > 1e-6 * speed:
+        assert across @ slip == pytest.approx(
+            -touch.friction * (hit.impulse @ n) * np.linalg.norm(slip), abs=1e-8 * scale * speed
+        )
+    assert hit.restitution_residual <= 1e-10
+    assert hit.momentum_residual <= 1e-12
+    assert np.abs(hit.joint_impulses[0]).max() <= 1e-12 * scale  # nothing carries the base
+
+
+def levers(hit):
+    (support,) = hit.posture.leg.constraints.supports
+    (block,) = hit.posture.hold.blocks
+    return np.zeros((1, 3)) if support.sole is None else support.sole @ block.frame.T
+
+
+@pytest.mark.parametrize("name", KICKS)
+def test_energy_adds_up(name):
+    _, _, v, ball, _ = KICKS[name]
+    hit = kd.unilateral_strike(*KICKS[name], **OPTIONS)
+
+    def energy(joints, state):
+        return 0.5 * (
+            joints @ hit.posture.inertia @ joints
+            + ball.mass * state.velocity @ state.velocity
+            + ball.inertia * state.spin @ state.spin
+        )
+
+    lost = energy(v, hit.ball_before) - energy(hit.v_after, hit.ball)
+    assert hit.energy_lost == pytest.approx(lost, abs=1e-11 * energy(v, hit.ball_before))
+    assert hit.energy_lost > 0
+
+
+def test_where_the_ground_would_hold_it_nothing_changes():
+    held, loose = both("down, large foot")
+    assert held.footing == loose.footing == {FOOT: "stands"}
+    assert np.abs(held.v_after - loose.v_after).max() <= 1e-9 * np.abs(held.v_after).max()
+    assert loose.impulse == pytest.approx(held.impulse, rel=1e-9)
+    assert loose.support_impulses[FOOT] == pytest.approx(held.support_impulses[FOOT], abs=1e-9)
+
+
+def test_a_foot_that_only_turns_on_the_spot_slips():
+    held, loose = both("down")
+    assert held.footing == {FOOT: "stands"}  # friction's moment is not judged there
+    assert loose.footing == {FOOT: "slips"}
+
+
+def both(name):
+    return kd.strike(*KICKS[name], **OPTIONS), kd.unilateral_strike(*KICKS[name], **OPTIONS)
+
+
+@pytest.mark.parametrize("name", [name for name in KICKS if "down" not in name])
+def test_where_it_would_not_the_foot_moves(name):
+    held, loose = both(name)
+    assert held.footing[FOOT] != "stands"
+    assert loose.footing[FOOT] != "stands"
+    assert loose.support_residual > 1e-4
+    assert held.support_residual < 1e-12
+
+
+def test_two_feet():
+    hands = kd.Leg.from_robot("g1", "right_rubber_hand", base="floating")
+    supports = [kd.Support(foot, friction=0.6, sole=SOLE) for foot in (FOOT, OTHER)]
+    leg = hands.standing_on(*supports)
+    hit = kd.unilateral_strike(*kick(leg, (3, 0, 1)))
+    assert set(hit.footing) == {FOOT, OTHER}
+    assert hit.cone_residual <= 1e-10
+    assert hit.momentum_residual <= 1e-12
+    assert hit.restitution_residual <= 1e-10
+
+
+@pytest.mark.parametrize(
+    ("leg", "said"),
+    [
+        (ROBOT, "g1 has no supports: Leg.standing_on names them"),
+        (ROBOT.standing_on(FOOT), f"support {FOOT} has no friction"),
+        (ROBOT.standing_on(kd.Support(FOOT, friction=0.5)), f"support {FOOT} has no sole"),
+        (stance().standing_on(*(stance().constraints.supports * 2)), "named twice"),
+    ],
+)
+def test_what_cannot_be_solved_is_refused(leg, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.unilateral_strike(*kick(leg))
+
+
+def test_an_answer_that_misses_the_laws_is_refused(monkeypatch):
+    monkeypatch.setattr("kickdyn.impact.unilateral.MAX_RESIDUAL", 0.0)
+    with pytest.raises(kd.KickdynError, match=r"no impulses found for the supports \(residual"):
+        kd.unilateral_strike(*KICKS["forward"])

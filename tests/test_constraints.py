@@ -1,0 +1,119 @@
+import pickle
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+G1 = kd.Leg.from_robot("g1", base="floating")
+FOOT, OTHER = "left_ankle_roll_link", "right_ankle_roll_link"
+
+
+def test_supports_are_kept_and_let_go():
+    sole = [(0.1, 0.03, -0.03), (0.1, -0.03, -0.03), (-0.05, 0, -0.03)]
+    support = kd.Support(FOOT, friction=0.7, sole=sole)
+    leg = G1.standing_on(support)
+    assert leg.constraints.supports == (support,)
+    assert leg.constraints.size == support.size == 6
+    copy = pickle.loads(pickle.dumps(leg))
+    kept = copy.constraints.supports[0]
+    assert (kept.frame, kept.point, kept.friction) == (FOOT, False, 0.7)
+    assert kept.sole.tolist() == [list(corner) for corner in sole]
+    assert leg.locked({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
+    assert leg.with_armature({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
+    assert leg.standing_on().constraints is None
+    assert G1.constraints is None
+    with pytest.raises(ValueError, match="read-only"):
+        support.sole[0, 0] = 1
+
+
+@pytest.mark.parametrize(
+    ("supports", "said"),
+    [
+        (("left_toe",), "frame 'left_toe' is unknown: g1 has "),
+        ((OTHER,), f"support {OTHER} is on the kicking limb, .* right_ankle_roll_joint"),
+        ((FOOT, "right_knee_link"), "support right_knee_link is on the kicking limb"),
+        ((7,), "support is 7: it must be a frame's name or Support"),
+        ((None,), "support is None"),
+    ],
+)
+def test_what_cannot_stand_is_refused(supports, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        G1.standing_on(*supports)
+
+
+def test_beyond_the_kicking_foot_is_the_kicking_limb_too():
+    leg = kd.Leg.from_robot("g1", frame="left_knee_link", base="floating")
+    with pytest.raises(kd.InvalidInput, match=f"{FOOT} is on the kicking limb"):
+        leg.standing_on(FOOT)
+
+
+def test_the_fixed_base_stands_already():
+    leg = kd.Leg.from_robot("g1")
+    with pytest.raises(kd.InvalidInput, match="pelvis is fixed to the base: it stands already"):
+        leg.standing_on("pelvis")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"friction": -0.1}, f"friction under {FOOT} is -0.1"),
+        ({"friction": np.nan}, f"friction under {FOOT} is nan"),
+        ({"sole": [(0, 0, 0), (1, 0, 0)]}, r"has shape \(2, 3\): it must be \(k, 3\)"),
+        ({"sole": [0, 0, 0]}, r"has shape \(3,\)"),
+        ({"sole": np.zeros((4, 2))}, r"has shape \(4, 2\)"),
+        ({"sole": [(0, 0, np.inf)] * 3}, "sole .*finite"),
+        ({"sole": np.eye(3), "point": True}, "corners of a flat foot"),
+    ],
+)
+def test_bad_soles_are_refused(options, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.Support(FOOT, **options)
+
+
+@pytest.mark.parametrize(
+    ("loops", "said"),
+    [
+        ((("pelvis", "toe"),), "frame 'toe' is unknown"),
+        ((("torso_link", "torso_link"),), "loop torso_link - torso_link joins a body to itself"),
+        (("pelvis",), "loop is 'pelvis': it must be a pair"),
+        ((("pelvis",),), "it must be a pair"),
+    ],
+)
+def test_bad_loops_are_refused(loops, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        G1.with_loops(*loops)
+
+
+def test_an_open_loop_is_refused_with_its_gap():
+    leg = G1.with_loops(("left_wrist_yaw_link", "right_wrist_yaw_link"))
+    q = leg.configuration()
+    hands = [
+        kd.Leg.from_robot("g1", f"{side}_wrist_yaw_link", base="floating").posture(q)
+        for side in ("left", "right")
+    ]
+    gap = np.linalg.norm(hands[0].contact_point - hands[1].contact_point)
+    with pytest.raises(kd.InvalidInput, match=rf"is open by {gap:.6g} m in Posture\(g1.*closed"):
+        leg.posture(q)
+
+
+def test_rows_are_the_frames_velocities():
+    """Against the frame's own motion, by finite differences."""
+    import pinocchio as pin
+
+    rng = np.random.default_rng(2)
+    leg = G1.standing_on(FOOT, kd.Support("right_wrist_yaw_link", point=True))
+    model = leg.model
+    q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.6, 0.6, size=leg.nv))
+    v, h = rng.normal(size=leg.nv), 1e-6
+    places = []
+    for step in (-h, h):
+        data = model.createData()
+        pin.framesForwardKinematics(model, data, pin.integrate(model, q, step * v))
+        places.append([data.oMf[model.getFrameId(s.frame)] for s in leg.constraints.supports])
+    (foot_0, hand_0), (foot_1, hand_1) = places
+    rows = leg.posture(q).hold.rows @ v
+    linear = (foot_1.translation - foot_0.translation) / (2 * h)
+    angular = pin.log3(foot_1.rotation @ foot_0.rotation.T) / (2 * h)
+    hand = (hand_1.translation - hand_0.translation) / (2 * h)
+    assert rows == pytest.approx(np.concatenate([linear, angular, hand]), abs=1e-8)

@@ -1,0 +1,143 @@
+"""Postures that are held: projection, redundancy, contradiction."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+
+LEFT = "left_ankle_roll_link"
+G1 = kd.Leg.from_robot("g1", base="floating")
+KICKER = kd.Leg.from_robot("g1", "right_wrist_yaw_link", base="floating")
+
+
+def somewhere(leg, seed):
+    model = leg.model
+    step = np.random.default_rng(seed).uniform(-0.6, 0.6, size=leg.nv)
+    return pin.integrate(model, pin.neutral(model), step)
+
+
+def kkt(posture, impulse):
+    """Jump and constraint impulses from the stacked system, independent rows only."""
+    rows = posture.hold.rows[posture.hold.independent]
+    n, m = posture.leg.nv, len(rows)
+    system = np.block([[posture.inertia, -rows.T], [rows, np.zeros((m, m))]])
+    answer = np.linalg.solve(system, np.concatenate([impulse, np.zeros(m)]))
+    return answer[:n], rows.T @ answer[n:]
+
+
+STANCES = {
+    "flat foot": (G1, (LEFT,)),
+    "point foot": (G1, (kd.Support(LEFT, point=True),)),
+    "two feet": (KICKER, (LEFT, "right_ankle_roll_link")),
+    "foot twice": (G1, (LEFT, kd.Support(LEFT, point=True))),
+    "foot and toe": (G1, (LEFT, "left_ankle_pitch_link")),
+    "pelvis": (G1, ("pelvis",)),
+}
+
+
+@pytest.mark.parametrize("stance", STANCES)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_held_leg_solves_the_stacked_system(stance, seed):
+    leg, supports = STANCES[stance]
+    leg = leg.standing_on(*supports)
+    posture = leg.posture(somewhere(leg, seed))
+    rng = np.random.default_rng(seed)
+    impulse = rng.normal(size=leg.nv)
+    jump, held = posture.respond(impulse)
+    exact, reaction = kkt(posture, impulse)
+    size = np.abs(exact).max()
+    assert np.abs(jump - exact).max() <= 1e-11 * size
+    assert np.abs(posture.hold.rows.T @ held - reaction).max() <= 1e-11 * np.abs(impulse).max()
+    assert np.abs(posture.hold.rows @ jump).max() <= 1e-12 * size
+    assert (posture.solve(impulse) == jump).all()
+    # the Delassus matrix is the response to impulses at the contact point
+    columns = [posture.jacobian @ kkt(posture, row)[0] for row in posture.jacobian]
+    delassus = posture.delassus()
+    assert np.abs(delassus - np.array(columns).T).max() <= 1e-11 * np.abs(delassus).max()
+
+
+@pytest.mark.parametrize(
+    ("stance", "rank"), [("flat foot", 6), ("foot twice", 6), ("two feet", 12)]
+)
+def test_rank_is_counted(stance, rank):
+    leg, supports = STANCES[stance]
+    leg = leg.standing_on(*supports)
+    assert leg.posture(somewhere(leg, 1)).hold.rank == rank
+
+
+def test_redundant_supports_share_alike():
+    """The same point held twice: the smallest split is half and half."""
+    points = (kd.Support(LEFT, point=True),) * 2
+    posture = G1.standing_on(*points).posture(somewhere(G1, 4))
+    alone = G1.standing_on(points[0]).posture(somewhere(G1, 4))
+    impulse = np.random.default_rng(4).normal(size=G1.nv)
+    (_, both), (_, one) = posture.respond(impulse), alone.respond(impulse)
+    assert both[:3] == pytest.approx(one / 2, rel=1e-10)
+    assert both[3:] == pytest.approx(one / 2, rel=1e-10)
+
+
+def test_a_held_pelvis_is_a_fixed_base():
+    q = somewhere(kd.Leg.from_robot("g1"), 5)
+    fixed = kd.Leg.from_robot("g1").posture(q)
+    leg = G1.standing_on("pelvis")
+    held = leg.posture(np.concatenate([leg.configuration()[:7], q]))
+    assert held.delassus() == pytest.approx(fixed.delassus(), abs=1e-13)
+    wish = (3.0, -1.0, 2.0)
+    v = held.joint_velocity(wish)
+    assert v[:6] == pytest.approx(np.zeros(6), abs=1e-14)
+    assert v[6:] == pytest.approx(fixed.joint_velocity(wish), abs=1e-11)
+
+
+def test_joint_velocity_holds_the_support():
+    leg = G1.standing_on(LEFT)
+    posture = leg.posture(somewhere(leg, 6))
+    v = posture.joint_velocity((4, 1, 2))
+    assert posture.point_velocity(v) == pytest.approx([4, 1, 2], abs=1e-12)
+    assert np.abs(posture.hold.rows @ v).max() < 1e-12
+    free = G1.posture(posture.q).joint_velocity((4, 1, 2))
+    assert v @ posture.inertia @ v > free @ posture.inertia @ free
+
+
+def test_admissible_is_the_nearest_velocity():
+    leg = G1.standing_on(LEFT)
+    posture = leg.posture(somewhere(leg, 7))
+    rng = np.random.default_rng(7)
+    v = rng.normal(size=leg.nv)
+    near = posture.admissible(v)
+    assert np.abs(posture.hold.rows @ near).max() < 1e-12
+    posture.check_velocity(near)
+    assert posture.admissible(near) == pytest.approx(near, abs=1e-12)
+    # what is taken away is orthogonal to all that is let through
+    other = posture.admissible(rng.normal(size=leg.nv))
+    assert abs(other @ posture.inertia @ (v - near)) < 1e-11
+    assert (G1.posture(posture.q).admissible(v) == v).all()
+
+
+def test_velocity_that_moves_the_support_is_refused():
+    leg = G1.standing_on(LEFT)
+    posture = leg.posture(somewhere(leg, 8))
+    v = posture.admissible(np.ones(leg.nv))
+    v[leg.velocity_index("left_knee_joint")] += 0.1
+    touch = kd.Contact((1, 0, 0), 0.8)
+    for strike in (kd.strike, kd.engine_strike):
+        with pytest.raises(
+            kd.InvalidInput, match=rf"v moves {LEFT}, which is held, at \S+ rad/s in"
+        ):
+            strike(leg, posture.q, v, kd.Ball(), touch)
+    v = posture.admissible(np.ones(leg.nv))
+    v[0] += 3
+    with pytest.raises(kd.InvalidInput, match=rf"{LEFT}, which is held, at \S+ m/s"):
+        posture.check_velocity(v)
+
+
+def test_supports_that_leave_no_motion_contradict_each_other():
+    bolt = kd.Leg.from_robot("bolt", "base_link", base="floating")
+    angles = np.random.default_rng(0).uniform(-1, 1, size=6)
+    q = bolt.configuration(dict(zip(bolt.joint_names[1:], angles, strict=True)))
+    with pytest.raises(
+        kd.InvalidInput, match=r"FL_FOOT, FR_FOOT contradict .* rank 12 of 12 rows, .* none of 12"
+    ):
+        bolt.standing_on("FL_FOOT", "FR_FOOT").posture(q)
+    points = (kd.Support(frame, point=True) for frame in ("FL_FOOT", "FR_FOOT"))
+    assert bolt.standing_on(*points).posture(q).hold.rank == 6

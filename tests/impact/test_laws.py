@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from contacts import random_problem, split
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,30 +12,6 @@ import kickdyn as kd
 from kickdyn.impact.laws import ContactProblem, newton, paper
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def random_problem(seed, friction=None):
-    """Any symmetric positive leg, however lopsided, and any ball that comes towards it."""
-    rng = np.random.default_rng(seed)
-    rows = rng.normal(size=(3, rng.integers(1, 6))) * 10 ** rng.uniform(-1.5, 1.5, size=(3, 1))
-    normal = rng.normal(size=3)
-    normal /= np.linalg.norm(normal)
-    velocity = rng.normal(size=3) * 10 ** rng.uniform(-2, 2)
-    velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
-    return ContactProblem(
-        normal=normal,
-        leg_delassus=rows @ rows.T,
-        ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
-        centre_velocity=velocity,
-        spin=rng.normal(size=3) * 10 ** rng.uniform(-2, 2),
-        restitution=rng.choice([0.0, 1.0, rng.random()]),
-        friction=10 ** rng.uniform(-2, 1) if friction is None else friction,
-    )
-
-
-def split(problem, vector):
-    normal = float(problem.normal @ vector)
-    return normal, vector - normal * problem.normal
 
 
 @given(seed=seeds)

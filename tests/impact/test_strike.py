@@ -115,7 +115,11 @@ V = [0.1, -2.0, -1.0]
         ({"v": [1.7e308, -1.7e308, -1.7e308]}, kd.InvalidInput, "double precision"),
         ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, "double precision"),
         ({"v": "fast"}, kd.InvalidInput, "v is 'fast'"),
-        ({"law": "hertz"}, kd.InvalidInput, "impact law 'hertz' is unknown: choose newton, paper"),
+        (
+            {"law": "hertz"},
+            kd.InvalidInput,
+            "impact law 'hertz' is unknown: choose newton, stronge, paper",
+        ),
         ({"ball_spin": (0, math.nan, 0)}, kd.InvalidInput, "spin is .*finite"),
         ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"velocity has shape \(2,\)"),
     ],

@@ -1,0 +1,90 @@
+"""What an impact law is given, and what it answers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """One contact point, just before the impact; world frame.
+
+    Attributes:
+        normal: unit vector from the foot into the ball, shape `(3,)`.
+        leg_delassus: J M^-1 J^T of the leg, shape `(3, 3)` [1/kg].
+        ball: the ball, a rigid shell.
+        centre_velocity: of the ball's centre relative to the foot's contact point [m/s].
+        spin: of the ball [rad/s].
+        restitution: coefficient e.
+        friction: coefficient mu.
+    """
+
+    normal: Array
+    leg_delassus: Array
+    ball: Ball
+    centre_velocity: Array
+    spin: Array
+    restitution: float
+    friction: float
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity of the ball's contact point relative to the foot's, shape `(3,)` [m/s]."""
+        return self.centre_velocity - self.ball.radius * cross(self.spin, self.normal)
+
+    def delassus(self) -> Array:
+        """Return leg and ball together, shape `(3, 3)` [1/kg]; the shell may turn."""
+        turn = self.ball.radius**2 / self.ball.inertia
+        ball = (1.0 / self.ball.mass + turn) * np.eye(3) - turn * np.outer(self.normal, self.normal)
+        return self.leg_delassus + ball
+
+
+class Solution(NamedTuple):
+    """What a law decides.
+
+    Attributes:
+        impulse: on the ball, shape `(3,)` [N s, world frame].
+        sticking: whether the contact points stay together while they touch.
+        energy_lost: kinetic energy that leaves leg and ball [J].
+    """
+
+    impulse: Array
+    sticking: bool
+    energy_lost: float
+
+
+Law = Callable[[ContactProblem], Solution]
+
+
+def frictionless(problem: ContactProblem) -> Solution:
+    """Return the impulse of Eq. (10), along the normal: with no friction, all laws agree."""
+    n, e = problem.normal, problem.restitution
+    approach = -float(n @ problem.velocity)
+    p = (1.0 + e) * approach / float(n @ problem.delassus() @ n)
+    return Solution(p * n, False, 0.5 * p * (1.0 - e) * approach)
+
+
+def contact_axes(n: Array, u: Array) -> Array:
+    """Return a rotation whose third column is n and whose first is along the sliding, if any."""
+    across = u - (n @ u) * n
+    if np.abs(across).max() <= 1e-12 * np.abs(u).max():
+        across = np.zeros(3)
+        across[int(np.argmin(np.abs(n)))] = 1.0
+        across -= (n @ across) * n
+    first = across / math.hypot(*across)
+    return np.column_stack([first, cross(n, first), n])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross product; numpy's takes ten times as long on two vectors."""
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

@@ -16,8 +16,12 @@ def newton(problem: ContactProblem) -> Solution:
 
     The normal velocity after is -e times that before. The contact points stick if the impulse that
     stops them from sliding lies inside the cone; else the impulse lies on the cone, against the
-    direction of the sliding that remains. Where several such directions exist (strong friction, a
-    lopsided leg), the one that loses most energy is returned.
+    direction of the sliding that remains.
+
+    There is always a solution, for the Delassus matrix is positive definite (Acary & Cadoux 2013);
+    under strong friction a lopsided leg can have up to three. Sticking then comes first, else
+    what loses most energy. With friction, an eccentric impact can gain energy by this law: the
+    negative `energy_lost` says so.
     """
     n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
     if mu == 0.0:

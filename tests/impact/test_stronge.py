@@ -45,7 +45,7 @@ def test_energy_is_never_created(seed):
         assert np.abs(sliding).max() <= 1e-12 * size
 
 
-def followed(contact):
+def followed(contact, max_step=math.inf):
     """The same impact by an adaptive integrator of velocities, impulse and work.
 
     Over the normal impulse, which passes in proportion to the sliding while there is any; where
@@ -83,7 +83,8 @@ def followed(contact):
         turned.direction = 1 if pressing else -1
         start = np.concatenate([u, impulse, [0.0]])
         events = [turned, full] if held is not None else [turned, full, stopped]
-        run = solve_ivp(rates, (0, 1e9), start, "DOP853", events=events, rtol=1e-11, atol=1e-14)
+        options = {"rtol": 1e-11, "atol": 1e-14, "max_step": max_step if held is None else math.inf}
+        run = solve_ivp(rates, (0, 1e9), start, "DOP853", events=events, **options)
         u, impulse, work = run.y[:3, -1], run.y[3:6, -1], run.y[6, -1]
         stored, returned = (stored - work, returned) if pressing else (stored, returned + work)
         if len(run.t_events[1]):
@@ -205,6 +206,14 @@ def test_the_points_may_press_anew(seed):
     impulse = stronge(contact).impulse
     assert compressions == 2
     assert np.abs(expected - impulse).max() <= 1e-8 * np.linalg.norm(impulse)
+
+
+@pytest.mark.parametrize(("seed", "e"), [(6841, 0.6), (10889, 0.6), (11416, 0.3)])
+def test_the_normal_velocity_may_turn_round_within_a_step(seed, e):
+    contact = random_contact(seed, decades=3, friction=3.0, restitution=e)
+    expected, _ = followed(contact, max_step=0.1)
+    impulse = stronge(contact).impulse
+    assert np.abs(expected - impulse).max() <= 1e-7 * np.linalg.norm(impulse)
 
 
 def test_sliding_that_friction_cannot_stop():

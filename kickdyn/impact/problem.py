@@ -52,7 +52,7 @@ class Solution(NamedTuple):
 
     Attributes:
         impulse: on the ball, shape `(3,)` [N s, world frame].
-        sticking: whether the contact points stay together while they touch.
+        sticking: whether the contact points part without sliding on each other.
         energy_lost: kinetic energy that leaves leg and ball [J].
     """
 

@@ -12,7 +12,7 @@ from kickdyn import checks
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
-from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.errors import EnergyCreated, InvalidInput, NoImpact
 from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
 from kickdyn.impact.joint_impulses import joint_impulses
@@ -21,6 +21,9 @@ from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
 MAX_SPEED = 1e140
+
+ENERGY_ROUNDING = 1e-12
+"""Share of impulse times contact speed below which energy gained is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +42,11 @@ class Impact:
         v_before, v_after: joint velocity, shape `(nv,)` [rad/s].
         joint_impulses: by the parent on the child, linear then angular, about the joint's origin
             and in its frame, shape `(njoints, 6)` [N s, N m s], joints as in `leg.joint_names`.
-        energy_lost: by leg and ball together [J]; never negative for a passive law.
-        sticking: whether friction held the contact points together.
+        energy_lost: by leg and ball together [J]; negative where the law creates energy.
+        sticking: whether the contact points part without sliding on each other.
         restitution_residual: |u_n+ + e u_n-| / |u_n-|, from the velocities after. Law `paper`
-            restitutes along the attack direction: where that is not the normal, this shows it.
+            restitutes along the attack direction and law `stronge` restitutes work: where that
+            makes a difference, this shows it.
         constraint_impulses: of supports and loops, stacked as in `posture.hold.rows` [N s, N m s,
             world axes], empty without; `support_impulses` and `loop_impulses` give them by name.
         momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
@@ -74,6 +78,18 @@ class Impact:
         """Ball speed just after over foot speed just before; inf where the foot was at rest."""
         foot = math.hypot(*self.foot_velocity)
         return float(self.ball.speed) / foot if foot else math.inf
+
+    @property
+    def creates_energy(self) -> bool:
+        """Whether the law gave leg and ball energy they did not have, beyond rounding.
+
+        Law `newton` can, with friction at an eccentric contact; law `paper` can, through the spin;
+        law `stronge` never does.
+        """
+        before, radius = self.ball_before, self.posture.contact_point - self.ball_before.position
+        speeds = (self.foot_velocity, before.velocity, np.abs(radius).max() * before.spin)
+        fastest = max(float(np.abs(speed).max()) for speed in speeds)
+        return self.energy_lost < -ENERGY_ROUNDING * float(np.abs(self.impulse).max()) * fastest
 
     @property
     def support_impulses(self) -> dict[str, Array]:
@@ -127,6 +143,7 @@ def strike(
     *,
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    strict: bool = False,
 ) -> Impact:
     """Strike a ball, in closed form (Eqs. 1-11 and 15-21).
 
@@ -136,17 +153,19 @@ def strike(
         v: joint velocity just before, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal`.
         touch: normal, restitution and friction.
-        law: `newton` (restitution along the normal, exact Coulomb cone) or `paper`.
+        law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
+            the sliding followed through the contact) or `paper`.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: just before, shape `(3,)` [rad/s, world frame].
+        strict: refuse a result that creates energy.
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
+        EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
-    return strike_at(
-        leg.posture(q), v, ball, touch, law, ball_velocity=ball_velocity, ball_spin=ball_spin
-    )
+    posture, motion = leg.posture(q), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    return strike_at(posture, v, ball, touch, law, **motion, strict=strict)
 
 
 def strike_at(
@@ -158,6 +177,7 @@ def strike_at(
     *,
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    strict: bool = False,
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
     if not isinstance(law, str) or law not in LAWS:
@@ -182,7 +202,13 @@ def strike_at(
         friction=touch.friction,
     )
     solution = LAWS[law](problem)
-    return _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
+    hit = _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
+    if strict and hit.creates_energy:
+        raise EnergyCreated(
+            f"law {law!r} creates {-hit.energy_lost:.3g} J in {posture!r} (restitution "
+            f"{touch.restitution:g}, friction {touch.friction:g}): law 'stronge' never does"
+        )
+    return hit
 
 
 def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.impact.laws import ContactProblem, newton, paper
+from kickdyn.impact.laws import LAWS, ContactProblem, newton, paper
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-@pytest.mark.parametrize("law", [newton, paper])
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @given(seed=seeds)
 @settings(max_examples=300, derandomize=True, deadline=None)
 def test_energy_lost_is_what_the_impulse_takes(law, seed):

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.impact.laws import LAWS
 
 LEG = kd.Leg.human()
 ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
@@ -38,7 +39,7 @@ def test_with_the_balls_term_no_posture_reaches_table_2(q):
         assert np.linalg.norm(hit.impulse) <= 1.8 * ball.mass * 1.0 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("law", ["newton", "paper"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("friction", [0.0, 0.1, 1.0])
 @given(seed=seeds)
 @settings(max_examples=100, derandomize=True, deadline=None)
@@ -68,8 +69,9 @@ def test_momentum_and_energy_balance(law, friction, seed):
     assert hit.ball.position == pytest.approx(hit.posture.contact_point - lever)
     if law == "newton":
         assert hit.restitution_residual <= 1e-12
-    if friction == 0.0 and law == "newton":
+    if law == "stronge" or (friction == 0.0 and law == "newton"):
         assert hit.energy_lost >= 0.0
+        assert not hit.creates_energy
 
 
 def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
@@ -98,6 +100,37 @@ def test_effective_mass_and_ratio_are_those_of_eq_10():
     assert hit.approach_speed == pytest.approx(3, rel=1e-14)
     assert hit.speed_ratio == pytest.approx(1.8 * m / (m + ball.mass), rel=1e-13)
     assert hit.condition == posture.condition
+
+
+ECCENTRIC = {
+    "q": np.radians([85, 105, 45]),
+    "v": [5, -2, 3],
+    "ball": kd.Ball(mass=3.0),
+    "touch": kd.Contact(
+        (math.cos(math.radians(20)), 0, -math.sin(math.radians(20))), restitution=0.9, friction=0.6
+    ),
+}
+
+
+def test_newtons_law_says_where_it_creates_energy():
+    """A medicine ball and a bent leg: friction feeds the speed that restitution returns."""
+    hit = kd.strike(LEG, **ECCENTRIC)
+    assert hit.creates_energy
+    assert hit.energy_lost == pytest.approx(-0.648, abs=1e-3)
+    with pytest.raises(kd.EnergyCreated, match=r"law 'newton' creates 0\.648 J .*'stronge'"):
+        kd.strike(LEG, **ECCENTRIC, strict=True)
+
+
+def test_stronges_law_creates_none_there():
+    hit = kd.strike(LEG, **ECCENTRIC, law="stronge", strict=True)
+    assert hit.energy_lost > 0
+    assert hit.restitution_residual > 0.01
+
+
+def test_strict_leaves_sound_results_alone():
+    touch = kd.Contact(ATTACK, restitution=1.0)
+    hit = kd.strike(LEG, np.radians([5, 10, -5]), V, kd.Ball(), touch, strict=True)
+    assert abs(hit.energy_lost) <= 1e-14
 
 
 V = [0.1, -2.0, -1.0]
@@ -134,7 +167,7 @@ def test_bad_input(change, error, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("law", ["newton", "paper"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("scale", [1e-250, 1e-170, 1e-30, 1e30, 1e120])
 def test_impact_is_linear_in_the_velocities(law, friction, scale):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,10 @@ class Posture:
     Attributes:
         leg: the leg.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
-        contact_point: origin of the leg's contact frame, shape `(3,)` [m, world frame].
+        contact_point: origin of the leg's contact frame, or what `touched_at` made of it, shape
+            `(3,)` [m, world frame].
+        contact_lever: of that point from the contact joint's origin, in the joint's axes, shape
+            `(3,)` [m].
         condition: condition number of the joint-space inertia, 1-norm (LAPACK's estimate), joints
             scaled to unit diagonal; about log10 of it digits can be lost.
         hold: its supports and loops there; None without any.
@@ -56,11 +60,14 @@ class Posture:
         pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
+        self.contact_lever: Array = leg.contact_lever
         self.joint_rotation: Array = data.oMi[leg.contact_joint].rotation.copy()
         # In local axes: about the world's origin, a leg far from it would lose its digits.
         self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
         local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
-        self.jacobian: Array = placement.rotation @ local.reshape(6, model.nv)[:3]
+        self._frame = placement.copy()
+        self._frame_jacobian: Array = local.reshape(6, model.nv)
+        self.jacobian: Array = placement.rotation @ self._frame_jacobian[:3]
         self._factor, self._scale, self.condition = _factored(self.inertia)
         if not self.condition < MAX_CONDITION:
             fault = (
@@ -93,6 +100,23 @@ class Posture:
         """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
         return np.asarray(blas.dtrsm(1.0, self._factor, (rows * self._scale).T, lower=1))
+
+    def touched_at(self, offset: ArrayLike) -> Posture:
+        """Return this posture with its contact point elsewhere on the foot.
+
+        Args:
+            offset: from the contact frame's origin, in that frame's axes, shape `(3,)` [m].
+        """
+        arm = checks.vector("contact offset", offset, 3, unit="m")
+        turn, frame = self._frame.rotation, self._frame_jacobian
+        moved = copy.copy(self)
+        moved.__dict__.pop("mobility", None)
+        moved.contact_point = self._frame.act(arm)
+        moved.contact_lever = self.leg.contact_lever + self.joint_rotation.T @ (turn @ arm)
+        moved.jacobian = turn @ (frame[:3] - pin.skew(arm) @ frame[3:])
+        for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
+            array.setflags(write=False)
+        return moved
 
     @cached_property
     def mobility(self) -> Array:

@@ -26,7 +26,9 @@ def joint_impulses(
         momentum left over, shape `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
-    outside = {leg.contact_joint: at_joint(posture.joint_rotation.T, leg.contact_lever, impulse)}
+    outside = {
+        leg.contact_joint: at_joint(posture.joint_rotation.T, posture.contact_lever, impulse)
+    }
     if posture.hold is not None and held is not None:
         for block in posture.hold.blocks:
             for end, joint in enumerate((block.joint, block.other)):

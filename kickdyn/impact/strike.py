@@ -31,7 +31,7 @@ class Impact:
     """What a strike does, with the residuals that prove it.
 
     Attributes:
-        posture: the leg, as it struck.
+        posture: the leg, as it struck; its contact point is that of the contact.
         touch: the contact.
         law: name of the impact law.
         impulse: on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite.
@@ -152,7 +152,7 @@ def strike(
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity just before, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal`.
-        touch: normal, restitution and friction.
+        touch: normal, restitution and friction, and where on the foot.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
             the sliding followed through the contact) or `paper`.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
@@ -184,6 +184,8 @@ def strike_at(
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     v = checks.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
+    if touch.offset is not None:
+        posture = posture.touched_at(touch.offset)
     before = BallState(posture.contact_point + ball.radius * touch.normal, ball_velocity, ball_spin)
     n = touch.normal
     with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`

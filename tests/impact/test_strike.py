@@ -74,6 +74,59 @@ def test_momentum_and_energy_balance(law, friction, seed):
         assert not hit.creates_energy
 
 
+@pytest.mark.parametrize("law", ["newton", "stronge"])
+def test_an_offset_turns_with_the_foot(law):
+    """The contact point 3 cm above the sole, as the foot's axes say, whatever its angle."""
+    touch = kd.Contact((1, 0, 0.3), 0.7, 0.4, offset=(0, 0, 0.03))
+    hit = kd.strike(LEG, np.radians([0, 0, 90]), [0, -2, -1], kd.Ball(), touch, law)
+    there = LEG.posture(np.radians([0, 0, 90])).contact_point + np.array([0.03, 0, 0])
+    assert hit.posture.contact_point == pytest.approx(there)
+    assert hit.ball.position == pytest.approx(there + kd.Ball().radius * touch.normal)
+    assert hit.foot_velocity == pytest.approx(hit.posture.jacobian @ [0, -2, -1])
+    assert hit.momentum_residual <= 1e-14
+
+
+def test_a_particle_does_not_turn_and_grips_harder():
+    """Its tangential inertia is all of m, a shell's 2/5 of it: friction has more to do."""
+    touch = kd.Contact((1, 0, 0.2), 0.7, friction=5.0)
+    wall = np.radians([0, 0, 90])
+    options = {"ball_velocity": (-3, 0, 1), "law": "newton"}
+    shell, particle = (
+        kd.strike(LEG, wall, np.zeros(3), ball, touch, **options)
+        for ball in (kd.Ball(), kd.Ball(inertia_factor=math.inf))
+    )
+    assert particle.ball.spin.tolist() == [0, 0, 0]
+    assert abs(shell.ball.spin[1]) > 1
+    gripped = np.array([0.2, 0, -1]) / math.hypot(1, 0.2)  # across the normal
+    assert abs(particle.impulse @ gripped) > 1.5 * abs(shell.impulse @ gripped)
+
+
+def test_a_rolling_ball_and_a_volley():
+    """What counts at the contact is the velocity of the ball's surface, spin included."""
+    q, v, ball = np.radians([5, 10, -5]), np.array(V), kd.Ball()
+    touch = kd.Contact((1, 0, 0.1), 0.7, 0.3)
+    speed = 2.0
+    rolling = {"ball_velocity": (-speed, 0, 0), "ball_spin": (0, -speed / ball.radius, 0)}
+    sliding = {"ball_velocity": (-speed, 0, 0)}
+    volley = {"ball_velocity": (-8, 1, -6), "ball_spin": (3, 40, -10)}
+    rolled, slid, volleyed = (
+        kd.strike(LEG, q, v, ball, touch, "stronge", **motion)
+        for motion in (rolling, sliding, volley)
+    )
+    assert rolled.approach_speed == slid.approach_speed < volleyed.approach_speed
+    assert np.abs(rolled.impulse - slid.impulse).max() > 0.1
+    for hit in (rolled, slid, volleyed):
+        surface = [
+            state.velocity - ball.radius * np.cross(state.spin, touch.normal) - foot
+            for state, foot in (
+                (hit.ball_before, hit.foot_velocity),
+                (hit.ball, hit.posture.jacobian @ hit.v_after),
+            )
+        ]
+        work = -0.5 * hit.impulse @ (surface[0] + surface[1])
+        assert hit.energy_lost == pytest.approx(work, rel=1e-11)
+
+
 def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
     v = paper_posture(-5).joint_velocity(ATTACK)
     touch = kd.Contact((1, 0, 0.2), restitution=0.8, friction=0.4)

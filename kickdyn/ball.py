@@ -114,6 +114,19 @@ class BallState:
         moments.setflags(write=False)
         object.__setattr__(self, "time", float(moments) if moments.ndim == 0 else moments)
 
+    @classmethod
+    def computed(cls, position: Array, velocity: Array, spin: Array) -> BallState:
+        """Return the state at time 0 made of finite arrays of shape `(3,)` that are its own now.
+
+        What was computed from checked values needs no check, which takes as long as an impact.
+        """
+        state = cls.__new__(cls)
+        for name, array in (("position", position), ("velocity", velocity), ("spin", spin)):
+            array.setflags(write=False)
+            object.__setattr__(state, name, array)
+        object.__setattr__(state, "time", 0.0)
+        return state
+
     @property
     def speed(self) -> float | Array:
         """Speed of the centre [m/s]."""

@@ -49,7 +49,8 @@ class Posture:
     """
 
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
-        model, data = leg.workspace.model, leg.workspace.data
+        space = leg.workspace
+        model, data = space.model, space.data
         self.leg = leg
         self.q = checks.vector("q", q, model.nq)
         if model.nq != model.nv and not pin.isNormalized(model, self.q, 1e-9):
@@ -61,13 +62,13 @@ class Posture:
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
         self.contact_lever: Array = leg.contact_lever
-        self.joint_rotation: Array = data.oMi[leg.contact_joint].rotation.copy()
+        self.joint_rotation: Array = space.placements[leg.contact_joint].rotation.copy()
         # In local axes: about the world's origin, a leg far from it would lose its digits.
         self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
         local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
         self._frame = placement.copy()
         self._frame_jacobian: Array = local.reshape(6, model.nv)
-        self.jacobian: Array = placement.rotation @ self._frame_jacobian[:3]
+        self.jacobian: Array = placement.rotation.dot(self._frame_jacobian[:3])
         self._factor, self._scale, self.condition = _factored(self.inertia)
         if not self.condition < MAX_CONDITION:
             fault = (
@@ -132,7 +133,7 @@ class Posture:
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        return np.asarray(self.mobility @ self.mobility.T)
+        return np.asarray(self.mobility.dot(self.mobility.T))
 
     def effective_mass(self, normal: ArrayLike) -> float:
         """Return 1 / (n^T J M^-1 J^T n) [kg]; inf where the leg is immovable along the normal.
@@ -143,8 +144,12 @@ class Posture:
         Raises:
             InvalidInput: the normal has length 0.
         """
-        row = checks.direction("normal", normal) @ self.mobility
-        give = float(row @ row)
+        return self.mass_along(checks.direction("normal", normal))
+
+    def mass_along(self, unit: Array) -> float:
+        """Return what `effective_mass` does, along a vector known to have length 1."""
+        row = unit.dot(self.mobility)
+        give = float(row.dot(row))
         return 1.0 / give if give else math.inf
 
     def point_velocity(self, v: ArrayLike) -> Array:
@@ -236,13 +241,13 @@ def _factored(inertia: Array) -> tuple[Array, Array, float]:
     count as ill-conditioned.
     """
     diagonal = inertia.diagonal()
-    if not (diagonal > 0.0).all():
+    if not all(entry > 0.0 for entry in diagonal.tolist()):
         return inertia, diagonal, math.inf
     scale = 1.0 / np.sqrt(diagonal)
     scaled = inertia * scale * scale[:, None]
     factor, info = lapack.dpotrf(scaled, lower=1)
     if info:
         return factor, scale, math.inf
-    norm = float(np.abs(scaled).sum(axis=0).max())
+    norm = lapack.dlange("1", scaled)
     reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
     return factor, scale, 1.0 / float(reciprocal) if reciprocal else math.inf

@@ -23,9 +23,9 @@ def newton(problem: ContactProblem) -> Solution:
     what loses most energy. With friction, an eccentric impact can gain energy by this law: the
     negative `energy_lost` says so.
     """
-    n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
-    if mu == 0.0:
+    if problem.friction == 0.0:
         return frictionless(problem)
+    n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
     delassus = problem.delassus()
     approach = -float(n @ u)
     axes = contact_axes(n, u)

@@ -43,8 +43,15 @@ class ContactProblem:
     def delassus(self) -> Array:
         """Return leg and ball together, shape `(3, 3)` [1/kg]; the shell may turn."""
         turn = self.ball.radius**2 / self.ball.inertia
-        ball = (1.0 / self.ball.mass + turn) * np.eye(3) - turn * np.outer(self.normal, self.normal)
+        ball = -turn * self.normal[:, None] * self.normal
+        ball.flat[::4] += 1.0 / self.ball.mass + turn
         return self.leg_delassus + ball
+
+    def along_normal(self) -> tuple[float, float]:
+        """Return speed of approach [m/s] and Delassus number [1/kg]; turning has no part in them."""
+        n = self.normal
+        give = float(n.dot(self.leg_delassus).dot(n)) + 1.0 / self.ball.mass
+        return -float(n.dot(self.centre_velocity)), give
 
 
 class Solution(NamedTuple):
@@ -67,8 +74,8 @@ Law = Callable[[ContactProblem], Solution]
 def frictionless(problem: ContactProblem) -> Solution:
     """Return the impulse of Eq. (10), along the normal: with no friction, all laws agree."""
     n, e = problem.normal, problem.restitution
-    approach = -float(n @ problem.velocity)
-    p = (1.0 + e) * approach / float(n @ problem.delassus() @ n)
+    approach, give = problem.along_normal()
+    p = (1.0 + e) * approach / give
     return Solution(p * n, False, 0.5 * p * (1.0 - e) * approach)
 
 
@@ -85,6 +92,6 @@ def contact_axes(n: Array, u: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross product; numpy's takes ten times as long on two vectors."""
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

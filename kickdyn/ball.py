@@ -121,10 +121,9 @@ class BallState:
         What was computed from checked values needs no check, which takes as long as an impact.
         """
         state = cls.__new__(cls)
-        for name, array in (("position", position), ("velocity", velocity), ("spin", spin)):
+        for array in (position, velocity, spin):
             array.setflags(write=False)
-            object.__setattr__(state, name, array)
-        object.__setattr__(state, "time", 0.0)
+        state.__dict__.update(position=position, velocity=velocity, spin=spin, time=0.0)
         return state
 
     @property

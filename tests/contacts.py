@@ -21,6 +21,9 @@ class BareContact:
     def delassus(self):
         return self.matrix
 
+    def along_normal(self):
+        return -self.normal @ self.velocity, self.normal @ self.matrix @ self.normal
+
 
 def random_contact(seed, decades=6, friction=None, restitution=None):
     """Any symmetric positive matrix of condition up to 10^decades, mu and e at their ends too."""

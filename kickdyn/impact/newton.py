@@ -27,15 +27,17 @@ def newton(problem: ContactProblem) -> Solution:
         return frictionless(problem)
     n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
     delassus = problem.delassus()
-    approach = -float(n @ u)
+    approach = -float(n.dot(u))
     axes = contact_axes(n, u)
-    g_matrix = axes.T @ delassus @ axes
-    before = axes.T @ u
+    g_matrix = axes.T.dot(delassus).dot(axes)
+    before = u.dot(axes)
     before[2] = -approach
-    free = before + np.array([0.0, 0.0, -e * approach])  # what an impulse must bring to rest
+    free = before.copy()
+    free[2] -= e * approach  # what an impulse must bring to rest
     stick = -np.linalg.solve(g_matrix, free)
-    if math.hypot(stick[0], stick[1]) <= mu * stick[2]:
-        return Solution(axes @ stick, True, _lost(stick, before, np.zeros(2), e))
+    p1, p2, pressing = stick.tolist()
+    if math.hypot(p1, p2) <= mu * pressing:
+        return Solution(axes.dot(stick), True, _lost(stick, before, np.zeros(2), e))
 
     best: tuple[Array, float] | None = None
     for angle in _slip_angles(g_matrix, free, mu):

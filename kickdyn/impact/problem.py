@@ -48,7 +48,7 @@ class ContactProblem:
         return self.leg_delassus + ball
 
     def along_normal(self) -> tuple[float, float]:
-        """Return speed of approach [m/s] and Delassus number [1/kg]; turning has no part in them."""
+        """Return speed of approach [m/s] and inverse mass [1/kg]; turning has no part in them."""
         n = self.normal
         give = float(n.dot(self.leg_delassus).dot(n)) + 1.0 / self.ball.mass
         return -float(n.dot(self.centre_velocity)), give
@@ -81,13 +81,13 @@ def frictionless(problem: ContactProblem) -> Solution:
 
 def contact_axes(n: Array, u: Array) -> Array:
     """Return a rotation whose third column is n and whose first is along the sliding, if any."""
-    across = u - (n @ u) * n
-    if np.abs(across).max() <= 1e-12 * np.abs(u).max():
+    across = u - n.dot(u) * n
+    if max(map(abs, across.tolist())) <= 1e-12 * max(map(abs, u.tolist())):
         across = np.zeros(3)
         across[int(np.argmin(np.abs(n)))] = 1.0
-        across -= (n @ across) * n
-    first = across / math.hypot(*across)
-    return np.column_stack([first, cross(n, first), n])
+        across -= n.dot(across) * n
+    first = across / math.hypot(*across.tolist())
+    return np.array([first, cross(n, first), n]).T
 
 
 def cross(a: Array, b: Array) -> Array:

@@ -222,8 +222,9 @@ def strike_at(
 def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:
     """Return the speed of foot towards ball along the normal [m/s]; raise `NoImpact` if none."""
     relative = foot_velocity - before.velocity
-    speed, fastest = float(touch.normal.dot(relative)), largest(relative)
-    if not fastest < MAX_SPEED:
+    speed = float(touch.normal.dot(relative))
+    if not all(abs(part) < MAX_SPEED for part in relative.tolist()):  # or NaN
+        fastest = float(np.abs(relative).max())
         raise InvalidInput(
             f"foot and ball meet at {fastest:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
             "m/s, else energies leave double precision"
@@ -239,9 +240,8 @@ def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: C
 
 
 def largest(array: Array) -> float:
-    """Return the largest absolute entry of a short array; NaN if one is."""
-    entries = [abs(entry) for entry in array.tolist()]
-    return math.nan if math.isnan(sum(entries)) else max(entries)
+    """Return the largest absolute entry of a short, finite array."""
+    return float(max(map(abs, array.tolist())))
 
 
 def _outcome(

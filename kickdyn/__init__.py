@@ -7,6 +7,7 @@ from kickdyn.ball import Ball as Ball
 from kickdyn.ball import BallState as BallState
 from kickdyn.constraints import Support as Support
 from kickdyn.contact import Contact as Contact
+from kickdyn.errors import EnergyCreated as EnergyCreated
 from kickdyn.errors import InvalidInput as InvalidInput
 from kickdyn.errors import KickdynError as KickdynError
 from kickdyn.errors import NoImpact as NoImpact

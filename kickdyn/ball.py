@@ -15,7 +15,7 @@ from kickdyn.errors import InvalidInput
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball: a thin spherical shell, the paper's Eq. (22).
+    """A ball: a thin spherical shell, the paper's Eq. (22), if not told otherwise.
 
     The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
     (IFAB, Laws of the Game 2023/24, Law 2).
@@ -23,18 +23,26 @@ class Ball:
     Args:
         mass: [kg], above 0.
         radius: [m], above 0.
+        inertia_factor: moment of inertia over mass times radius squared, above 0: 2/3 of a thin
+            shell, which is the most a ball can have; 2/5 of a solid ball; inf, a particle: it has a
+            size in the air and at the contact, but nothing turns it.
 
     Raises:
-        InvalidInput: a value is not finite or not above 0.
+        InvalidInput: a value outside its range.
     """
 
     mass: float = 0.43
     radius: float = 0.69 / (2 * math.pi)
+    inertia_factor: float = 2.0 / 3.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", checks.number("ball mass", self.mass, above=0, unit="kg"))
         radius = checks.number("ball radius", self.radius, above=0, unit="m")
         object.__setattr__(self, "radius", radius)
+        if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
+            return
+        factor = checks.number("inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0)
+        object.__setattr__(self, "inertia_factor", factor)
         if not (0.0 < self.inertia < math.inf):
             raise InvalidInput(
                 f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
@@ -48,8 +56,8 @@ class Ball:
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about any diameter [kg m2], 2/3 m r^2 (Eq. 22)."""
-        return 2.0 / 3.0 * self.mass * self.radius * self.radius
+        """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2 (Eq. 22)."""
+        return self.inertia_factor * self.mass * self.radius * self.radius
 
     @property
     def cross_section(self) -> float:
@@ -105,6 +113,18 @@ class BallState:
             object.__setattr__(self, name, array)
         moments.setflags(write=False)
         object.__setattr__(self, "time", float(moments) if moments.ndim == 0 else moments)
+
+    @classmethod
+    def computed(cls, position: Array, velocity: Array, spin: Array) -> BallState:
+        """Return the state at time 0 made of finite arrays of shape `(3,)` that are its own now.
+
+        What was computed from checked values needs no check, which takes as long as an impact.
+        """
+        state = cls.__new__(cls)
+        for array in (position, velocity, spin):
+            array.setflags(write=False)
+        state.__dict__.update(position=position, velocity=velocity, spin=spin, time=0.0)
+        return state
 
     @property
     def speed(self) -> float | Array:

@@ -22,6 +22,9 @@ class Contact:
         friction: Coulomb's coefficient mu, 0 or more. 0, the frictionless contact of
             Eqs. (8)-(10), when not named; the paper uses 0.4, and 0.37 to 0.63 was measured on
             nine match balls against leather (Proceedings 2020, 49(1):92).
+        offset: of the contact point from the origin of the leg's contact frame, in that frame's
+            axes, so that it stays on the foot as the foot turns, shape `(3,)` [m]. None, the
+            origin itself, when not named.
 
     Raises:
         InvalidInput: a normal of length 0, or a coefficient outside its range.
@@ -30,11 +33,22 @@ class Contact:
     normal: Array
     restitution: float
     friction: float
+    offset: Array | None
 
-    def __init__(self, normal: ArrayLike, restitution: float, friction: float = 0.0) -> None:
+    def __init__(
+        self,
+        normal: ArrayLike,
+        restitution: float,
+        friction: float = 0.0,
+        offset: ArrayLike | None = None,
+    ) -> None:
         unit = checks.direction("contact normal", normal)
         unit.setflags(write=False)
         object.__setattr__(self, "normal", unit)
         e = checks.number("restitution", restitution, at_least=0, at_most=1)
         object.__setattr__(self, "restitution", e)
         object.__setattr__(self, "friction", checks.number("friction", friction, at_least=0))
+        patch = None if offset is None else checks.vector("contact offset", offset, 3, unit="m")
+        if patch is not None:
+            patch.setflags(write=False)
+        object.__setattr__(self, "offset", patch)

@@ -32,3 +32,7 @@ class UrdfError(InvalidInput):
 
 class NoImpact(KickdynError):
     """The foot does not move towards the ball along the contact normal: nothing is struck."""
+
+
+class EnergyCreated(KickdynError):
+    """A law gives leg and ball more kinetic energy than they had; raised by `strict=True` only."""

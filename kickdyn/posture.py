@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,10 @@ class Posture:
     Attributes:
         leg: the leg.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
-        contact_point: origin of the leg's contact frame, shape `(3,)` [m, world frame].
+        contact_point: origin of the leg's contact frame, or what `touched_at` made of it, shape
+            `(3,)` [m, world frame].
+        contact_lever: of that point from the contact joint's origin, in the joint's axes, shape
+            `(3,)` [m].
         condition: condition number of the joint-space inertia, 1-norm (LAPACK's estimate), joints
             scaled to unit diagonal; about log10 of it digits can be lost.
         hold: its supports and loops there; None without any.
@@ -45,7 +49,8 @@ class Posture:
     """
 
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
-        model, data = leg.workspace.model, leg.workspace.data
+        space = leg.workspace
+        model, data = space.model, space.data
         self.leg = leg
         self.q = checks.vector("q", q, model.nq)
         if model.nq != model.nv and not pin.isNormalized(model, self.q, 1e-9):
@@ -56,11 +61,14 @@ class Posture:
         pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
-        self.joint_rotation: Array = data.oMi[leg.contact_joint].rotation.copy()
+        self.contact_lever: Array = leg.contact_lever
+        self.joint_rotation: Array = space.placements[leg.contact_joint].rotation.copy()
         # In local axes: about the world's origin, a leg far from it would lose its digits.
         self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
         local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
-        self.jacobian: Array = placement.rotation @ local.reshape(6, model.nv)[:3]
+        self._frame = placement.copy()
+        self._frame_jacobian: Array = local.reshape(6, model.nv)
+        self.jacobian: Array = placement.rotation.dot(self._frame_jacobian[:3])
         self._factor, self._scale, self.condition = _factored(self.inertia)
         if not self.condition < MAX_CONDITION:
             fault = (
@@ -94,6 +102,23 @@ class Posture:
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
         return np.asarray(blas.dtrsm(1.0, self._factor, (rows * self._scale).T, lower=1))
 
+    def touched_at(self, offset: ArrayLike) -> Posture:
+        """Return this posture with its contact point elsewhere on the foot.
+
+        Args:
+            offset: from the contact frame's origin, in that frame's axes, shape `(3,)` [m].
+        """
+        arm = checks.vector("contact offset", offset, 3, unit="m")
+        turn, frame = self._frame.rotation, self._frame_jacobian
+        moved = copy.copy(self)
+        moved.__dict__.pop("mobility", None)
+        moved.contact_point = self._frame.act(arm)
+        moved.contact_lever = self.leg.contact_lever + self.joint_rotation.T @ (turn @ arm)
+        moved.jacobian = turn @ (frame[:3] - pin.skew(arm) @ frame[3:])
+        for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
+            array.setflags(write=False)
+        return moved
+
     @cached_property
     def mobility(self) -> Array:
         """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix.
@@ -108,7 +133,7 @@ class Posture:
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        return np.asarray(self.mobility @ self.mobility.T)
+        return np.asarray(self.mobility.dot(self.mobility.T))
 
     def effective_mass(self, normal: ArrayLike) -> float:
         """Return 1 / (n^T J M^-1 J^T n) [kg]; inf where the leg is immovable along the normal.
@@ -119,8 +144,12 @@ class Posture:
         Raises:
             InvalidInput: the normal has length 0.
         """
-        row = checks.direction("normal", normal) @ self.mobility
-        give = float(row @ row)
+        return self.mass_along(checks.direction("normal", normal))
+
+    def mass_along(self, unit: Array) -> float:
+        """Return what `effective_mass` does, along a vector known to have length 1."""
+        row = unit.dot(self.mobility)
+        give = float(row.dot(row))
         return 1.0 / give if give else math.inf
 
     def point_velocity(self, v: ArrayLike) -> Array:
@@ -212,13 +241,13 @@ def _factored(inertia: Array) -> tuple[Array, Array, float]:
     count as ill-conditioned.
     """
     diagonal = inertia.diagonal()
-    if not (diagonal > 0.0).all():
+    if not all(entry > 0.0 for entry in diagonal.tolist()):
         return inertia, diagonal, math.inf
     scale = 1.0 / np.sqrt(diagonal)
     scaled = inertia * scale * scale[:, None]
     factor, info = lapack.dpotrf(scaled, lower=1)
     if info:
         return factor, scale, math.inf
-    norm = float(np.abs(scaled).sum(axis=0).max())
+    norm = lapack.dlange("1", scaled)
     reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
     return factor, scale, 1.0 / float(reciprocal) if reciprocal else math.inf

@@ -15,6 +15,7 @@ class Workspace(threading.local):
         model: the leg's model, without gravity; read only.
         data: `pin.Data` of that model.
         external: one zero `pin.Force` per joint.
+        placements: views of `data.oMi`, the universe included.
         forces: views of linear and angular part of `data.f`, the universe left out.
     """
 
@@ -23,4 +24,5 @@ class Workspace(threading.local):
         self.data = model.createData()
         self.external = pin.StdVec_Force()
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        self.placements = list(self.data.oMi)  # taking one out of oMi costs a copy of what it is
         self.forces = [force.vector for force in list(self.data.f)[1:]]

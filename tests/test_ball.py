@@ -104,3 +104,14 @@ def test_speed_and_elevation(velocity, speed, elevation_deg):
     many = kd.BallState(np.zeros((2, 3)), [velocity, (1, 0, 0)], np.zeros((2, 3)), [0, 1])
     assert many.speed.tolist() == [one.speed, 1.0]
     assert many.elevation.tolist() == [one.elevation, 0.0]
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 0, -0.4, 0.67, "0.4", None, True], ids=repr)
+def test_ball_refuses_an_inertia_no_ball_has(value):
+    with pytest.raises(kd.InvalidInput, match=r"inertia factor is .*above 0 and at most 0\.66"):
+        kd.Ball(inertia_factor=value)
+
+
+def test_a_solid_ball_and_a_particle():
+    assert kd.Ball(1.0, 0.5, 2 / 5).inertia == pytest.approx(0.1)
+    assert kd.Ball(inertia_factor=math.inf).inertia == math.inf

@@ -18,6 +18,8 @@ GOOD = {"normal": (1, 0, 0), "restitution": 0.8, "friction": 0.4}
         ("normal", "abc", "real numbers"),
         *[("restitution", e, "at least 0 and at most 1") for e in (1.2, -0.1, math.nan, "0.5")],
         *[("restitution", e, "at least 0") for e in (True, None, math.inf, [0.5])],
+        ("offset", (0, 0), "shape"),
+        ("offset", (0, math.inf, 0), "finite"),
         *[("friction", mu, "at least 0") for mu in (-1e-9, math.nan, math.inf, "0.4", True)],
     ],
 )
@@ -48,3 +50,13 @@ def test_contact_cannot_be_changed():
         touch.normal[0] = 1
     with pytest.raises(dataclasses.FrozenInstanceError):
         touch.friction = 0.1
+
+
+def test_offset_is_none_or_kept():
+    assert kd.Contact(**GOOD).offset is None
+    offset = np.array([0.1, 0.0, 0.02])
+    touch = kd.Contact(**GOOD, offset=offset)
+    offset[0] = 9
+    assert touch.offset.tolist() == [0.1, 0.0, 0.02]
+    with pytest.raises(ValueError, match="read-only"):
+        touch.offset[0] = 1

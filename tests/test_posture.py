@@ -313,3 +313,23 @@ def test_condition_and_solve(seed):
 
 def test_repr_names_leg_and_angles():
     assert repr(LEGS["human"][0].posture(Q)) == "Posture(leg_human, q=[0.5, 1, -0.25])"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
+    rng = np.random.default_rng(seed)
+    leg, offset = random_leg(rng), rng.uniform(-0.2, 0.2, size=3)
+    model = leg.model
+    frame = model.frames[leg.frame_id]
+    there = frame.placement * pin.SE3(np.eye(3), offset)
+    model.addFrame(pin.Frame("patch", frame.parentJoint, 0, there, pin.FrameType.OP_FRAME))
+    q = rng.uniform(-2, 2, size=leg.nq)
+    asked = kd.Leg.from_model(model, "patch").posture(q)
+    origin = leg.posture(q)
+    origin.delassus()  # what is kept of the old point must not stay
+    moved = origin.touched_at([1, 1, 1]).touched_at(offset)
+    assert moved.contact_point == pytest.approx(asked.contact_point, abs=1e-14)
+    assert moved.jacobian == pytest.approx(asked.jacobian, abs=1e-14)
+    assert moved.contact_lever == pytest.approx(asked.contact_lever, abs=1e-14)
+    assert moved.delassus() == pytest.approx(asked.delassus(), rel=1e-11, abs=1e-13)
+    assert not np.allclose(origin.contact_point, moved.contact_point)

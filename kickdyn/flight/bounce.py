@@ -47,6 +47,7 @@ def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
 
 
 def energy(state: BallState, ball: Ball) -> float:
-    """Return the kinetic energy of a ball [J]."""
+    """Return the kinetic energy of a ball [J]; a particle's is that of its centre."""
     linear = float(np.dot(state.velocity, state.velocity))
-    return 0.5 * (ball.mass * linear + ball.inertia * float(np.dot(state.spin, state.spin)))
+    turning = ball.inertia if ball.inertia < math.inf else 0.0
+    return 0.5 * (ball.mass * linear + turning * float(np.dot(state.spin, state.spin)))

@@ -55,17 +55,24 @@ def engine_strike(
     posture = leg.posture(q)
     v = checks.vector("v", v, leg.nv)
     posture.check_velocity(v)
+    if touch.offset is not None:
+        posture = posture.touched_at(touch.offset)
     centre = posture.contact_point + ball.radius * touch.normal
     before = BallState(centre, ball_velocity, ball_spin)
     approach(posture, posture.jacobian @ v, before, touch)
 
     model = leg.workspace.model.copy()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
-    shell = pin.Inertia(ball.mass, np.zeros(3), ball.inertia * np.eye(3))
+    inertia = min(ball.inertia, ball.mass * ball.radius**2)  # it will not turn, a particle neither
+    shell = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
     model.appendBodyToJoint(joint, shell, pin.SE3.Identity())
     lever = pin.SE3(np.eye(3), -ball.radius * touch.normal)
     frame = pin.Frame("kickdyn_contact", joint, 0, lever, pin.FrameType.OP_FRAME)
     ball_frame = model.addFrame(frame)
+    patch = pin.SE3(np.eye(3), np.zeros(3) if touch.offset is None else touch.offset.copy())
+    foot = model.frames[leg.frame_id].placement * patch
+    frame = pin.Frame("kickdyn_patch", leg.contact_joint, 0, foot, pin.FrameType.OP_FRAME)
+    foot_frame = model.addFrame(frame)
     data = model.createData()
 
     both_q = np.concatenate([posture.q, centre, [0.0, 0.0, 0.0, 1.0]])
@@ -73,7 +80,7 @@ def engine_strike(
     pin.computeJointJacobians(model, data, both_q)
     foot_row, ball_row = (
         touch.normal @ pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)[:3]
-        for frame_id in (leg.frame_id, ball_frame)
+        for frame_id in (foot_frame, ball_frame)
     )
     rows = (ball_row - foot_row).reshape(1, model.nv)
     if posture.hold is not None:  # as many as their rank; before, they are at rest

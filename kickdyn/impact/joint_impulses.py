@@ -26,7 +26,9 @@ def joint_impulses(
         momentum left over, shape `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
-    outside = {leg.contact_joint: at_joint(posture.joint_rotation.T, leg.contact_lever, impulse)}
+    outside = {
+        leg.contact_joint: at_joint(posture.joint_rotation.T, posture.contact_lever, impulse)
+    }
     if posture.hold is not None and held is not None:
         for block in posture.hold.blocks:
             for end, joint in enumerate((block.joint, block.other)):
@@ -54,8 +56,8 @@ def at_joint(turn: Array, lever: Array, impulse: Array) -> pin.Force:
         lever: from the joint's origin to the point, in its axes, shape `(3,)` [m].
         impulse: shape `(3,)`, or with its moment about the point `(6,)` [world axes].
     """
-    x, y, z = turn @ impulse[:3]
-    a, b, c = lever
+    x, y, z = turn.dot(impulse[:3]).tolist()
+    a, b, c = lever.tolist()
     moment = np.array([b * z - c * y, c * x - a * z, a * y - b * x])
     if len(impulse) == 6:
         moment += turn @ impulse[3:]

@@ -12,15 +12,19 @@ from kickdyn import checks
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
-from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.errors import EnergyCreated, InvalidInput, NoImpact
 from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
+from kickdyn.impact.problem import cross
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
 MAX_SPEED = 1e140
+
+ENERGY_ROUNDING = 1e-12
+"""Share of impulse times contact speed below which energy gained is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +32,7 @@ class Impact:
     """What a strike does, with the residuals that prove it.
 
     Attributes:
-        posture: the leg, as it struck.
+        posture: the leg, as it struck; its contact point is that of the contact.
         touch: the contact.
         law: name of the impact law.
         impulse: on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite.
@@ -39,10 +43,11 @@ class Impact:
         v_before, v_after: joint velocity, shape `(nv,)` [rad/s].
         joint_impulses: by the parent on the child, linear then angular, about the joint's origin
             and in its frame, shape `(njoints, 6)` [N s, N m s], joints as in `leg.joint_names`.
-        energy_lost: by leg and ball together [J]; never negative for a passive law.
-        sticking: whether friction held the contact points together.
+        energy_lost: by leg and ball together [J]; negative where the law creates energy.
+        sticking: whether the contact points part without sliding on each other.
         restitution_residual: |u_n+ + e u_n-| / |u_n-|, from the velocities after. Law `paper`
-            restitutes along the attack direction: where that is not the normal, this shows it.
+            restitutes along the attack direction and law `stronge` restitutes work: where that
+            makes a difference, this shows it.
         constraint_impulses: of supports and loops, stacked as in `posture.hold.rows` [N s, N m s,
             world axes], empty without; `support_impulses` and `loop_impulses` give them by name.
         momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
@@ -74,6 +79,18 @@ class Impact:
         """Ball speed just after over foot speed just before; inf where the foot was at rest."""
         foot = math.hypot(*self.foot_velocity)
         return float(self.ball.speed) / foot if foot else math.inf
+
+    @property
+    def creates_energy(self) -> bool:
+        """Whether the law gave leg and ball energy they did not have, beyond rounding.
+
+        Law `newton` can, with friction at an eccentric contact; law `paper` can, through the spin;
+        law `stronge` never does.
+        """
+        before, radius = self.ball_before, self.posture.contact_point - self.ball_before.position
+        speeds = (self.foot_velocity, before.velocity, np.abs(radius).max() * before.spin)
+        fastest = max(float(np.abs(speed).max()) for speed in speeds)
+        return self.energy_lost < -ENERGY_ROUNDING * float(np.abs(self.impulse).max()) * fastest
 
     @property
     def support_impulses(self) -> dict[str, Array]:
@@ -127,6 +144,7 @@ def strike(
     *,
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    strict: bool = False,
 ) -> Impact:
     """Strike a ball, in closed form (Eqs. 1-11 and 15-21).
 
@@ -135,18 +153,20 @@ def strike(
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity just before, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal`.
-        touch: normal, restitution and friction.
-        law: `newton` (restitution along the normal, exact Coulomb cone) or `paper`.
+        touch: normal, restitution and friction, and where on the foot.
+        law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
+            the sliding followed through the contact) or `paper`.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: just before, shape `(3,)` [rad/s, world frame].
+        strict: refuse a result that creates energy.
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
+        EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
-    return strike_at(
-        leg.posture(q), v, ball, touch, law, ball_velocity=ball_velocity, ball_spin=ball_spin
-    )
+    posture, motion = leg.posture(q), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    return strike_at(posture, v, ball, touch, law, **motion, strict=strict)
 
 
 def strike_at(
@@ -158,18 +178,26 @@ def strike_at(
     *,
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    strict: bool = False,
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     v = checks.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
-    before = BallState(posture.contact_point + ball.radius * touch.normal, ball_velocity, ball_spin)
+    if touch.offset is not None:
+        posture = posture.touched_at(touch.offset)
     n = touch.normal
+    before = BallState.computed(
+        posture.contact_point + ball.radius * n,
+        checks.vector("ball velocity", ball_velocity, 3, unit="m/s"),
+        checks.vector("ball spin", ball_spin, 3, unit="rad/s"),
+    )
+    # Here and below `dot`, for `@` takes twice as long on three numbers.
     with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
-        foot_velocity = posture.jacobian @ v
+        foot_velocity = posture.jacobian.dot(v)
         approach_speed = approach(posture, foot_velocity, before, touch)
-    sliding = max(np.abs(before.spin).max() * ball.radius, np.abs(before.velocity).max())
+    sliding = max(largest(before.spin) * ball.radius, largest(before.velocity))
     if not sliding < MAX_SPEED:
         raise InvalidInput(f"the ball moves at {sliding:g} m/s: it must be below {MAX_SPEED:g} m/s")
     problem = ContactProblem(
@@ -182,14 +210,21 @@ def strike_at(
         friction=touch.friction,
     )
     solution = LAWS[law](problem)
-    return _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
+    hit = _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
+    if strict and hit.creates_energy:
+        raise EnergyCreated(
+            f"law {law!r} creates {-hit.energy_lost:.3g} J in {posture!r} (restitution "
+            f"{touch.restitution:g}, friction {touch.friction:g}): law 'stronge' never does"
+        )
+    return hit
 
 
 def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:
     """Return the speed of foot towards ball along the normal [m/s]; raise `NoImpact` if none."""
-    speed = float(touch.normal @ (foot_velocity - before.velocity))
-    fastest = float(np.abs(foot_velocity - before.velocity).max())
-    if not fastest < MAX_SPEED:
+    relative = foot_velocity - before.velocity
+    speed = float(touch.normal.dot(relative))
+    if not all(abs(part) < MAX_SPEED for part in relative.tolist()):  # or NaN
+        fastest = float(np.abs(relative).max())
         raise InvalidInput(
             f"foot and ball meet at {fastest:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
             "m/s, else energies leave double precision"
@@ -204,6 +239,11 @@ def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: C
     return speed
 
 
+def largest(array: Array) -> float:
+    """Return the largest absolute entry of a short, finite array."""
+    return float(max(map(abs, array.tolist())))
+
+
 def _outcome(
     posture: Posture,
     v: Array,
@@ -216,24 +256,24 @@ def _outcome(
     solution: Solution,
 ) -> Impact:
     n, impulse = touch.normal, solution.impulse
-    jump, held = posture.respond(-(posture.jacobian.T @ impulse))
+    jump, held = posture.respond(-impulse.dot(posture.jacobian))
     transmitted, left_over = joint_impulses(posture, jump, -impulse, held)
-    after = BallState(
+    after = BallState.computed(
         before.position,
         before.velocity + impulse / ball.mass,
-        before.spin - np.cross(n, impulse) * (ball.radius / ball.inertia),
+        before.spin - cross(n, impulse) * (ball.radius / ball.inertia),
     )
     v_after = v + jump
     for array in (impulse, v, v_after, foot_velocity, transmitted, held):
         array.setflags(write=False)
-    parting = float(n @ (after.velocity - posture.jacobian @ v_after))
-    lever = float(np.linalg.norm(posture.jacobian) * np.linalg.norm(impulse))
+    parting = float(n.dot(after.velocity - posture.jacobian.dot(v_after)))
+    lever = math.sqrt(np.vdot(posture.jacobian, posture.jacobian)) * math.hypot(*impulse.tolist())
     return Impact(
         posture=posture,
         touch=touch,
         law=law,
         impulse=impulse,
-        effective_mass=posture.effective_mass(n),
+        effective_mass=posture.mass_along(n),
         foot_velocity=foot_velocity,
         approach_speed=approach_speed,
         ball_before=before,
@@ -245,6 +285,6 @@ def _outcome(
         energy_lost=solution.energy_lost,
         sticking=solution.sticking,
         restitution_residual=abs(parting - touch.restitution * approach_speed) / approach_speed,
-        momentum_residual=float(np.abs(left_over).max()) / lever if lever else 0.0,
+        momentum_residual=largest(left_over) / lever if lever else 0.0,
         condition=posture.condition,
     )

@@ -90,6 +90,8 @@ def unilateral_strike(
     held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
     free = leg.standing_on().posture(held.posture.q)
+    if touch.offset is not None:
+        free = free.touched_at(touch.offset)
     feet = _feet(held, supports)
     contacts = _contacts(held, ball, free, feet)
     bounced = contacts.before.copy()

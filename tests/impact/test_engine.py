@@ -39,6 +39,27 @@ def test_same_on_random_chains(seed):
     assert_same(*random_kick(rng, random_leg(rng)))
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_same_off_the_frames_origin(seed):
+    rng = np.random.default_rng(seed)
+    (leg, q, v, ball, _), options = random_kick(rng, random_leg(rng))
+    assert_same(*off_centre(rng, leg, q, v, ball, options))
+
+
+def off_centre(rng, leg, q, v, ball, options, friction=0.0):
+    """The same kick with a point elsewhere on the foot, which approaches the ball."""
+    offset = rng.uniform(-0.2, 0.2, size=3)
+    closing = leg.posture(q).touched_at(offset).point_velocity(v) - options["ball_velocity"]
+    touch = kd.Contact(closing, rng.uniform(0, 1), friction, offset)
+    return (leg, q, v, ball, touch), options
+
+
+def test_same_for_a_particle():
+    (leg, q, v, _, touch), options = random_kick(np.random.default_rng(1), LEGS["human"])
+    particle = kd.Ball(inertia_factor=np.inf)
+    assert_same((leg, q, v, particle, touch), options)
+
+
 def test_armature_is_honoured():
     model = kd.Leg.human().model
     model.armature = np.array([0.3, 0.2, 0.1])

@@ -141,6 +141,16 @@ def test_closed_loop(seed):
     assert np.linalg.norm(carried) > 1e-3
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_off_the_frames_origin(seed):
+    rng = np.random.default_rng(seed)
+    (leg, q, v, ball, _), options = random_kick(rng, random_leg(rng))
+    offset = rng.uniform(-0.2, 0.2, size=3)
+    closing = leg.posture(q).touched_at(offset).point_velocity(v) - options["ball_velocity"]
+    tilted = closing / np.linalg.norm(closing) + rng.uniform(-0.4, 0.4, size=3)
+    check((leg, q, v, ball, kd.Contact(tilted, 0.7, 0.4, offset)), options)
+
+
 def test_the_axis_of_a_passive_joint_carries_nothing():
     kick, options = random_kick(np.random.default_rng(3), kd.Leg.human())
     hit = kd.strike(*kick, **options)

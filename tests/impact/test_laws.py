@@ -4,63 +4,17 @@ import math
 
 import numpy as np
 import pytest
+from contacts import random_problem, split
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.impact.laws import ContactProblem, newton, paper
+from kickdyn.impact.laws import LAWS, ContactProblem, newton, paper
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_problem(seed, friction=None):
-    """Any symmetric positive leg, however lopsided, and any ball that comes towards it."""
-    rng = np.random.default_rng(seed)
-    rows = rng.normal(size=(3, rng.integers(1, 6))) * 10 ** rng.uniform(-1.5, 1.5, size=(3, 1))
-    normal = rng.normal(size=3)
-    normal /= np.linalg.norm(normal)
-    velocity = rng.normal(size=3) * 10 ** rng.uniform(-2, 2)
-    velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
-    return ContactProblem(
-        normal=normal,
-        leg_delassus=rows @ rows.T,
-        ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
-        centre_velocity=velocity,
-        spin=rng.normal(size=3) * 10 ** rng.uniform(-2, 2),
-        restitution=rng.choice([0.0, 1.0, rng.random()]),
-        friction=10 ** rng.uniform(-2, 1) if friction is None else friction,
-    )
-
-
-def split(problem, vector):
-    normal = float(problem.normal @ vector)
-    return normal, vector - normal * problem.normal
-
-
-@given(seed=seeds)
-@settings(max_examples=2000, derandomize=True, deadline=None)
-def test_newton_keeps_restitution_and_coulombs_cone(seed):
-    problem = random_problem(seed)
-    impulse, sticking, _ = newton(problem)
-    before = problem.velocity
-    after = before + problem.delassus() @ impulse
-    scale = np.abs(before).max() + np.abs(problem.delassus() @ impulse).max()
-    u_before, _ = split(problem, before)
-    u_after, sliding = split(problem, after)
-    pressing, friction = split(problem, impulse)
-    assert u_after == pytest.approx(-problem.restitution * u_before, abs=1e-11 * scale)
-    assert pressing > 0
-    size, cone = np.linalg.norm(friction), problem.friction * pressing
-    if sticking:
-        assert size <= cone * (1 + 1e-12)
-        assert np.abs(sliding).max() <= 1e-11 * scale
-    else:
-        assert size == pytest.approx(cone, rel=1e-12)
-        opposed = -np.linalg.norm(sliding) * size
-        assert float(sliding @ friction) == pytest.approx(opposed, abs=1e-9 * scale * size)
-
-
-@pytest.mark.parametrize("law", [newton, paper])
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @given(seed=seeds)
 @settings(max_examples=300, derandomize=True, deadline=None)
 def test_energy_lost_is_what_the_impulse_takes(law, seed):

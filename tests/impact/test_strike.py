@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.impact.laws import LAWS
 
 LEG = kd.Leg.human()
 ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
@@ -38,7 +39,7 @@ def test_with_the_balls_term_no_posture_reaches_table_2(q):
         assert np.linalg.norm(hit.impulse) <= 1.8 * ball.mass * 1.0 * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("law", ["newton", "paper"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("friction", [0.0, 0.1, 1.0])
 @given(seed=seeds)
 @settings(max_examples=100, derandomize=True, deadline=None)
@@ -68,8 +69,62 @@ def test_momentum_and_energy_balance(law, friction, seed):
     assert hit.ball.position == pytest.approx(hit.posture.contact_point - lever)
     if law == "newton":
         assert hit.restitution_residual <= 1e-12
-    if friction == 0.0 and law == "newton":
+    if law == "stronge" or (friction == 0.0 and law == "newton"):
         assert hit.energy_lost >= 0.0
+        assert not hit.creates_energy
+
+
+@pytest.mark.parametrize("law", ["newton", "stronge"])
+def test_an_offset_turns_with_the_foot(law):
+    """The contact point 3 cm above the sole, as the foot's axes say, whatever its angle."""
+    touch = kd.Contact((1, 0, 0.3), 0.7, 0.4, offset=(0, 0, 0.03))
+    hit = kd.strike(LEG, np.radians([0, 0, 90]), [0, -2, -1], kd.Ball(), touch, law)
+    there = LEG.posture(np.radians([0, 0, 90])).contact_point + np.array([0.03, 0, 0])
+    assert hit.posture.contact_point == pytest.approx(there)
+    assert hit.ball.position == pytest.approx(there + kd.Ball().radius * touch.normal)
+    assert hit.foot_velocity == pytest.approx(hit.posture.jacobian @ [0, -2, -1])
+    assert hit.momentum_residual <= 1e-14
+
+
+def test_a_particle_does_not_turn_and_grips_harder():
+    """Its tangential inertia is all of m, a shell's 2/5 of it: friction has more to do."""
+    touch = kd.Contact((1, 0, 0.2), 0.7, friction=5.0)
+    wall = np.radians([0, 0, 90])
+    options = {"ball_velocity": (-3, 0, 1), "law": "newton"}
+    shell, particle = (
+        kd.strike(LEG, wall, np.zeros(3), ball, touch, **options)
+        for ball in (kd.Ball(), kd.Ball(inertia_factor=math.inf))
+    )
+    assert particle.ball.spin.tolist() == [0, 0, 0]
+    assert abs(shell.ball.spin[1]) > 1
+    gripped = np.array([0.2, 0, -1]) / math.hypot(1, 0.2)  # across the normal
+    assert abs(particle.impulse @ gripped) > 1.5 * abs(shell.impulse @ gripped)
+
+
+def test_a_rolling_ball_and_a_volley():
+    """What counts at the contact is the velocity of the ball's surface, spin included."""
+    q, v, ball = np.radians([5, 10, -5]), np.array(V), kd.Ball()
+    touch = kd.Contact((1, 0, 0.1), 0.7, 0.3)
+    speed = 2.0
+    rolling = {"ball_velocity": (-speed, 0, 0), "ball_spin": (0, -speed / ball.radius, 0)}
+    sliding = {"ball_velocity": (-speed, 0, 0)}
+    volley = {"ball_velocity": (-8, 1, -6), "ball_spin": (3, 40, -10)}
+    rolled, slid, volleyed = (
+        kd.strike(LEG, q, v, ball, touch, "stronge", **motion)
+        for motion in (rolling, sliding, volley)
+    )
+    assert rolled.approach_speed == slid.approach_speed < volleyed.approach_speed
+    assert np.abs(rolled.impulse - slid.impulse).max() > 0.1
+    for hit in (rolled, slid, volleyed):
+        surface = [
+            state.velocity - ball.radius * np.cross(state.spin, touch.normal) - foot
+            for state, foot in (
+                (hit.ball_before, hit.foot_velocity),
+                (hit.ball, hit.posture.jacobian @ hit.v_after),
+            )
+        ]
+        work = -0.5 * hit.impulse @ (surface[0] + surface[1])
+        assert hit.energy_lost == pytest.approx(work, rel=1e-11)
 
 
 def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
@@ -100,6 +155,37 @@ def test_effective_mass_and_ratio_are_those_of_eq_10():
     assert hit.condition == posture.condition
 
 
+ECCENTRIC = {
+    "q": np.radians([85, 105, 45]),
+    "v": [5, -2, 3],
+    "ball": kd.Ball(mass=3.0),
+    "touch": kd.Contact(
+        (math.cos(math.radians(20)), 0, -math.sin(math.radians(20))), restitution=0.9, friction=0.6
+    ),
+}
+
+
+def test_newtons_law_says_where_it_creates_energy():
+    """A medicine ball and a bent leg: friction feeds the speed that restitution returns."""
+    hit = kd.strike(LEG, **ECCENTRIC)
+    assert hit.creates_energy
+    assert hit.energy_lost == pytest.approx(-0.648, abs=1e-3)
+    with pytest.raises(kd.EnergyCreated, match=r"law 'newton' creates 0\.648 J .*'stronge'"):
+        kd.strike(LEG, **ECCENTRIC, strict=True)
+
+
+def test_stronges_law_creates_none_there():
+    hit = kd.strike(LEG, **ECCENTRIC, law="stronge", strict=True)
+    assert hit.energy_lost > 0
+    assert hit.restitution_residual > 0.01
+
+
+def test_strict_leaves_sound_results_alone():
+    touch = kd.Contact(ATTACK, restitution=1.0)
+    hit = kd.strike(LEG, np.radians([5, 10, -5]), V, kd.Ball(), touch, strict=True)
+    assert abs(hit.energy_lost) <= 1e-14
+
+
 V = [0.1, -2.0, -1.0]
 
 
@@ -115,7 +201,11 @@ V = [0.1, -2.0, -1.0]
         ({"v": [1.7e308, -1.7e308, -1.7e308]}, kd.InvalidInput, "double precision"),
         ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, "double precision"),
         ({"v": "fast"}, kd.InvalidInput, "v is 'fast'"),
-        ({"law": "hertz"}, kd.InvalidInput, "impact law 'hertz' is unknown: choose newton, paper"),
+        (
+            {"law": "hertz"},
+            kd.InvalidInput,
+            "impact law 'hertz' is unknown: choose newton, stronge, paper",
+        ),
         ({"ball_spin": (0, math.nan, 0)}, kd.InvalidInput, "spin is .*finite"),
         ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"velocity has shape \(2,\)"),
     ],
@@ -130,7 +220,7 @@ def test_bad_input(change, error, words):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("law", ["newton", "paper"])
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("scale", [1e-250, 1e-170, 1e-30, 1e30, 1e120])
 def test_impact_is_linear_in_the_velocities(law, friction, scale):

@@ -16,10 +16,10 @@ def stance(friction=0.6, scale=1.0, **options):
     return ROBOT.standing_on(kd.Support(FOOT, friction=friction, **options))
 
 
-def kick(leg, wish=(4.0, 0.5, 1.0), normal=None, friction=0.3, e=0.7):
+def kick(leg, wish=(4.0, 0.5, 1.0), normal=None, friction=0.3, e=0.7, offset=None):
     q = leg.configuration(Q)
     v = leg.posture(q).joint_velocity(wish)
-    return leg, q, v, kd.Ball(), kd.Contact(normal or wish, e, friction)
+    return leg, q, v, kd.Ball(), kd.Contact(normal or wish, e, friction, offset)
 
 
 KICKS = {
@@ -31,6 +31,7 @@ KICKS = {
     "frictionless": kick(stance(0.0), (4, 0, -1), friction=0.0),
     "down, large foot": kick(stance(0.6, 3), (1, 0, -4)),
     "point foot": kick(stance(sole=None, point=True), (3, 0, 2)),
+    "instep": kick(stance(), offset=(0.05, 0.01, 0.02)),
     "askew": kick(stance(0.3), (3, -1, 2)),
 }
 OPTIONS = {"ball_velocity": (-1.0, 0.2, 0.0), "ball_spin": (3.0, -20.0, 1.0)}

@@ -1,0 +1,88 @@
+"""Time `kd.strike` beside the bare Pinocchio calls that it cannot do without.
+
+    python benchmarks/strike.py
+
+Bare: forwardKinematics, updateFramePlacement, crba, computeFrameJacobian, impulseDynamics with one
+row for the leg alone, rnea with the impulse on the foot. No ball, no checks, no copies, no joint
+order, no residuals, nothing kept. Each figure is the best of many rounds, one thread, and both are
+timed in turn.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+import kickdyn as kd
+from kickdyn.checks import Array
+
+BALL = kd.Ball()
+ROUNDS, CALLS = 30, 200
+
+
+def bare(leg: kd.Leg, q: Array, v: Array, normal: Array) -> Callable[[], Any]:
+    """Return Pinocchio's part of a strike."""
+    model = leg.model
+    data, frame, still = model.createData(), leg.frame_id, np.zeros(leg.nv)
+    outside = pin.StdVec_Force()
+    outside.extend([pin.Force.Zero() for _ in range(model.njoints)])
+
+    def calls() -> Any:
+        pin.forwardKinematics(model, data, q)
+        pin.updateFramePlacement(model, data, frame)
+        pin.crba(model, data, q)
+        jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        row = normal.dot(jacobian[:3]).reshape(1, leg.nv)
+        after = pin.impulseDynamics(model, data, q, v, row, 0.8, 0.0)
+        outside[leg.contact_joint] = pin.Force(normal * data.impulse_c[0], normal)
+        return pin.rnea(model, data, q, still, after - v, outside)
+
+    return calls
+
+
+def best(*functions: Callable[[], Any]) -> list[float]:
+    """Return the shortest time of each function [us], rounds taken in turn."""
+    times = [float("inf")] * len(functions)
+    for _ in range(ROUNDS):
+        for i, function in enumerate(functions):
+            start = time.perf_counter()
+            for _ in range(CALLS):
+                function()
+            times[i] = min(times[i], (time.perf_counter() - start) / CALLS * 1e6)
+    return times
+
+
+def kick(leg: kd.Leg, q: Array, foot: tuple[float, float, float]) -> tuple[Array, kd.Contact]:
+    """Return joint velocity and a frictionless contact along the foot's velocity."""
+    return leg.posture(q).joint_velocity(foot), kd.Contact(foot, 0.8)
+
+
+def main() -> None:
+    """Print the table."""
+    g1 = kd.Leg.from_robot("g1", frame="right_ankle_roll_link", base="floating")
+    bent = {"right_hip_pitch_joint": -0.4, "right_knee_joint": 0.6}
+    cases = {
+        "human leg, 3 joints": (kd.Leg.human(), np.radians([5, 10, -5])),
+        "G1, floating, 35 degrees of freedom": (g1, g1.configuration(bent)),
+    }
+    print("| leg | bare Pinocchio | frictionless | friction, `newton` | friction, `stronge` |")
+    print("|---|---|---|---|---|")
+    for name, (leg, q) in cases.items():
+        v, touch = kick(leg, q, (4.0, 0.0, 1.0))
+        rough = kd.Contact(touch.normal, 0.8, 0.4)
+        times = best(
+            bare(leg, q, v, touch.normal),
+            lambda leg=leg, q=q, v=v, touch=touch: kd.strike(leg, q, v, BALL, touch),
+            lambda leg=leg, q=q, v=v, rough=rough: kd.strike(leg, q, v, BALL, rough),
+            lambda leg=leg, q=q, v=v, rough=rough: kd.strike(leg, q, v, BALL, rough, "stronge"),
+        )
+        cells = [f"{t:.1f} us ({t / times[0]:.1f})" for t in times]
+        print(f"| {name} | " + " | ".join(cells) + " |")
+
+
+if __name__ == "__main__":
+    main()

@@ -19,9 +19,13 @@ from kickdyn.ground import Surface as Surface
 from kickdyn.impact.engine import EngineImpact as EngineImpact
 from kickdyn.impact.engine import engine_strike as engine_strike
 from kickdyn.impact.laws import normal_impulse as normal_impulse
+from kickdyn.impact.sensitivity import Sensitivity as Sensitivity
+from kickdyn.impact.sensitivity import sensitivity as sensitivity
 from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
+from kickdyn.impact.uncertainty import Uncertainty as Uncertainty
+from kickdyn.impact.uncertainty import uncertainty as uncertainty
 from kickdyn.leg import Leg as Leg
 from kickdyn.planning.launch import LaunchPlan as LaunchPlan
 from kickdyn.planning.launch import plan_launch as plan_launch

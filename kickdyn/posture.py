@@ -135,9 +135,9 @@ class Posture:
         return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
 
     def solve(self, joint_impulse: Array) -> Array:
-        """Return M^-1 times a joint-space impulse, shape `(nv,)` [rad/s]."""
-        v, _ = lapack.dpotrs(self._factor, self._scale * joint_impulse, lower=1)
-        return np.asarray(self._scale * v)
+        """Return M^-1 times a joint-space impulse, or many as columns, `(nv,)` or `(nv, n)`."""
+        v, _ = lapack.dpotrs(self._factor, (self._scale * joint_impulse.T).T, lower=1)
+        return np.asarray((self._scale * v.T).T)
 
 
 def _factored(inertia: Array) -> tuple[Array, Array, float]:

@@ -15,6 +15,8 @@ from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
+from kickdyn.impact.sensitivity import Sensitivity, sensitivity
+from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
@@ -27,6 +29,7 @@ class Impact:
 
     Attributes:
         posture: the leg, as it struck.
+        struck: the ball's mass and radius.
         touch: the contact.
         law: name of the impact law.
         impulse: on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite.
@@ -47,6 +50,7 @@ class Impact:
     """
 
     posture: Posture
+    struck: Ball
     touch: Contact
     law: str
     impulse: Array
@@ -76,6 +80,17 @@ class Impact:
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
+
+    def sensitivity(self) -> Sensitivity:
+        """Return the derivatives of this strike, law `newton` only: see `Sensitivity`."""
+        return sensitivity(self)
+
+    def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
+        """Return covariances and the budget of what is not known exactly: see `uncertainty`.
+
+        `hit.uncertainty(q=0.02, v=0.1, restitution=0.03)` takes standard deviations by source.
+        """
+        return uncertainty(self, **spread)
 
 
 def strike(
@@ -190,6 +205,7 @@ def _outcome(
     lever = float(np.linalg.norm(posture.jacobian) * np.linalg.norm(impulse))
     return Impact(
         posture=posture,
+        struck=ball,
         touch=touch,
         law=law,
         impulse=impulse,

@@ -238,7 +238,7 @@ def _slide(n: Array, p: Array, slide: Array, mu: float, scale: float) -> tuple[A
     if mu > 0.0:
         rubbing = float(n @ p) * n - p
         tangent = rubbing / math.hypot(*rubbing)
-        return tangent, max(float(tangent @ slide), 0.0)
+        return tangent, float(tangent @ slide)
     speed = math.hypot(*slide)
     return (slide / speed, speed) if speed > AT_BOUNDARY * scale else (np.zeros(3), 0.0)
 

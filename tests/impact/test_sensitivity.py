@@ -159,14 +159,22 @@ def test_friction_that_sets_in():
     )
 
 
-def test_a_dead_centre_hit_has_no_friction_to_set_in():
+def test_without_sliding_there_is_no_friction_to_set_in():
+    """A foot that the impact itself brings to move along the normal only."""
     leg, q, *_ = human(0.0)[0]
-    posture = leg.posture(q)
-    v = posture.joint_velocity((1, 0, 0))
-    way = posture.delassus()[:, 0]  # a foot that moves so is not turned aside
-    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact((1, 0, 0), 0.5))
-    assert abs(way[1]) < 1e-15
-    assert np.isfinite(hit.sensitivity().impulse["friction"]).all()
+    posture, ball, n = leg.posture(q), kd.Ball(), np.array([1.0, 0.0, 0.0])
+    aside = posture.delassus() @ n
+    impulse = 1.5 / (aside[0] + 1 / ball.mass)
+    v = posture.joint_velocity((1.0, 0.0, aside[2] * impulse))
+    hit = kd.strike_at(posture, v, ball, kd.Contact(n, 0.5))
+    foot_after = posture.jacobian @ hit.v_after
+    assert np.abs(foot_after[1:]).max() < 1e-15
+    slopes = hit.sensitivity()
+    assert np.abs(slopes.impulse["friction"]).max() == 0.0
+    h = 1e-6
+    slower = [kd.strike_at(posture, v, ball, kd.Contact(n, 0.5 + k * h)) for k in (-1, 1)]
+    by_e = (slower[1].impulse - slower[0].impulse) / (2 * h)
+    assert slopes.impulse["restitution"][:, 0] == pytest.approx(by_e, rel=1e-8)
 
 
 def test_the_boundary_is_announced():

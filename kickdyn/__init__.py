@@ -16,8 +16,12 @@ from kickdyn.flight.follow import Course as Course
 from kickdyn.flight.follow import follow as follow
 from kickdyn.ground import Ground as Ground
 from kickdyn.ground import Surface as Surface
+from kickdyn.impact.collide import Collision as Collision
+from kickdyn.impact.collide import collide as collide
 from kickdyn.impact.engine import EngineImpact as EngineImpact
 from kickdyn.impact.engine import engine_strike as engine_strike
+from kickdyn.impact.hertz import HertzContact as HertzContact
+from kickdyn.impact.hertz import contact_stiffness as contact_stiffness
 from kickdyn.impact.laws import normal_impulse as normal_impulse
 from kickdyn.impact.sensitivity import Sensitivity as Sensitivity
 from kickdyn.impact.sensitivity import sensitivity as sensitivity

@@ -1,0 +1,190 @@
+"""Equations of motion of leg and ball while they press on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.contact import Contact
+from kickdyn.impact.hertz import HertzContact
+from kickdyn.leg import Leg
+
+
+class State(NamedTuple):
+    """One column of the integrator, unpacked.
+
+    Attributes:
+        q, v: of the leg.
+        moved: of the ball's centre since the touch [m].
+        velocity, spin: of the ball.
+        lost: energy, to damping [J].
+        work: of the joint torques [J].
+    """
+
+    q: Array
+    v: Array
+    moved: Array
+    velocity: Array
+    spin: Array
+    lost: float
+    work: float
+
+
+class Touch(NamedTuple):
+    """Where ball and foot press.
+
+    Attributes:
+        normal: of the foot's plane, from foot into ball.
+        point: of the plane, nearest to the ball's centre, from the frame's origin [m].
+        deflection: [m], negative where they are apart.
+        rate: of the deflection [m/s].
+    """
+
+    normal: Array
+    point: Array
+    deflection: float
+    rate: float
+
+
+class Squeeze:
+    """Leg and ball from touch to separation, as a system of first order.
+
+    The columns are the leg's displacement since the touch in the tangent space, its velocity, the
+    ball's displacement, velocity and spin, the energy lost, and the work of the torques.
+    """
+
+    def __init__(
+        self,
+        leg: Leg,
+        q: Array,
+        ball: Ball,
+        touch: Contact,
+        contact: HertzContact,
+        before: BallState,
+        torque: Callable[[float, Array, Array], Array],
+    ) -> None:
+        self.model = leg.model  # with gravity, which the leg's workspace leaves out
+        self.data = self.model.createData()
+        self.gravity = np.array(self.model.gravity.linear)
+        self.external = pin.StdVec_Force()
+        self.external.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
+        self.leg, self.q, self.ball, self.contact = leg, q, ball, contact
+        self.before, self.torque = before, torque
+        pin.forwardKinematics(self.model, self.data, q)
+        placement = pin.updateFramePlacement(self.model, self.data, leg.frame_id)
+        self.foot = placement.translation.copy()
+        self.normal = placement.rotation.T @ touch.normal
+        self.lever = ball.radius * touch.normal
+
+    def start(self, v: Array) -> Array:
+        """Return the first column."""
+        still = np.zeros(3)
+        return np.concatenate(
+            [np.zeros(self.leg.nv), v, still, self.before.velocity, self.before.spin, [0.0, 0.0]]
+        )
+
+    def scales(self, start: Array, time: float, speed: float, mass: float) -> Array:
+        """Return what each entry of a column is large to, for absolute tolerances."""
+        fast = float(np.abs(start[self.leg.nv : 2 * self.leg.nv]).max()) or speed
+        spin = float(np.abs(self.before.spin).max()) or speed / self.ball.radius
+        energy = 0.5 * mass * speed * speed
+        nv = self.leg.nv
+        sizes = [[fast * time] * nv, [fast] * nv, [speed * time] * 3, [speed] * 3, [spin] * 3]
+        return np.concatenate([*sizes, [energy, energy]])
+
+    def state(self, y: Array) -> State:
+        """Return a column unpacked."""
+        nv = self.leg.nv
+        q = pin.integrate(self.model, self.q, y[:nv])
+        ball = y[2 * nv :]
+        return State(
+            q,
+            y[nv : 2 * nv].copy(),
+            ball[:3],
+            ball[3:6],
+            ball[6:9],
+            float(ball[9]),
+            float(ball[10]),
+        )
+
+    def touching(self, state: State) -> Touch:
+        """Return the contact's kinematics; runs the leg's."""
+        model, data = self.model, self.data
+        pin.forwardKinematics(model, data, state.q, state.v)
+        placement = pin.updateFramePlacement(model, data, self.leg.frame_id)
+        foot = pin.getFrameVelocity(model, data, self.leg.frame_id, pin.LOCAL_WORLD_ALIGNED)
+        normal = placement.rotation @ self.normal
+        reach = self.lever + state.moved - (placement.translation - self.foot)
+        height = float(normal @ reach)
+        point = reach - height * normal
+        foot_point = foot.linear + _cross(foot.angular, point)
+        rate = float(normal @ (foot_point - state.velocity))
+        return Touch(normal, point, self.ball.radius - height, rate)
+
+    def rates(self, t: float, y: Array) -> Array:
+        """Return the derivative of a column."""
+        state, ball = self.state(y), self.ball
+        touch = self.touching(state)
+        spring = self.contact.spring(touch.deflection)
+        size = self.contact.force(touch.deflection, touch.rate)
+        push = size * touch.normal
+
+        joint = self.data.oMi[self.leg.contact_joint]
+        frame = self.data.oMf[self.leg.frame_id]
+        arm = frame.translation - joint.translation + touch.point
+        turn = joint.rotation.T
+        self.external[self.leg.contact_joint] = pin.Force(turn @ -push, turn @ _cross(arm, -push))
+        torque = self.torque(t, state.q, state.v)
+        acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, self.external)
+        return np.concatenate(
+            [
+                self._displacement_rate(state),
+                acceleration,
+                state.velocity,
+                push / ball.mass + self.gravity,
+                np.zeros(3),
+                [(size - spring) * touch.rate, float(torque @ state.v)],
+            ]
+        )
+
+    def _displacement_rate(self, state: State) -> Array:
+        if self.leg.nq == self.leg.nv:
+            return state.v
+        slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
+        return np.asarray(slope @ state.v)
+
+    def gap(self, _: float, y: Array) -> float:
+        """Return the deflection, which falls through 0 at separation."""
+        return self.touching(self.state(y)).deflection
+
+    def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
+        """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
+        touch = self.touching(self.state(y))
+        size = self.contact.force(touch.deflection, touch.rate)
+        return size * touch.normal, self.impulse(t, y), touch.deflection
+
+    def impulse(self, t: float, y: Array) -> Array:
+        """Return what the contact gave the ball until t: its momentum, less gravity's share."""
+        gained = self.state(y).velocity - self.before.velocity
+        return np.asarray(self.ball.mass * (gained - self.gravity * t))
+
+    def energy(self, y: Array) -> float:
+        """Return kinetic and potential energy of leg, ball and spring [J]."""
+        state, ball = self.state(y), self.ball
+        leg = pin.computeMechanicalEnergy(self.model, self.data, state.q, state.v)
+        speed, spin = state.velocity, state.spin
+        moving = 0.5 * float(ball.mass * speed @ speed + ball.inertia * spin @ spin)
+        height = -ball.mass * float(self.gravity @ state.moved)
+        deflection = max(self.touching(state).deflection, 0.0)
+        return float(leg) + moving + height + 0.4 * self.contact.spring(deflection) * deflection
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

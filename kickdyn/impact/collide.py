@@ -68,7 +68,7 @@ class Collision:
         contact: stiffness and damping.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact_time: from touch to separation [s].
-        peak_force: largest contact force [N].
+        peak_force: largest contact force, friction included [N].
         deflection: largest, of ball and foot together [m].
         foot_displacement: of the contact frame meanwhile, shape `(3,)` [m, world frame].
         energy_lost: to damping and friction [J].
@@ -154,15 +154,18 @@ def collide(
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces. The foot
     is a plane through its contact point that turns with it, the ball a rigid shell behind a spring;
-    the force acts along the plane's normal through the ball's centre. For growing stiffness this
-    tends to `strike`.
+    the force acts along the plane's normal through the ball's centre, and Coulomb's friction across
+    it, against the sliding. For growing stiffness this tends to `strike`, law `newton`, where the
+    contact slips one way all along; where it comes to stick, only if friction does not change the
+    normal velocity (a leg without coupling), for damping is no law of Newton's then.
 
     Args:
         leg: with the frame that touches the ball.
         q: configuration at touch, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity at touch, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal` at touch.
-        touch: normal at touch, restitution 0.01 or more, friction 0.
+        touch: normal at touch, restitution 0.01 or more, and friction. What sticks creeps, at
+            about a thousandth of the approach speed.
         contact_time: for which the stiffness is chosen, exactly so where effective masses are
             constant and nothing else acts [s]; `CONTACT_TIME`, 10 ms, when neither is named.
         stiffness: [N/m^1.5], in place of it.
@@ -174,12 +177,9 @@ def collide(
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
-        InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, or
-            friction.
+        InvalidInput: a wrong shape, a value outside its range, or both contact_time and stiffness.
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
-    if touch.friction != 0.0:
-        raise InvalidInput(f"friction is {touch.friction:g}: a contact that gives way knows only 0")
     checks.number("tol", tol, at_least=1e-13, at_most=1e-3)
     posture = leg.posture(q)
     v = checks.vector("v", v, leg.nv)
@@ -194,7 +194,8 @@ def collide(
 
     checks.number("contact time", expected, at_least=BRIEFEST, unit="s")
 
-    squeeze = Squeeze(leg, posture.q, ball, touch, contact, before, _torque(torque, leg.nv))
+    acting = _torque(torque, leg.nv)
+    squeeze = Squeeze(leg, posture.q, ball, touch, contact, before, speed, acting)
     start = squeeze.start(v)
     scale = squeeze.scales(start, expected, speed, mass)
     step, limit = expected / 20.0, PATIENCE * expected

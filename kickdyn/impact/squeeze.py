@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -14,6 +15,10 @@ from kickdyn.contact import Contact
 from kickdyn.impact.hertz import HertzContact
 from kickdyn.leg import Leg
 
+CREEP = 1e-3
+"""Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,
+as an integrator needs it, so that what sticks creeps about that fast."""
+
 
 class State(NamedTuple):
     """One column of the integrator, unpacked.
@@ -22,7 +27,7 @@ class State(NamedTuple):
         q, v: of the leg.
         moved: of the ball's centre since the touch [m].
         velocity, spin: of the ball.
-        lost: energy, to damping [J].
+        lost: energy, to damping and friction [J].
         work: of the joint torques [J].
     """
 
@@ -43,12 +48,14 @@ class Touch(NamedTuple):
         point: of the plane, nearest to the ball's centre, from the frame's origin [m].
         deflection: [m], negative where they are apart.
         rate: of the deflection [m/s].
+        sliding: of the ball over the plane, in the plane [m/s].
     """
 
     normal: Array
     point: Array
     deflection: float
     rate: float
+    sliding: Array
 
 
 class Squeeze:
@@ -66,6 +73,7 @@ class Squeeze:
         touch: Contact,
         contact: HertzContact,
         before: BallState,
+        speed: float,
         torque: Callable[[float, Array, Array], Array],
     ) -> None:
         self.model = leg.model  # with gravity, which the leg's workspace leaves out
@@ -75,6 +83,7 @@ class Squeeze:
         self.external.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         self.leg, self.q, self.ball, self.contact = leg, q, ball, contact
         self.before, self.torque = before, torque
+        self.friction, self.creep = touch.friction, CREEP * speed
         pin.forwardKinematics(self.model, self.data, q)
         placement = pin.updateFramePlacement(self.model, self.data, leg.frame_id)
         self.foot = placement.translation.copy()
@@ -123,8 +132,16 @@ class Squeeze:
         height = float(normal @ reach)
         point = reach - height * normal
         foot_point = foot.linear + _cross(foot.angular, point)
-        rate = float(normal @ (foot_point - state.velocity))
-        return Touch(normal, point, self.ball.radius - height, rate)
+        apart = state.velocity - height * _cross(state.spin, normal) - foot_point
+        rate = -float(normal @ apart)
+        return Touch(normal, point, self.ball.radius - height, rate, apart + rate * normal)
+
+    def rubbing(self, touch: Touch, size: float) -> Array:
+        """Return the friction on the ball [N], given the normal force: Coulomb's, made smooth."""
+        if self.friction == 0.0:
+            return np.zeros(3)
+        fast = math.hypot(*touch.sliding, self.creep)
+        return np.asarray(-self.friction * size / fast * touch.sliding)
 
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
@@ -132,13 +149,16 @@ class Squeeze:
         touch = self.touching(state)
         spring = self.contact.spring(touch.deflection)
         size = self.contact.force(touch.deflection, touch.rate)
-        push = size * touch.normal
+        rubbing = self.rubbing(touch, size)
+        push = size * touch.normal + rubbing
+        arm_of_ball = (touch.deflection - ball.radius) * touch.normal
 
         joint = self.data.oMi[self.leg.contact_joint]
         frame = self.data.oMf[self.leg.frame_id]
         arm = frame.translation - joint.translation + touch.point
         turn = joint.rotation.T
         self.external[self.leg.contact_joint] = pin.Force(turn @ -push, turn @ _cross(arm, -push))
+        lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
         torque = self.torque(t, state.q, state.v)
         acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, self.external)
         return np.concatenate(
@@ -147,8 +167,8 @@ class Squeeze:
                 acceleration,
                 state.velocity,
                 push / ball.mass + self.gravity,
-                np.zeros(3),
-                [(size - spring) * touch.rate, float(torque @ state.v)],
+                _cross(arm_of_ball, rubbing) / ball.inertia,
+                [lost, float(torque @ state.v)],
             ]
         )
 
@@ -166,7 +186,8 @@ class Squeeze:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
         touch = self.touching(self.state(y))
         size = self.contact.force(touch.deflection, touch.rate)
-        return size * touch.normal, self.impulse(t, y), touch.deflection
+        push = size * touch.normal + self.rubbing(touch, size)
+        return push, self.impulse(t, y), touch.deflection
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return what the contact gave the ball until t: its momentum, less gravity's share."""

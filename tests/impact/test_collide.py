@@ -137,7 +137,7 @@ def test_slip_has_the_same_limit():
     hits = [kd.collide(*kick, touch, contact_time=time) for time in (4e-5, 1e-5)]
     for read in (lambda hit: hit.impulse, lambda hit: hit.ball.spin, lambda hit: hit.energy_lost):
         far, near = (np.linalg.norm(read(hit) - read(instant)) for hit in hits)
-        assert far <= 1e-3 * np.linalg.norm(read(instant))
+        assert far <= 2e-3 * np.linalg.norm(read(instant))
         assert far / near == pytest.approx(4.0, rel=0.05)
 
 

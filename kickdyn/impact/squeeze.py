@@ -197,12 +197,16 @@ class Squeeze:
     def energy(self, y: Array) -> float:
         """Return kinetic and potential energy of leg, ball and spring [J]."""
         state, ball = self.state(y), self.ball
-        leg = pin.computeMechanicalEnergy(self.model, self.data, state.q, state.v)
+        # not computeKineticEnergy, which forgets the rotor of the first joint
+        inertia = pin.crba(self.model, self.data, state.q)
+        leg = 0.5 * float(state.v @ inertia @ state.v)
+        leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
         speed, spin = state.velocity, state.spin
         moving = 0.5 * float(ball.mass * speed @ speed + ball.inertia * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
         deflection = max(self.touching(state).deflection, 0.0)
-        return float(leg) + moving + height + 0.4 * self.contact.spring(deflection) * deflection
+        stored = 0.4 * self.contact.spring(deflection) * deflection
+        return leg + moving + height + stored
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -106,7 +106,10 @@ def test_against_differences(friction, branches, floating):
     def run(seed):
         rng = np.random.default_rng(seed)
         if floating:
-            kick, options = floating_kick(rng, friction=friction)
+            (leg, *rest), options = floating_kick(rng, friction=friction)
+            model = leg.model
+            model.armature = np.concatenate([np.zeros(6), rng.uniform(0, 0.1, size=2)])
+            kick = kd.Leg.from_model(model, "toe"), *rest
         else:
             kick, options = random_kick(
                 rng, random_leg(rng), friction=friction, restitution=rng.uniform(0.1, 0.9)

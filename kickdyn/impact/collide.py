@@ -105,10 +105,14 @@ class Collision:
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the impulse's error [N s]: twice what a 100 times tighter run changes."""
+        """Estimate of the impulse's error [N s]: twice what a 100 times tighter run changes.
+
+        Never less than the tolerance's share of it; computed when asked for, by that run. What the
+        model leaves out is not in it.
+        """
         finer = self._again(max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
-        return max(2.0 * math.hypot(*(finer.impulse - self.impulse)), 1e-14 * size)
+        return max(2.0 * math.hypot(*(finer.impulse - self.impulse)), max(self.tol, 1e-12) * size)
 
     def sample(self, t: ArrayLike) -> ContactSample:
         """Return the contact at one time or many.

@@ -1,4 +1,4 @@
-"""Analytic derivatives against central differences of fifth order, branch by branch."""
+"""Analytic derivatives against central differences of fourth order, branch by branch."""
 
 import math
 

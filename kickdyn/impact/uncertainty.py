@@ -20,6 +20,9 @@ from kickdyn.impact.sources import UNITS, columns
 if TYPE_CHECKING:
     from kickdyn.impact.strike import Impact
 
+MAX_SPREAD = 1e100
+"""Above it, variances would leave double precision."""
+
 RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
 
 
@@ -144,6 +147,8 @@ def _carried(jacobian: Array, covariance: Array) -> Array:
 
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:
     array = checks.floats(f"spread of {name}", value, unit=UNITS[name])
+    if np.abs(array).max(initial=0.0) > MAX_SPREAD:
+        raise InvalidInput(f"spread of {name} is {array.tolist()}: at most {MAX_SPREAD:g}")
     if array.shape == (size, size) and size > 1:
         lowest = float(np.linalg.eigvalsh(array)[0])
         largest = float(np.abs(array).max())

@@ -106,6 +106,7 @@ def test_a_strike_near_the_boundary_says_so():
         ({"v": np.diag([1.0, 1.0, -1.0])}, "smallest eigenvalue of -1: .*semidefinite"),
         ({"v": np.eye(3) + np.eye(3, k=2)}, "must be symmetric"),
         ({"restitution": [[0.1]]}, r"has shape \(1, 1\): it must be a number$"),
+        ({"q": 1e200}, r"spread of q is 1e\+200: at most 1e\+100"),
         ({"friction": np.nan}, "spread of friction is nan: every entry must be finite"),
     ],
 )

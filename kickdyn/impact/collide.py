@@ -17,6 +17,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.free_leg import check_free
 from kickdyn.impact.hertz import (
     HertzContact,
     contact_stiffness,
@@ -181,11 +182,13 @@ def collide(
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
-        InvalidInput: a wrong shape, a value outside its range, or both contact_time and stiffness.
+        InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, or a leg
+            that supports or loops hold.
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
     checks.number("tol", tol, at_least=1e-13, at_most=1e-3)
     posture = leg.posture(q)
+    check_free(posture, "a contact that takes time is")
     v = checks.vector("v", v, leg.nv)
     centre = posture.contact_point + ball.radius * touch.normal
     before = BallState(centre, ball_velocity, ball_spin)
@@ -199,7 +202,7 @@ def collide(
     checks.number("contact time", expected, at_least=BRIEFEST, unit="s")
 
     acting = _torque(torque, leg.nv)
-    squeeze = Squeeze(leg, posture.q, ball, touch, contact, before, speed, acting)
+    squeeze = Squeeze(posture, ball, touch, contact, before, speed, acting)
     start = squeeze.start(v)
     scale = squeeze.scales(start, expected, speed, mass)
     step, limit = expected / 20.0, PATIENCE * expected
@@ -230,7 +233,7 @@ def collide(
     state = squeeze.state(last)
     energies = squeeze.energy(start) + state.work - state.lost - squeeze.energy(last)
     after = BallState(centre + state.moved, state.velocity, state.spin, end)
-    foot = leg.posture(state.q).contact_point - posture.contact_point
+    foot = squeeze.foot_at(state) - posture.contact_point
     impulse = squeeze.impulse(end, last)
     for array in (impulse, v, state.q, state.v, foot):
         array.setflags(write=False)

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.impact.free_leg import check_free
 from kickdyn.impact.sources import columns
 
 if TYPE_CHECKING:
@@ -67,10 +68,11 @@ def sensitivity(hit: Impact) -> Sensitivity:
         hit: from `strike` or `strike_at`.
 
     Raises:
-        InvalidInput: another law.
+        InvalidInput: another law, or a leg that supports or loops hold.
     """
     if hit.law != "newton":
         raise InvalidInput(f"impact law {hit.law!r} has no sensitivities: choose newton")
+    check_free(hit.posture, "sensitivities are")
     at = columns(hit.posture.leg)
     answer = _at_fixed_impulse(hit, at)
     residual_p, residual_x, tangent = _residual(hit, answer, at)
@@ -169,21 +171,23 @@ def _leg(
     """Return d(J v)/dq, d(J v_after)/dq, d(M jump + J^T impulse)/dq and d(M jump)/d(inertias)."""
     leg, space = posture.leg, posture.leg.workspace
     model, data, nv, still = space.model, space.data, leg.nv, np.zeros(leg.nv)
-    axes = posture.joint_rotation @ model.frames[leg.frame_id].placement.rotation
-    local = pin.computeFrameJacobian(model, data, posture.q, leg.frame_id, pin.LOCAL)
-    turning = axes @ local.reshape(6, nv)[3:]
+    axes, joint = posture.joint_rotation, leg.contact_joint
+    turning = axes @ pin.computeJointJacobian(model, data, posture.q, joint).reshape(6, nv)[3:]
+    pin.forwardKinematics(model, data, posture.q)
+    lever = data.oMi[joint].actInv(posture.contact_point)
+    point = pin.SE3(np.eye(3), lever)
 
     def foot(velocity: Array) -> Array:
-        # In the foot's axes, then turned with them: Pinocchio's answer in aligned axes is another.
+        # In the joint's axes, then turned with them: Pinocchio's answer in aligned axes is another.
         pin.computeForwardKinematicsDerivatives(model, data, posture.q, velocity, still)
-        by_q, _ = pin.getFrameVelocityDerivatives(model, data, leg.frame_id, pin.LOCAL)
+        by_q, _ = pin.getFrameVelocityDerivatives(model, data, joint, point, pin.LOCAL)
         turned = _skew(posture.jacobian @ velocity) @ turning
         return np.asarray(axes @ by_q.reshape(6, nv)[:3] - turned)
 
     foot_q, foot_q_after = foot(v), foot(v_after)
     jump = v_after - v
     push = -(posture.joint_rotation.T @ impulse)
-    space.external[leg.contact_joint] = pin.Force(push, np.cross(leg.contact_lever, push))
+    space.external[leg.contact_joint] = pin.Force(push, np.cross(lever, push))
     by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
     # Pinocchio turns the impulse with the foot; ours stays as it is in the world.
     held = posture.jacobian.T @ _skew(impulse) @ turning

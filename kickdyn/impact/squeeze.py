@@ -13,7 +13,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.impact.hertz import HertzContact
-from kickdyn.leg import Leg
+from kickdyn.posture import Posture
 
 CREEP = 1e-3
 """Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,
@@ -45,7 +45,7 @@ class Touch(NamedTuple):
 
     Attributes:
         normal: of the foot's plane, from foot into ball.
-        point: of the plane, nearest to the ball's centre, from the frame's origin [m].
+        point: of the plane, nearest to the ball's centre, from the joint's origin [m].
         deflection: [m], negative where they are apart.
         rate: of the deflection [m/s].
         sliding: of the ball over the plane, in the plane [m/s].
@@ -67,8 +67,7 @@ class Squeeze:
 
     def __init__(
         self,
-        leg: Leg,
-        q: Array,
+        posture: Posture,
         ball: Ball,
         touch: Contact,
         contact: HertzContact,
@@ -76,6 +75,7 @@ class Squeeze:
         speed: float,
         torque: Callable[[float, Array, Array], Array],
     ) -> None:
+        leg, q = posture.leg, posture.q
         self.model = leg.model  # with gravity, which the leg's workspace leaves out
         self.data = self.model.createData()
         self.gravity = np.array(self.model.gravity.linear)
@@ -85,9 +85,10 @@ class Squeeze:
         self.before, self.torque = before, torque
         self.friction, self.creep = touch.friction, CREEP * speed
         pin.forwardKinematics(self.model, self.data, q)
-        placement = pin.updateFramePlacement(self.model, self.data, leg.frame_id)
-        self.foot = placement.translation.copy()
-        self.normal = placement.rotation.T @ touch.normal
+        joint = self.data.oMi[leg.contact_joint]
+        self.foot = posture.contact_point
+        self.arm = joint.actInv(posture.contact_point)
+        self.normal = joint.rotation.T @ touch.normal
         self.lever = ball.radius * touch.normal
 
     def start(self, v: Array) -> Array:
@@ -125,13 +126,13 @@ class Squeeze:
         """Return the contact's kinematics; runs the leg's."""
         model, data = self.model, self.data
         pin.forwardKinematics(model, data, state.q, state.v)
-        placement = pin.updateFramePlacement(model, data, self.leg.frame_id)
-        foot = pin.getFrameVelocity(model, data, self.leg.frame_id, pin.LOCAL_WORLD_ALIGNED)
-        normal = placement.rotation @ self.normal
-        reach = self.lever + state.moved - (placement.translation - self.foot)
+        joint, motion = data.oMi[self.leg.contact_joint], data.v[self.leg.contact_joint]
+        turn = joint.rotation
+        normal, arm, spin = turn @ self.normal, turn @ self.arm, turn @ motion.angular
+        reach = self.lever + state.moved - (joint.translation + arm - self.foot)
         height = float(normal @ reach)
-        point = reach - height * normal
-        foot_point = foot.linear + _cross(foot.angular, point)
+        point = arm + reach - height * normal
+        foot_point = turn @ motion.linear + _cross(spin, point)
         apart = state.velocity - height * _cross(state.spin, normal) - foot_point
         rate = -float(normal @ apart)
         return Touch(normal, point, self.ball.radius - height, rate, apart + rate * normal)
@@ -153,11 +154,9 @@ class Squeeze:
         push = size * touch.normal + rubbing
         arm_of_ball = (touch.deflection - ball.radius) * touch.normal
 
-        joint = self.data.oMi[self.leg.contact_joint]
-        frame = self.data.oMf[self.leg.frame_id]
-        arm = frame.translation - joint.translation + touch.point
-        turn = joint.rotation.T
-        self.external[self.leg.contact_joint] = pin.Force(turn @ -push, turn @ _cross(arm, -push))
+        turn = self.data.oMi[self.leg.contact_joint].rotation.T
+        moment = turn @ _cross(touch.point, -push)
+        self.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
         lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
         torque = self.torque(t, state.q, state.v)
         acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, self.external)
@@ -188,6 +187,11 @@ class Squeeze:
         size = self.contact.force(touch.deflection, touch.rate)
         push = size * touch.normal + self.rubbing(touch, size)
         return push, self.impulse(t, y), touch.deflection
+
+    def foot_at(self, state: State) -> Array:
+        """Return where the contact point of the foot is [m, world frame]."""
+        pin.forwardKinematics(self.model, self.data, state.q)
+        return np.array(self.data.oMi[self.leg.contact_joint].act(self.arm))
 
     def impulse(self, t: float, y: Array) -> Array:
         """Return what the contact gave the ball until t: its momentum, less gravity's share."""

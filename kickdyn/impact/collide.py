@@ -182,8 +182,8 @@ def collide(
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
-        InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, or a leg
-            that supports or loops hold.
+        InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness,
+            or a leg that supports or loops hold.
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
     checks.number("tol", tol, at_least=1e-13, at_most=1e-3)

@@ -28,7 +28,7 @@ def test_a_held_leg_is_refused():
     hit = kd.strike(kd.Leg.human(), Q, V, kd.Ball(), TOUCH)
     with pytest.raises(kd.InvalidInput, match="held by more than its joints: sensitivities are"):
         hit.sensitivity()
-    with pytest.raises(kd.InvalidInput, match="held by more .*: a contact that takes time is for"):
+    with pytest.raises(kd.InvalidInput, match=r"held by more .*: a contact that takes time is for"):
         kd.collide(kd.Leg.human(), Q, V, kd.Ball(), TOUCH)
 
 

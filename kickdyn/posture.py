@@ -189,7 +189,8 @@ class Posture:
     def solve(self, joint_impulse: Array) -> Array:
         """Return the velocity jump after a joint-space impulse, shape `(nv,)` [rad/s].
 
-        It is M^-1 times the impulse, and that of supports and loops, where there are any.
+        It is M^-1 times the impulse, and that of supports and loops, where there are any. Without
+        them, many may come as columns, `(nv, n)`.
         """
         return self.respond(joint_impulse)[0]
 
@@ -200,8 +201,8 @@ class Posture:
         they are redundant, of all splits the smallest.
         """
         if self.hold is None:
-            v, _ = lapack.dpotrs(self._factor, self._scale * joint_impulse, lower=1)
-            return np.asarray(self._scale * v), np.zeros(0)
+            v, _ = lapack.dpotrs(self._factor, (self._scale * joint_impulse.T).T, lower=1)
+            return np.asarray((self._scale * v.T).T), np.zeros(0)
         weighed = blas.dtrsv(self._factor, self._scale * joint_impulse, lower=1)
         jump = blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1)
         return np.asarray(self._scale * jump), self.hold.impulses(weighed)

@@ -61,3 +61,29 @@ def any_kick(rng, leg, **touch):
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.3, 0.3, size=3)
     touch = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **touch})
     return (leg, q, v, kd.Ball(), touch), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+
+
+def floating_leg(rng):
+    """A free base, a continuous joint (cos, sin) and a hinge."""
+    model = pin.Model()
+    places = [pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3)) for _ in range(3)]
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), places[0], "base")
+    hip = model.addJoint(base, pin.JointModelRUBX(), places[1], "hip")
+    knee = model.addJoint(hip, pin.JointModelRY(), places[2], "knee")
+    for joint in (base, hip, knee):
+        model.appendBodyToJoint(joint, random_inertia(rng), pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.1, 0.2, -0.3]))
+    model.addFrame(pin.Frame("toe", knee, 0, tip, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe")
+
+
+def floating_kick(rng, **touch):
+    """A kick by a `floating_leg`."""
+    leg = floating_leg(rng)
+    q = pin.integrate(leg.model, pin.neutral(leg.model), rng.normal(size=leg.nv))
+    v = rng.normal(size=leg.nv) * 3
+    closing = leg.posture(q).point_velocity(v)
+    normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
+    contact = kd.Contact(normal, rng.uniform(0, 1), **touch)
+    options = {"ball_velocity": np.zeros(3), "ball_spin": 20 * rng.normal(size=3)}
+    return (leg, q, v, kd.Ball(), contact), options

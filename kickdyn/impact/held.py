@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.hold import Hold
+from kickdyn.leg import Leg
 
 
 def named_impulses(
@@ -29,3 +31,17 @@ def residuals(hold: Hold | None, v: Array) -> tuple[float, float]:
     speeds = np.abs(hold.rows @ v)
     split = sum(support.size for support in hold.constraints.supports)
     return float(speeds[:split].max(initial=0.0)), float(speeds[split:].max(initial=0.0))
+
+
+def check_free(leg: Leg, what: str) -> None:
+    """Refuse a leg that is held by more than its joints; raise `InvalidInput`.
+
+    Args:
+        leg: the leg.
+        what: for the message: what is derived for legs that nothing else holds.
+    """
+    if leg.constraints is not None:
+        raise InvalidInput(
+            f"{leg.name} is held by more than its joints: {what} for legs without supports and "
+            "loops only"
+        )

@@ -18,6 +18,8 @@ from kickdyn.impact.held import named_impulses, residuals
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
 from kickdyn.impact.problem import cross
+from kickdyn.impact.sensitivity import Sensitivity, sensitivity
+from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
@@ -33,6 +35,7 @@ class Impact:
 
     Attributes:
         posture: the leg, as it struck; its contact point is that of the contact.
+        struck: the ball.
         touch: the contact.
         law: name of the impact law.
         impulse: on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite.
@@ -56,6 +59,7 @@ class Impact:
     """
 
     posture: Posture
+    struck: Ball
     touch: Contact
     law: str
     impulse: Array
@@ -132,6 +136,17 @@ class Impact:
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
+
+    def sensitivity(self) -> Sensitivity:
+        """Return the derivatives of this strike, law `newton` only: see `Sensitivity`."""
+        return sensitivity(self)
+
+    def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
+        """Return covariances and the budget of what is not known exactly: see `uncertainty`.
+
+        `hit.uncertainty(q=0.02, v=0.1, restitution=0.03)` takes standard deviations by source.
+        """
+        return uncertainty(self, **spread)
 
 
 def strike(
@@ -270,6 +285,7 @@ def _outcome(
     lever = math.sqrt(np.vdot(posture.jacobian, posture.jacobian)) * math.hypot(*impulse.tolist())
     return Impact(
         posture=posture,
+        struck=ball,
         touch=touch,
         law=law,
         impulse=impulse,

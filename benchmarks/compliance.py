@@ -1,0 +1,106 @@
+"""The price of the instant: `strike` against `collide` for the human leg. Makes docs/compliance.md.
+
+    python benchmarks/compliance.py
+
+The leg of Table 1 in the posture of Table 2, its toe at 14 m/s along the normal, 30 deg up.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+import kickdyn as kd
+from kickdyn.checks import Array
+
+LEG, BALL = kd.Leg.human(), kd.Ball()
+POSTURE = LEG.posture(np.radians([5.0, 10.0, -5.0]))
+ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
+TOUCH = kd.Contact(ATTACK, restitution=0.7)
+V = POSTURE.joint_velocity(14.0 * ATTACK)
+INSTANT = kd.strike_at(POSTURE, V, BALL, TOUCH)
+
+
+def angle(a: Array, b: Array) -> float:
+    """Return the angle between two vectors [deg]."""
+    return math.degrees(math.atan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def through_time(milliseconds: float, leg: kd.Leg = LEG, **options: object) -> kd.Collision:
+    """Return the same kick with a contact of this length."""
+    seconds = 1e-3 * milliseconds
+    return kd.collide(leg, POSTURE.q, V, BALL, TOUCH, contact_time=seconds, tol=1e-11, **options)  # type: ignore[arg-type]
+
+
+def order() -> None:
+    """Print the way to the limit."""
+    print("| stiffness [N/m^1.5] | contact [ms] | impulse apart [N s] | of it | order in k |")
+    print("| ---: | ---: | ---: | ---: | ---: |")
+    size, last = math.hypot(*INSTANT.impulse), None
+    for milliseconds in 10.0 / 4.0 ** np.arange(7):
+        hit = through_time(milliseconds)
+        apart = math.hypot(*(hit.impulse - INSTANT.impulse))
+        slope = f"{math.log(apart / last, 32):.3f}" if last else ""
+        print(
+            f"| {hit.contact.stiffness:.2e} | {1e3 * hit.contact_time:.4g} | {apart:.2e} "
+            f"| {apart / size:.3%} | {slope} |"
+        )
+        last = apart
+
+
+def price() -> None:
+    """Print the difference at the contact times of real balls."""
+    heading = ("contact [ms]", "stiffness [N/m^1.5]", "peak force [N]", "deflection [mm]")
+    heading += ("foot moves [mm]", "impulse", "ball speed", "launch turned [deg]", "energy lost")
+    print("| " + " | ".join(heading) + " |\n|" + " ---: |" * len(heading))
+    for milliseconds in (8.0, 10.0, 12.0):
+        hit = through_time(milliseconds)
+        cells = (
+            f"{1e3 * hit.contact_time:.1f}",
+            f"{hit.contact.stiffness:.2e}",
+            f"{hit.peak_force:.0f}",
+            f"{1e3 * hit.deflection:.1f}",
+            f"{1e3 * math.hypot(*hit.foot_displacement):.0f}",
+            f"{math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1:+.1%}",
+            f"{float(hit.ball.speed) / float(INSTANT.ball.speed) - 1:+.1%}",
+            f"{angle(hit.ball.velocity, INSTANT.ball.velocity):.1f}",
+            f"{hit.energy_lost / INSTANT.energy_lost - 1:+.1%}",
+        )
+        print("| " + " | ".join(cells) + " |")
+
+
+def causes() -> None:
+    """Print what gravity and joint torques have to do with it, at the stiffness of 10 ms."""
+    model = LEG.model
+    model.gravity = pin.Motion.Zero()
+    still = kd.Leg.from_model(model, LEG.frame)
+    usual = through_time(10.0)
+    pushed = through_time(10.0, torque=0.1 * np.sign(V) * LEG.effort_limit)
+    print("| 10 ms | contact [ms] | impulse | ball speed |\n| --- | ---: | ---: | ---: |")
+    for name, hit in (
+        ("no joint torque", usual),
+        ("and no gravity", through_time(10.0, still)),
+        ("every joint with a tenth of its effort limit, along its motion", pushed),
+    ):
+        impulse = math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1
+        speed = float(hit.ball.speed) / float(INSTANT.ball.speed) - 1
+        print(f"| {name} | {1e3 * hit.contact_time:.1f} | {impulse:+.1%} | {speed:+.1%} |")
+
+
+def main() -> None:
+    """Print the tables."""
+    print(
+        f"instant: impulse {math.hypot(*INSTANT.impulse):.3f} N s, ball {INSTANT.ball.speed:.2f} "
+        f"m/s, energy lost {INSTANT.energy_lost:.2f} J\n"
+    )
+    order()
+    print()
+    price()
+    print()
+    causes()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,286 @@
+"""How a strike answers to small changes: its derivatives, by implicit differentiation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.held import check_free
+from kickdyn.impact.sources import columns
+
+if TYPE_CHECKING:
+    from kickdyn.impact.strike import Impact
+    from kickdyn.posture import Posture
+
+AT_BOUNDARY = 1e-9
+"""Share of the friction cone, or of the approach, below which stick and slip meet."""
+
+Jacobians = Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Derivatives of a strike's results, one Jacobian per source.
+
+    Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
+    the size of the result, n that of the source. `kickdyn.impact.sources` says what each source
+    is; q counts in the tangent space, like v.
+
+    Attributes:
+        impulse: of the impulse on the ball, k = 3 [N s per unit of the source, world frame].
+        velocity: of the ball's velocity just after, k = 3 [m/s per unit].
+        spin: of the ball's spin just after, k = 3 [rad/s per unit].
+        v_after: of the joint velocity just after, k = nv [rad/s per unit].
+        branch: `frictionless`, `stick` or `slip`.
+        margin: distance to the other branch: in stick, the friction still to spare [N s]; in slip,
+            the speed of sliding that is left [m/s]; inf without friction.
+        margin_slope: of the margin, k = 1.
+        at_boundary: whether the margin is gone to rounding. Stick and slip have different
+            derivatives; these then hold to one side only.
+    """
+
+    impulse: Jacobians
+    velocity: Jacobians
+    spin: Jacobians
+    v_after: Jacobians
+    branch: str
+    margin: float
+    margin_slope: Jacobians
+    at_boundary: bool
+
+
+def sensitivity(hit: Impact) -> Sensitivity:
+    """Differentiate a strike by law `newton`, analytically.
+
+    The impulse p solves R(p, x) = 0: restitution and no sliding, or restitution and Coulomb's cone
+    against the sliding; so dp = -R_p^-1 R_x dx. What x does to the leg comes from Pinocchio's
+    derivatives of Newton-Euler and of kinematics, and from its regressor.
+
+    Args:
+        hit: from `strike` or `strike_at`.
+
+    Raises:
+        InvalidInput: another law, or a leg that supports or loops hold.
+    """
+    if hit.law != "newton":
+        raise InvalidInput(f"impact law {hit.law!r} has no sensitivities: choose newton")
+    check_free(hit.posture.leg, "sensitivities are")
+    at = columns(hit.posture.leg)
+    answer = _at_fixed_impulse(hit, at)
+    residual_p, residual_x, tangent = _residual(hit, answer, at)
+    impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
+
+    ball, posture = hit.struck, hit.posture
+    velocity = answer.velocity + impulse / ball.mass
+    spin = answer.spin - ball.radius / ball.inertia * _skew(hit.touch.normal) @ impulse
+    v_after = answer.v_after - posture.solve(posture.jacobian.T) @ impulse
+    sliding = answer.after + _give(hit) @ impulse
+    branch, margin, slope, scale = _margin(hit, answer, impulse, sliding, tangent, at)
+
+    def named(rows: Array) -> Jacobians:
+        rows.setflags(write=False)
+        return MappingProxyType({name: rows[:, place] for name, place in at.items()})
+
+    return Sensitivity(
+        impulse=named(impulse),
+        velocity=named(velocity),
+        spin=named(spin),
+        v_after=named(v_after),
+        branch=branch,
+        margin=margin,
+        margin_slope=named(slope.reshape(1, -1)),
+        at_boundary=margin <= AT_BOUNDARY * scale,
+    )
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """Derivatives while the impulse is held, one column per component of every source.
+
+    Attributes:
+        velocity, spin, v_after: of the results.
+        before, after: of the contact points' relative velocity.
+        normal: of the normal, which stays a unit vector.
+        u_before, u_after: those velocities [m/s].
+    """
+
+    velocity: Array
+    spin: Array
+    v_after: Array
+    before: Array
+    after: Array
+    normal: Array
+    u_before: Array
+    u_after: Array
+
+
+def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
+    posture, ball, n, p = hit.posture, hit.struck, hit.touch.normal, hit.impulse
+    kic, turned = posture.jacobian, _skew(n)
+    r, gain = ball.radius, ball.radius / ball.inertia  # gain is 3 / (2 m r)
+    width = max(place.stop for place in at.values())
+    across = np.eye(3) - np.outer(n, n)
+
+    velocity, spin, before = np.zeros((3, width)), np.zeros((3, width)), np.zeros((3, width))
+    v_after, normal = np.zeros((posture.leg.nv, width)), np.zeros((3, width))
+    normal[:, at["normal"]] = across
+
+    velocity[:, at["ball_velocity"]] = np.eye(3)
+    velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass**2
+    moment = gain * (turned @ p)[:, None]
+    spin[:, at["ball_spin"]] = np.eye(3)
+    spin[:, at["ball_mass"]] = moment / ball.mass
+    spin[:, at["ball_radius"]] = moment / r
+    spin[:, at["normal"]] = gain * _skew(p) @ across
+
+    foot_q, foot_q_after, left_over, regressor = _leg(posture, hit.v_before, hit.v_after, p)
+    v_after[:, at["v"]] = np.eye(posture.leg.nv)
+    v_after[:, at["q"]] = -posture.solve(left_over)
+    v_after[:, at["link_inertia"]] = -posture.solve(regressor)
+    v_after[:, at["link_mass"]] = v_after[:, at["link_inertia"]] @ _per_mass(posture)
+
+    omega, omega_after = hit.ball_before.spin, hit.ball.spin
+    before[:, at["ball_velocity"]] = np.eye(3)
+    before[:, at["v"]] = -kic
+    before[:, at["q"]] = -foot_q
+    before[:, at["ball_spin"]] = r * turned
+    before[:, at["ball_radius"]] = (turned @ omega)[:, None]
+    before[:, at["normal"]] = -r * _skew(omega) @ across
+
+    after = velocity - kic @ v_after + r * turned @ spin
+    after[:, at["q"]] -= foot_q_after
+    after[:, at["ball_radius"]] += (turned @ omega_after)[:, None]
+    after[:, at["normal"]] -= r * _skew(omega_after) @ across
+
+    u_before = hit.ball_before.velocity - kic @ hit.v_before + r * turned @ omega
+    u_after = hit.ball.velocity - kic @ hit.v_after + r * turned @ omega_after
+    return _Answer(velocity, spin, v_after, before, after, normal, u_before, u_after)
+
+
+def _leg(
+    posture: Posture, v: Array, v_after: Array, impulse: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return d(J v)/dq, d(J v_after)/dq, d(M jump + J^T impulse)/dq and d(M jump)/d(inertias)."""
+    leg, space = posture.leg, posture.leg.workspace
+    model, data, nv, still = space.model, space.data, leg.nv, np.zeros(leg.nv)
+    axes, joint = posture.joint_rotation, leg.contact_joint
+    turning = axes @ pin.computeJointJacobian(model, data, posture.q, joint).reshape(6, nv)[3:]
+    pin.forwardKinematics(model, data, posture.q)
+    lever = data.oMi[joint].actInv(posture.contact_point)
+    point = pin.SE3(np.eye(3), lever)
+
+    def foot(velocity: Array) -> Array:
+        # In the joint's axes, then turned with them: Pinocchio's answer in aligned axes is another.
+        pin.computeForwardKinematicsDerivatives(model, data, posture.q, velocity, still)
+        by_q, _ = pin.getFrameVelocityDerivatives(model, data, joint, point, pin.LOCAL)
+        turned = _skew(posture.jacobian @ velocity) @ turning
+        return np.asarray(axes @ by_q.reshape(6, nv)[:3] - turned)
+
+    foot_q, foot_q_after = foot(v), foot(v_after)
+    jump = v_after - v
+    push = -(posture.joint_rotation.T @ impulse)
+    space.external[leg.contact_joint] = pin.Force(push, np.cross(lever, push))
+    by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
+    # Pinocchio turns the impulse with the foot; ours stays as it is in the world.
+    held = posture.jacobian.T @ _skew(impulse) @ turning
+    left_over = np.reshape(by_q, (nv, nv)) + held
+    regressor = pin.computeJointTorqueRegressor(model, data, posture.q, still, jump)
+    return foot_q, foot_q_after, left_over, np.reshape(regressor, (nv, -1))
+
+
+def _per_mass(posture: Posture) -> Array:
+    """Return d(inertias)/d(mass) of each link, centre of mass and radii of gyration held."""
+    inertias = list(posture.leg.workspace.model.inertias)[1:]
+    matrix = np.zeros((10 * len(inertias), len(inertias)))
+    for i, inertia in enumerate(inertias):
+        matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
+    return matrix
+
+
+def _residual(hit: Impact, answer: _Answer, at: Mapping[str, slice]) -> tuple[Array, Array, Array]:
+    """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
+    n, p, e, mu = hit.touch.normal, hit.impulse, hit.touch.restitution, hit.touch.friction
+    u_before, u_after, give = answer.u_before, answer.u_after, _give(hit)
+    if hit.sticking:  # R = u+ + e n (n . u-)
+        by_x = answer.after + e * np.outer(n, n @ answer.before + u_before @ answer.normal)
+        by_x += e * float(n @ u_before) * answer.normal
+        by_x[:, at["restitution"]] += (n * float(n @ u_before))[:, None]
+        return give, by_x, np.zeros(3)
+
+    # R = (p across n) + mu (n . p) t + n mass n . (u+ + e u-), t along the sliding
+    across = np.eye(3) - np.outer(n, n)
+    pressing, mass = float(n @ p), 1.0 / float(n @ give @ n)
+    tangent, speed = _slide(n, p, across @ u_after, mu, math.hypot(*u_before))
+    aside = _skew(n) @ tangent
+    # The row along `aside`, times speed / (speed + mu p / mass): finite where the sliding dies out.
+    firm = speed + mu * pressing / mass
+    bend = mu * pressing / firm * np.outer(aside, aside) if mu else np.zeros((3, 3))
+    keep = np.eye(3) - mu * pressing / mass / firm * np.outer(aside, aside) if mu else np.eye(3)
+
+    slide_x = across @ answer.after - float(n @ u_after) * answer.normal
+    along_n = n @ (answer.after + e * answer.before) + (u_after + e * u_before) @ answer.normal
+    tilt = np.outer(mu * tangent - n, p) - mu * pressing * np.outer(n, tangent)
+    tilt -= pressing * np.eye(3)
+    by_x = keep @ (tilt @ answer.normal) + bend @ slide_x + mass * np.outer(n, along_n)
+    by_x[:, at["friction"]] += (pressing * tangent)[:, None]
+    by_x[:, at["restitution"]] += (mass * float(n @ u_before) * n)[:, None]
+    by_p = keep @ across + mu * np.outer(tangent, n) + bend @ across @ give
+    by_p += mass * np.outer(n, n @ give)
+    return by_p, by_x, tangent
+
+
+def _slide(n: Array, p: Array, slide: Array, mu: float, scale: float) -> tuple[Array, float]:
+    """Return direction and speed of the sliding; friction, where there is any, knows it better."""
+    if mu > 0.0:
+        rubbing = float(n @ p) * n - p
+        tangent = rubbing / math.hypot(*rubbing)
+        return tangent, float(tangent @ slide)
+    speed = math.hypot(*slide)
+    return (slide / speed, speed) if speed > AT_BOUNDARY * scale else (np.zeros(3), 0.0)
+
+
+def _margin(
+    hit: Impact,
+    answer: _Answer,
+    impulse: Array,
+    sliding: Array,
+    tangent: Array,
+    at: Mapping[str, slice],
+) -> tuple[str, float, Array, float]:
+    """Return the branch, its margin, the margin's derivative, and what the margin is small to."""
+    n, p, mu = hit.touch.normal, hit.impulse, hit.touch.friction
+    if mu == 0.0:
+        return "frictionless", math.inf, np.zeros(impulse.shape[1]), 1.0
+    pressing = float(n @ p)
+    if not hit.sticking:
+        speed = float(tangent @ answer.u_after)
+        slope = tangent @ sliding - float(n @ answer.u_after) * (tangent @ answer.normal)
+        return "slip", speed, slope, math.hypot(*answer.u_before)
+    rubbing = p - pressing * n
+    size = math.hypot(*rubbing)
+    along = rubbing / size if size else rubbing
+    pressing_x = n @ impulse + p @ answer.normal
+    slope = mu * pressing_x - along @ (impulse - pressing * answer.normal)
+    slope[at["friction"]] += pressing
+    return "stick", mu * pressing - size, slope, mu * pressing
+
+
+def _give(hit: Impact) -> Array:
+    """Return the Delassus matrix of leg and ball, shape `(3, 3)` [1/kg]."""
+    ball, n = hit.struck, hit.touch.normal
+    turn = ball.radius**2 / ball.inertia
+    shell = (1.0 / ball.mass + turn) * np.eye(3) - turn * np.outer(n, n)
+    return np.asarray(hit.posture.delassus() + shell)
+
+
+def _skew(a: Array) -> Array:
+    """Return the matrix that takes b to a x b."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

@@ -1,0 +1,40 @@
+"""What a strike depends on: the sources of uncertainty, their sizes and units."""
+
+from __future__ import annotations
+
+from kickdyn.leg import Leg
+
+UNITS = {
+    "q": "rad",
+    "v": "rad/s",
+    "restitution": "",
+    "friction": "",
+    "normal": "rad",
+    "ball_mass": "kg",
+    "ball_radius": "m",
+    "ball_velocity": "m/s",
+    "ball_spin": "rad/s",
+    "link_mass": "kg",
+    "link_inertia": "",
+}
+"""Every source and its unit; of prismatic joints, q is in m and v in m/s.
+
+`normal` is the direction of the contact normal as a unit vector: what is along it has no effect.
+`ball_mass` takes the shell's inertia along. `link_mass` scales a link as a whole: centre of mass
+and radii of gyration stay. `link_inertia` holds ten numbers per link as Pinocchio orders them: mass
+[kg], mass times centre of mass [kg m], and xx, xy, yy, xz, yz, zz of the inertia about the joint's
+origin [kg m2], in the joint's axes. Links count as `leg.joint_names`, all else in the world frame.
+"""
+
+
+def columns(leg: Leg) -> dict[str, slice]:
+    """Return where each source stands when all are written side by side."""
+    links = len(leg.joint_names)
+    sizes = {"q": leg.nv, "v": leg.nv, "normal": 3, "ball_velocity": 3, "ball_spin": 3}
+    sizes |= {"link_mass": links, "link_inertia": 10 * links}
+    places, start = {}, 0
+    for name in UNITS:
+        stop = start + sizes.get(name, 1)
+        places[name] = slice(start, stop)
+        start = stop
+    return places

@@ -1,0 +1,219 @@
+"""Equations of motion of leg and ball while they press on each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.contact import Contact
+from kickdyn.impact.hertz import HertzContact
+from kickdyn.posture import Posture
+
+CREEP = 1e-3
+"""Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,
+as an integrator needs it, so that what sticks creeps about that fast."""
+
+
+class State(NamedTuple):
+    """One column of the integrator, unpacked.
+
+    Attributes:
+        q, v: of the leg.
+        moved: of the ball's centre since the touch [m].
+        velocity, spin: of the ball.
+        lost: energy, to damping and friction [J].
+        work: of the joint torques [J].
+    """
+
+    q: Array
+    v: Array
+    moved: Array
+    velocity: Array
+    spin: Array
+    lost: float
+    work: float
+
+
+class Touch(NamedTuple):
+    """Where ball and foot press.
+
+    Attributes:
+        normal: of the foot's plane, from foot into ball.
+        point: of the plane, nearest to the ball's centre, from the joint's origin [m].
+        deflection: [m], negative where they are apart.
+        rate: of the deflection [m/s].
+        sliding: of the ball over the plane, in the plane [m/s].
+    """
+
+    normal: Array
+    point: Array
+    deflection: float
+    rate: float
+    sliding: Array
+
+
+class Squeeze:
+    """Leg and ball from touch to separation, as a system of first order.
+
+    The columns are the leg's displacement since the touch in the tangent space, its velocity, the
+    ball's displacement, velocity and spin, the energy lost, and the work of the torques.
+    """
+
+    def __init__(
+        self,
+        posture: Posture,
+        ball: Ball,
+        touch: Contact,
+        contact: HertzContact,
+        before: BallState,
+        speed: float,
+        torque: Callable[[float, Array, Array], Array],
+    ) -> None:
+        leg, q = posture.leg, posture.q
+        self.model = leg.model  # with gravity, which the leg's workspace leaves out
+        self.data = self.model.createData()
+        self.gravity = np.array(self.model.gravity.linear)
+        self.external = pin.StdVec_Force()
+        self.external.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
+        self.leg, self.q, self.ball, self.contact = leg, q, ball, contact
+        self.before, self.torque = before, torque
+        self.friction, self.creep = touch.friction, CREEP * speed
+        pin.forwardKinematics(self.model, self.data, q)
+        joint = self.data.oMi[leg.contact_joint]
+        self.foot = posture.contact_point
+        self.arm = joint.actInv(posture.contact_point)
+        self.normal = joint.rotation.T @ touch.normal
+        self.lever = ball.radius * touch.normal
+
+    def start(self, v: Array) -> Array:
+        """Return the first column."""
+        still = np.zeros(3)
+        return np.concatenate(
+            [np.zeros(self.leg.nv), v, still, self.before.velocity, self.before.spin, [0.0, 0.0]]
+        )
+
+    def scales(self, start: Array, time: float, speed: float, mass: float) -> Array:
+        """Return what each entry of a column is large to, for absolute tolerances."""
+        fast = float(np.abs(start[self.leg.nv : 2 * self.leg.nv]).max()) or speed
+        spin = float(np.abs(self.before.spin).max()) or speed / self.ball.radius
+        energy = 0.5 * mass * speed * speed
+        nv = self.leg.nv
+        sizes = [[fast * time] * nv, [fast] * nv, [speed * time] * 3, [speed] * 3, [spin] * 3]
+        return np.concatenate([*sizes, [energy, energy]])
+
+    def state(self, y: Array) -> State:
+        """Return a column unpacked."""
+        nv = self.leg.nv
+        q = pin.integrate(self.model, self.q, y[:nv])
+        ball = y[2 * nv :]
+        return State(
+            q,
+            y[nv : 2 * nv].copy(),
+            ball[:3],
+            ball[3:6],
+            ball[6:9],
+            float(ball[9]),
+            float(ball[10]),
+        )
+
+    def touching(self, state: State) -> Touch:
+        """Return the contact's kinematics; runs the leg's."""
+        model, data = self.model, self.data
+        pin.forwardKinematics(model, data, state.q, state.v)
+        joint, motion = data.oMi[self.leg.contact_joint], data.v[self.leg.contact_joint]
+        turn = joint.rotation
+        normal, arm, spin = turn @ self.normal, turn @ self.arm, turn @ motion.angular
+        reach = self.lever + state.moved - (joint.translation + arm - self.foot)
+        height = float(normal @ reach)
+        point = arm + reach - height * normal
+        foot_point = turn @ motion.linear + _cross(spin, point)
+        apart = state.velocity - height * _cross(state.spin, normal) - foot_point
+        rate = -float(normal @ apart)
+        return Touch(normal, point, self.ball.radius - height, rate, apart + rate * normal)
+
+    def rubbing(self, touch: Touch, size: float) -> Array:
+        """Return the friction on the ball [N], given the normal force: Coulomb's, made smooth."""
+        if self.friction == 0.0:
+            return np.zeros(3)
+        fast = math.hypot(*touch.sliding, self.creep)
+        return np.asarray(-self.friction * size / fast * touch.sliding)
+
+    def rates(self, t: float, y: Array) -> Array:
+        """Return the derivative of a column."""
+        state, ball = self.state(y), self.ball
+        touch = self.touching(state)
+        spring = self.contact.spring(touch.deflection)
+        size = self.contact.force(touch.deflection, touch.rate)
+        rubbing = self.rubbing(touch, size)
+        push = size * touch.normal + rubbing
+        arm_of_ball = (touch.deflection - ball.radius) * touch.normal
+
+        turn = self.data.oMi[self.leg.contact_joint].rotation.T
+        moment = turn @ _cross(touch.point, -push)
+        self.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
+        lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
+        torque = self.torque(t, state.q, state.v)
+        acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, self.external)
+        return np.concatenate(
+            [
+                self._displacement_rate(state),
+                acceleration,
+                state.velocity,
+                push / ball.mass + self.gravity,
+                _cross(arm_of_ball, rubbing) / ball.inertia,
+                [lost, float(torque @ state.v)],
+            ]
+        )
+
+    def _displacement_rate(self, state: State) -> Array:
+        if self.leg.nq == self.leg.nv:
+            return state.v
+        slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
+        return np.asarray(slope @ state.v)
+
+    def gap(self, _: float, y: Array) -> float:
+        """Return the deflection, which falls through 0 at separation."""
+        return self.touching(self.state(y)).deflection
+
+    def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
+        """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
+        touch = self.touching(self.state(y))
+        size = self.contact.force(touch.deflection, touch.rate)
+        push = size * touch.normal + self.rubbing(touch, size)
+        return push, self.impulse(t, y), touch.deflection
+
+    def foot_at(self, state: State) -> Array:
+        """Return where the contact point of the foot is [m, world frame]."""
+        pin.forwardKinematics(self.model, self.data, state.q)
+        return np.array(self.data.oMi[self.leg.contact_joint].act(self.arm))
+
+    def impulse(self, t: float, y: Array) -> Array:
+        """Return what the contact gave the ball until t: its momentum, less gravity's share."""
+        gained = self.state(y).velocity - self.before.velocity
+        return np.asarray(self.ball.mass * (gained - self.gravity * t))
+
+    def energy(self, y: Array) -> float:
+        """Return kinetic and potential energy of leg, ball and spring [J]."""
+        state, ball = self.state(y), self.ball
+        # not computeKineticEnergy, which forgets the rotor of the first joint
+        inertia = pin.crba(self.model, self.data, state.q)
+        leg = 0.5 * float(state.v @ inertia @ state.v)
+        leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
+        speed, spin = state.velocity, state.spin
+        moving = 0.5 * float(ball.mass * speed @ speed + ball.inertia * spin @ spin)
+        height = -ball.mass * float(self.gravity @ state.moved)
+        deflection = max(self.touching(state).deflection, 0.0)
+        stored = 0.4 * self.contact.spring(deflection) * deflection
+        return leg + moving + height + stored
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.array(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

@@ -1,0 +1,166 @@
+"""How sure a strike is: what is not known exactly before it, carried to what comes after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.sensitivity import Sensitivity, sensitivity
+from kickdyn.impact.sources import UNITS, columns
+
+if TYPE_CHECKING:
+    from kickdyn.impact.strike import Impact
+
+MAX_SPREAD = 1e100
+"""Above it, variances would leave double precision."""
+
+RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Covariances of a strike's results, and the budget: which source makes which part.
+
+    `print` shows the budget as a table.
+
+    Attributes:
+        impulse: covariance of the impulse on the ball, shape `(3, 3)` [N2 s2, world frame].
+        velocity: of the ball's velocity just after, shape `(3, 3)` [m2/s2].
+        spin: of the ball's spin just after, shape `(3, 3)` [rad2/s2].
+        speed: standard deviation of the ball's speed just after [m/s].
+        by_source: for each source named, what `impulse`, `velocity` and `spin` would be if it were
+            the only one; they add up to these.
+        branch: `frictionless`, `stick` or `slip`.
+        branch_sigmas: how many standard deviations the other branch is away. First order holds on
+            one branch only: below about 2, read the covariances as rough.
+    """
+
+    impulse: Array
+    velocity: Array
+    spin: Array
+    speed: float
+    by_source: Mapping[str, Mapping[str, Array]]
+    branch: str
+    branch_sigmas: float
+
+    def share(self, result: str) -> dict[str, float]:
+        """Return the part of a result's variance that each source makes; together 1.
+
+        Args:
+            result: `impulse`, `velocity` or `spin`; its variance is the trace of its covariance.
+
+        Raises:
+            InvalidInput: another result.
+        """
+        if result not in RESULTS:
+            raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(RESULTS)}")
+        total = float(np.trace(getattr(self, result)))
+        return {
+            source: float(np.trace(parts[result])) / total if total else 0.0
+            for source, parts in self.by_source.items()
+        }
+
+    def __str__(self) -> str:
+        """Return the budget: root mean square deviation and share of the variance by source."""
+        titles = [f"{result} {unit}" for result, unit in RESULTS.items()]
+        lines = [f"{'source':13}" + "".join(f"{title:>14} {'share':>6}" for title in titles)]
+        shares = {result: self.share(result) for result in RESULTS}
+        for source, parts in self.by_source.items():
+            cells = (
+                f"{math.sqrt(np.trace(parts[result])):14.4g} {shares[result][source]:6.1%}"
+                for result in RESULTS
+            )
+            lines.append(f"{source:13}" + "".join(cells))
+        total = (f"{math.sqrt(np.trace(getattr(self, result))):14.4g} {'':6}" for result in RESULTS)
+        lines.append((f"{'all':13}" + "".join(total)).rstrip())
+        if self.branch != "frictionless":
+            other = "slip" if self.branch == "stick" else "stick"
+            lines.append(
+                f"{self.branch}; {other} is {self.branch_sigmas:.2g} standard deviations away"
+            )
+        return "\n".join(lines)
+
+
+def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
+    """Carry uncertainties through a strike, to first order (JCGM 100:2008, 5.1 and 5.2).
+
+    Args:
+        hit: from `strike` or `strike_at`, law `newton`.
+        **spread: by the name of a source (`kickdyn.impact.sources.UNITS`), its standard deviation:
+            one for all its components, or one for each, shape `(n,)`, independent of each other;
+            or their covariance, shape `(n, n)`. Sources are independent of each other. For a
+            direction, `normal`, it is the angle that it tilts by to each side [rad].
+
+    Raises:
+        InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite deviation,
+            a covariance that is not symmetric and positive semidefinite, or another law.
+    """
+    if not spread:
+        raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
+    unknown = [name for name in spread if name not in UNITS]
+    if unknown:
+        raise InvalidInput(f"source {unknown[0]!r} is unknown: choose among {', '.join(UNITS)}")
+    slopes = sensitivity(hit)
+    places = columns(hit.posture.leg)
+    by_source: dict[str, Mapping[str, Array]] = {}
+    margin = 0.0
+    for name, value in spread.items():
+        size = places[name].stop - places[name].start
+        covariance = _covariance(name, value, size)
+        by_source[name] = {
+            result: _carried(getattr(slopes, result)[name], covariance) for result in RESULTS
+        }
+        margin += float(_carried(slopes.margin_slope[name], covariance)[0, 0])
+    impulse, velocity, spin = (
+        np.sum([parts[result] for parts in by_source.values()], axis=0) for result in RESULTS
+    )
+    way = hit.ball.velocity / hit.ball.speed if hit.ball.speed else np.zeros(3)
+    return Uncertainty(
+        impulse=impulse,
+        velocity=velocity,
+        spin=spin,
+        speed=math.sqrt(max(float(way @ velocity @ way), 0.0)),
+        by_source=MappingProxyType(by_source),
+        branch=slopes.branch,
+        branch_sigmas=_sigmas(slopes, margin),
+    )
+
+
+def _sigmas(slopes: Sensitivity, variance: float) -> float:
+    if slopes.at_boundary:
+        return 0.0
+    return slopes.margin / math.sqrt(variance) if variance > 0.0 else math.inf
+
+
+def _carried(jacobian: Array, covariance: Array) -> Array:
+    return np.asarray(jacobian @ covariance @ jacobian.T)
+
+
+def _covariance(name: str, value: ArrayLike, size: int) -> Array:
+    array = checks.floats(f"spread of {name}", value, unit=UNITS[name])
+    if np.abs(array).max(initial=0.0) > MAX_SPREAD:
+        raise InvalidInput(f"spread of {name} is {array.tolist()}: at most {MAX_SPREAD:g}")
+    if array.shape == (size, size) and size > 1:
+        lowest = float(np.linalg.eigvalsh(array)[0])
+        largest = float(np.abs(array).max())
+        if np.abs(array - array.T).max() > 1e-9 * largest or lowest < -1e-9 * largest:
+            raise InvalidInput(
+                f"covariance of {name} has a smallest eigenvalue of {lowest:.3g}: it must be "
+                "symmetric and positive semidefinite"
+            )
+        return array
+    if array.shape not in ((), (size,)):
+        shapes = "a number" if size == 1 else f"a number, ({size},) or ({size}, {size})"
+        raise InvalidInput(f"spread of {name} has shape {array.shape}: it must be {shapes}")
+    if (array < 0).any():
+        raise InvalidInput(f"spread of {name} is {array.tolist()}: it must be 0 or more")
+    return np.asarray(np.eye(size) * array**2)

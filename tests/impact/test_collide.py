@@ -1,0 +1,295 @@
+"""The contact that takes time: closed forms, what is conserved, and the limit of the instant."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import floating_kick, random_kick, random_leg
+
+import kickdyn as kd
+from kickdyn.impact.hertz import matched_damping
+
+LEG = kd.Leg.human()
+Q = np.radians([5, 10, -5])
+TOUCH = kd.Contact((1, 0, 0.3), 0.5)
+
+
+def human(touch=TOUCH, **options):
+    v = LEG.posture(Q).joint_velocity((14.0, 0.0, 4.0))
+    return kd.collide(LEG, Q, v, kd.Ball(), touch, **options)
+
+
+def slider(mass=2.0, gravity=False):
+    """A mass on a rail along x."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "rail")
+    body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    if not gravity:
+        model.gravity = pin.Motion.Zero()
+    return kd.Leg.from_model(model, "toe")
+
+
+@pytest.mark.parametrize("e", [1.0, 0.8, 0.4, 0.1])
+def test_two_masses(e):
+    """Restitution, contact time and impulse come out exactly; so does Hertz's crush for e = 1."""
+    ball, touch, speed = kd.Ball(), kd.Contact((1, 0, 0), e), 9.0
+    hit = kd.collide(slider(), [0.0], [speed], ball, touch, contact_time=0.009, tol=1e-11)
+    assert hit.contact_time == pytest.approx(0.009, rel=1e-8)
+    expected = kd.normal_impulse(speed, e, 2.0, ball.mass)
+    assert hit.impulse == pytest.approx([expected, 0, 0], rel=1e-9)
+    assert hit.ball.velocity[0] - hit.v_after[0] == pytest.approx(e * speed, rel=1e-8)
+    mass = 1 / (1 / 2.0 + 1 / ball.mass)
+    lost = 0.5 * mass * speed**2 * (1 - e * e)
+    assert hit.energy_lost == pytest.approx(lost, rel=1e-8, abs=1e-12)
+    assert hit.contact.damping == pytest.approx(matched_damping(e) / speed, rel=1e-14)
+    if e == 1.0:
+        k = hit.contact.stiffness
+        crush = (5 * mass * speed**2 / (4 * k)) ** 0.4
+        assert hit.deflection == pytest.approx(crush, rel=1e-8)
+        assert hit.peak_force == pytest.approx(k * crush**1.5, rel=1e-8)
+
+
+def test_gravity_and_torque_act_meanwhile():
+    """On the rail both are constant: centre of mass and relative motion follow by hand."""
+    ball, push, seconds = kd.Ball(), 30.0, None
+    hit = kd.collide(
+        slider(gravity=True), [0.0], [5.0], ball, kd.Contact((1, 0, 0), 1), torque=[push]
+    )
+    seconds = hit.contact_time
+    assert hit.impulse[2] == pytest.approx(0.0, abs=1e-9)
+    assert hit.ball.velocity[2] == pytest.approx(-9.81 * seconds, rel=1e-9)
+    momentum = 2.0 * hit.v_after[0] + ball.mass * hit.ball.velocity[0]
+    assert momentum == pytest.approx(2.0 * 5.0 + push * seconds, rel=1e-9)
+    assert hit.ball.position[2] == pytest.approx(-9.81 / 2 * seconds**2, rel=1e-7)
+
+
+@pytest.mark.parametrize(("seed", "friction"), [(0, 0.0), (1, 0.0), (2, 0.3), (3, 0.3)])
+def test_a_free_leg_and_the_ball_keep_their_momentum(seed, friction):
+    """Linear and angular, about the origin: force and lever arm are opposite and equal."""
+    rng = np.random.default_rng(seed)
+    (leg, q, v, ball, touch), options = floating_kick(rng)
+    touch = kd.Contact(touch.normal, max(touch.restitution, 0.1), friction)
+    model = leg.model
+    model.gravity = pin.Motion.Zero()
+    leg = kd.Leg.from_model(model, "toe")
+    hit = kd.collide(leg, q, v, ball, touch, **options)
+
+    def momentum(q, v, state):
+        data = model.createData()
+        pin.computeCentroidalMomentum(model, data, q, v)
+        linear, angular = data.hg.linear, data.hg.angular
+        ours = ball.mass * state.velocity
+        about = np.cross(data.com[0], linear) + np.cross(state.position, ours)
+        return np.concatenate([linear + ours, angular + about + ball.inertia * state.spin])
+
+    before = momentum(hit.q_before, hit.v_before, hit.ball_before)
+    after = momentum(hit.q_after, hit.v_after, hit.ball)
+    assert after == pytest.approx(before, rel=1e-7, abs=1e-7 * np.abs(before).max())
+    assert np.linalg.norm(hit.impulse) > 0.1
+    turned = np.linalg.norm(hit.ball.spin - hit.ball_before.spin)
+    assert bool(turned > 0.1) is (friction > 0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_energy_is_accounted_for(seed):
+    rng = np.random.default_rng(seed)
+    e, friction = rng.uniform(0.1, 1), 0.3 * (seed % 2)
+    kick, options = random_kick(rng, random_leg(rng), restitution=e, friction=friction)
+    stiffness = 10 ** rng.uniform(6, 9)
+    leg = kick[0]
+    hit = kd.collide(*kick, stiffness=stiffness, torque=lambda t, q, v: 5 * np.cos(v), **options)
+    assert hit.energy_residual <= 1e-6
+    assert hit.energy_lost > 0
+    assert hit.v_after.shape == (leg.nv,)
+    foot = leg.posture(hit.q_after).contact_point - leg.posture(hit.q_before).contact_point
+    assert hit.foot_displacement == pytest.approx(foot)
+
+
+def test_rotors_carry_energy_too():
+    model = LEG.model
+    model.armature = np.array([0.3, 0.2, 0.1])
+    leg = kd.Leg.from_model(model, "toe")
+    v = leg.posture(Q).joint_velocity((14.0, 0.0, 4.0))
+    hit = kd.collide(leg, Q, v, kd.Ball(), TOUCH)
+    assert hit.energy_residual <= 1e-7
+    assert np.linalg.norm(hit.impulse) > np.linalg.norm(human().impulse)
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1e2])
+def test_without_gravity_speed_is_time(scale):
+    """A hundred times as fast through a contact a hundred times as short: the same path."""
+    model = LEG.model
+    model.gravity = pin.Motion.Zero()
+    leg, touch = kd.Leg.from_model(model, "toe"), kd.Contact((1, 0, 0.3), 0.5, 0.4)
+    v = leg.posture(Q).joint_velocity((14.0, 0.0, 4.0))
+    usual, other = (
+        kd.collide(leg, Q, k * v, kd.Ball(), touch, contact_time=0.01 / k) for k in (1.0, scale)
+    )
+    assert other.impulse / scale == pytest.approx(usual.impulse, rel=1e-7)
+    assert other.ball.spin / scale == pytest.approx(usual.ball.spin, rel=1e-7, abs=1e-9)
+    assert other.deflection == pytest.approx(usual.deflection, rel=1e-6)
+
+
+def kicks():
+    yield (LEG, Q, LEG.posture(Q).joint_velocity((14, 0, 4)), kd.Ball(), TOUCH), {}
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        yield random_kick(rng, random_leg(rng), restitution=0.6)
+
+
+@pytest.mark.parametrize("kick", list(kicks()), ids=["human", "chain 1", "chain 2"])
+def test_the_instant_is_the_limit(kick):
+    """First order in the contact time, thus k^-0.4: each time a quarter, for 32 times the k."""
+    kick, options = kick
+    instant = kd.strike(*kick, **options)
+    first = kd.collide(*kick, contact_time=1e-5, tol=1e-12, **options)
+    stiffer = kd.collide(*kick, stiffness=32 * first.contact.stiffness, tol=1e-12, **options)
+    for read in (lambda hit: hit.impulse, lambda hit: hit.v_after, lambda hit: hit.energy_lost):
+        far, near = (np.linalg.norm(read(hit) - read(instant)) for hit in (first, stiffer))
+        assert near <= 1e-2 * np.linalg.norm(read(instant))
+        assert far / near == pytest.approx(4.0, rel=0.02)
+
+
+def test_slip_has_the_same_limit():
+    """In the plane, always the same way: p stays on one line, and the masses along it constant."""
+    kick = (LEG, Q, LEG.posture(Q).joint_velocity((14, 0, 4)), kd.Ball())
+    touch = kd.Contact((1, 0, 0.6), 0.5, 0.1)
+    instant = kd.strike(*kick, touch)
+    assert not instant.sticking
+    hits = [kd.collide(*kick, touch, contact_time=time) for time in (4e-5, 1e-5)]
+    for read in (lambda hit: hit.impulse, lambda hit: hit.ball.spin, lambda hit: hit.energy_lost):
+        far, near = (np.linalg.norm(read(hit) - read(instant)) for hit in hits)
+        assert far <= 2e-3 * np.linalg.norm(read(instant))
+        assert far / near == pytest.approx(4.0, rel=0.05)
+
+
+def test_stick_has_the_same_limit_on_a_particle():
+    """Three rails: nothing couples the normal to what is across it."""
+    model = pin.Model()
+    parent = 0
+    for kind in (pin.JointModelPX(), pin.JointModelPY(), pin.JointModelPZ()):
+        parent = model.addJoint(parent, kind, pin.SE3.Identity(), f"rail{parent}")
+    body = pin.Inertia(1.5, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    light = pin.Inertia(1e-6, np.zeros(3), 1e-9 * np.eye(3))
+    for joint in (1, 2):
+        model.appendBodyToJoint(joint, light, pin.SE3.Identity())
+    kick = (kd.Leg.from_model(model, "toe"), np.zeros(3), np.array([5.0, 1.0, -2.0]), kd.Ball())
+    touch = kd.Contact((1, 0, 0), 0.5, 1.0)
+    instant = kd.strike(*kick, touch)
+    assert instant.sticking
+    hit = kd.collide(*kick, touch, contact_time=1e-5, tol=1e-7)
+    assert hit.impulse == pytest.approx(instant.impulse, abs=2e-3 * np.linalg.norm(instant.impulse))
+    assert hit.ball.spin == pytest.approx(instant.ball.spin, rel=2e-3, abs=1e-3)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_the_impulse_is_the_forces_integral(friction):
+    hit = human(kd.Contact((1, 0, 0.3), 0.5, friction))
+    nodes, weights = np.polynomial.legendre.leggauss(100)
+    times = 0.5 * hit.contact_time * (1 + nodes)
+    sampled = hit.sample(times)
+    total = 0.5 * hit.contact_time * weights @ sampled.force
+    gone = np.linalg.norm(total - hit.impulse)
+    assert gone <= 1e-3 * np.linalg.norm(hit.impulse)
+    start, end = hit.sample(0.0), hit.sample(hit.contact_time)
+    assert start.force.shape == (3,)
+    assert end.impulse == pytest.approx(hit.impulse, rel=1e-12)
+    assert abs(float(end.deflection)) < 1e-12
+    assert sampled.deflection.max() <= hit.deflection
+    assert sampled.deflection.max() == pytest.approx(hit.deflection, rel=1e-2)
+    sizes = np.linalg.norm(sampled.force, axis=1)
+    assert sizes.max() <= hit.peak_force
+    assert sizes.max() == pytest.approx(hit.peak_force, rel=1e-2)
+
+
+def test_the_error_is_what_it_says():
+    exact = human(tol=1e-13)
+    for tol in (1e-5, 1e-7, 1e-9):
+        hit = human(tol=tol)
+        gone = np.linalg.norm(hit.impulse - exact.impulse)
+        assert gone <= hit.error <= 1e3 * tol * np.linalg.norm(exact.impulse)
+
+
+def test_a_foot_that_turns_turns_the_force():
+    """The plane of contact goes with the foot, by the angle that it turns in the meantime."""
+    hit = human()
+    sampled = hit.sample([1e-6, hit.contact_time * (1 - 1e-6)])
+    ways = sampled.force / np.linalg.norm(sampled.force, axis=1)[:, None]
+    turn = np.array([-1, 1, 1]) @ (hit.q_after - hit.q_before)  # of the foot about y
+    angles = np.arctan2(ways[:, 2], ways[:, 0])
+    assert angles[1] - angles[0] == pytest.approx(-turn, rel=1e-3)
+    assert abs(turn) > 0.1
+
+
+def test_a_spring_without_damping_returns_all_energy():
+    hit = human(kd.Contact((1, 0, 0.3), 1.0))
+    assert hit.energy_lost == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"contact_time": 0.0}, "contact time is 0"),
+        ({"contact_time": 0.01, "stiffness": 1e5}, "name one of them"),
+        ({"stiffness": -1.0}, "stiffness is -1"),
+        ({"stiffness": 1e3}, "too low, the ball would be pressed by .* beyond its radius"),
+        ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
+        ({"tol": 0.1}, r"tol is 0\.1"),
+        ({"torque": [1.0]}, r"torque has shape \(1,\): it must be \(3,\)"),
+        ({"torque": lambda t, q, v: math.nan * v}, "torque is .*finite"),
+        ({"touch": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*at least 0\.01"),
+        ({"ball_velocity": (14 - 1e-7, 0, 4)}, "approach speed is .*at least 1e-06"),
+    ],
+)
+def test_bad_input(options, words):
+    with pytest.raises(kd.InvalidInput, match=words) as caught:
+        human(**options)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_held_leg_is_refused():
+    leg = kd.Leg.from_robot("bolt", base="floating").standing_on("FL_FOOT")
+    posture = leg.posture(leg.configuration({"FR_HFE": 0.4, "FR_KFE": -0.8}))
+    kick = leg, posture.q, posture.joint_velocity([3, 0, 1]), kd.Ball(), kd.Contact((3, 0, 1), 0.7)
+    with pytest.raises(kd.InvalidInput, match=r"held by more .*: a contact that takes time is for"):
+        kd.collide(*kick)
+    with pytest.raises(kd.InvalidInput, match=r"held by more than its joints: sensitivities are"):
+        kd.strike(*kick).sensitivity()
+
+
+def test_a_contact_point_off_the_frame():
+    """A frame placed there, and an offset to there, are the same contact."""
+    offset, urdf = np.array([0.02, 0.01, -0.03]), kd.Leg.human()
+    model = urdf.model
+    toe = model.frames[urdf.frame_id]
+    there = toe.placement * pin.SE3(np.eye(3), offset)
+    model.addFrame(pin.Frame("there", toe.parentJoint, 0, there, pin.FrameType.OP_FRAME))
+    moved, touch = kd.Leg.from_model(model, "there"), (2, 0.2, 1)
+    q, v = np.radians([5, 10, -5]), [0.1, -12.0, -6.0]
+    one = kd.collide(moved, q, v, kd.Ball(), kd.Contact(touch, 0.7))
+    other = kd.collide(urdf, q, v, kd.Ball(), kd.Contact(touch, 0.7, offset=offset))
+    assert other.impulse == pytest.approx(one.impulse, rel=1e-8)
+    assert other.v_after == pytest.approx(one.v_after, rel=1e-7)
+
+
+def test_no_approach():
+    with pytest.raises(kd.NoImpact):
+        human(ball_velocity=(99, 0, 0))
+
+
+def test_a_leg_that_does_not_let_go():
+    with pytest.raises(kd.KickdynError, match=r"still in contact after 0\.5 s, 50 times"):
+        kd.collide(slider(), [0.0], [1.0], kd.Ball(), kd.Contact((1, 0, 0), 0.1), torque=[400.0])
+
+
+def test_a_sample_outside_the_contact():
+    hit = human()
+    with pytest.raises(kd.InvalidInput, match=r"t is 1 s: the contact lasts from 0 to 0\.01"):
+        hit.sample(1.0)
+    with pytest.raises(kd.InvalidInput, match="must be a number or"):
+        hit.sample([[0.0]])

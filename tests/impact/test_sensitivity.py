@@ -1,0 +1,195 @@
+"""Analytic derivatives against central differences of fourth order, branch by branch."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import floating_kick, random_kick, random_leg
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import kickdyn as kd
+from kickdyn.impact.sources import UNITS
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def nudged(kick, options, name, step):
+    """The same strike with one source moved by `step`, shape `(n,)`."""
+    (leg, q, v, ball, touch), options = kick, dict(options)
+    normal, e, mu, mass, radius = touch.normal, touch.restitution, touch.friction, *vars_of(ball)
+    if name == "q":
+        q = pin.integrate(leg.model, q, step)
+    elif name == "v":
+        v = v + step
+    elif name == "restitution":
+        e += float(step[0])
+    elif name == "friction":
+        mu += float(step[0])
+    elif name == "normal":
+        normal = normal + step
+    elif name == "ball_mass":
+        mass += float(step[0])
+    elif name == "ball_radius":
+        radius += float(step[0])
+    elif name in options:
+        options[name] = options[name] + step
+    else:
+        model = leg.model
+        for i in range(1, model.njoints):
+            numbers = model.inertias[i].toDynamicParameters()
+            if name == "link_mass":
+                numbers *= 1 + step[i - 1] / model.inertias[i].mass
+            else:
+                numbers += step[10 * i - 10 : 10 * i]
+            model.inertias[i] = pin.Inertia.FromDynamicParameters(numbers)
+        leg = kd.Leg(model, leg.frame)
+    return kd.strike(leg, q, v, kd.Ball(mass, radius), kd.Contact(normal, e, mu), **options)
+
+
+def vars_of(ball):
+    return ball.mass, ball.radius
+
+
+def margin(hit):
+    n, p, mu = hit.touch.normal, hit.impulse, hit.touch.friction
+    if mu == 0:
+        return 0.0
+    if hit.sticking:
+        return mu * float(n @ p) - np.linalg.norm(p - (n @ p) * n)
+    foot = hit.posture.jacobian @ hit.v_after
+    after = hit.ball.velocity - hit.struck.radius * np.cross(hit.ball.spin, n) - foot
+    return np.linalg.norm(after - (n @ after) * n)
+
+
+RESULTS = {
+    "impulse": lambda hit: hit.impulse,
+    "velocity": lambda hit: hit.ball.velocity,
+    "spin": lambda hit: hit.ball.spin,
+    "v_after": lambda hit: hit.v_after,
+    "margin_slope": lambda hit: np.array([margin(hit)]),
+}
+
+
+def check(kick, options, rng, h=1e-4):
+    """Along one random direction of each source."""
+    hit = kd.strike(*kick, **options)
+    slopes = hit.sensitivity()
+    assume(margin(hit) >= 0.02 * hit.touch.friction)  # differences must not meet the other branch
+    for name in UNITS:
+        if name == "friction" and hit.touch.friction == 0:
+            continue
+        way = rng.normal(size=slopes.impulse[name].shape[1])
+        way /= np.linalg.norm(way)
+        hits = [nudged(kick, options, name, k * h * way) for k in (-2, -1, 1, 2)]
+        assume(all(near.sticking == hit.sticking for near in hits))
+        for result, read in RESULTS.items():
+            far, near, then, beyond = (read(one) for one in hits)
+            expected = (far - 8 * near + 8 * then - beyond) / (12 * h)
+            ours = getattr(slopes, result)[name] @ way
+            size = max(np.abs(expected).max(), np.abs(read(hit)).max())
+            assert np.abs(ours - expected).max() <= 1e-7 * size, (name, result)
+    return slopes.branch
+
+
+@pytest.mark.parametrize(
+    ("friction", "branches"),
+    [(0.0, {"frictionless"}), (0.15, {"stick", "slip"}), (0.4, {"stick", "slip"})],
+)
+@pytest.mark.parametrize("floating", [False, True])
+def test_against_differences(friction, branches, floating):
+    seen = set()
+
+    @given(seed=seeds)
+    @settings(max_examples=20 if floating else 60, derandomize=True, deadline=None)
+    def run(seed):
+        rng = np.random.default_rng(seed)
+        if floating:
+            (leg, *rest), options = floating_kick(rng, friction=friction)
+            model = leg.model
+            model.armature = np.concatenate([np.zeros(6), rng.uniform(0, 0.1, size=2)])
+            kick = kd.Leg.from_model(model, "toe"), *rest
+        else:
+            kick, options = random_kick(
+                rng, random_leg(rng), friction=friction, restitution=rng.uniform(0.1, 0.9)
+            )
+        seen.add(check(kick, options, rng))
+
+    run()
+    assert seen == branches
+
+
+def human(friction, normal=(2, 0.3, 1), e=0.7):
+    leg = kd.Leg.human()
+    touch = kd.Contact(normal, e, friction)
+    return (leg, np.radians([5, 10, -5]), np.array([0.1, -2.0, -1.0]), kd.Ball(), touch), {}
+
+
+def test_friction_that_sets_in():
+    """Without friction, its derivative is that of the first friction there is."""
+    kick, options = human(0.0)
+    slopes = kd.strike(*kick, **options).sensitivity()
+    h = 1e-6
+    little = [kd.strike(*human(k * h)[0]).impulse for k in range(3)]
+    assert slopes.impulse["friction"][:, 0] == pytest.approx(
+        (4 * little[1] - 3 * little[0] - little[2]) / (2 * h), rel=1e-6, abs=1e-9
+    )
+
+
+def test_without_sliding_there_is_no_friction_to_set_in():
+    """A foot that the impact itself brings to move along the normal only."""
+    leg, q, *_ = human(0.0)[0]
+    posture, ball, n = leg.posture(q), kd.Ball(), np.array([1.0, 0.0, 0.0])
+    aside = posture.delassus() @ n
+    impulse = 1.5 / (aside[0] + 1 / ball.mass)
+    v = posture.joint_velocity((1.0, 0.0, aside[2] * impulse))
+    hit = kd.strike_at(posture, v, ball, kd.Contact(n, 0.5))
+    foot_after = posture.jacobian @ hit.v_after
+    assert np.abs(foot_after[1:]).max() < 1e-15
+    slopes = hit.sensitivity()
+    assert np.abs(slopes.impulse["friction"]).max() == 0.0
+    h = 1e-6
+    slower = [kd.strike_at(posture, v, ball, kd.Contact(n, 0.5 + k * h)) for k in (-1, 1)]
+    by_e = (slower[1].impulse - slower[0].impulse) / (2 * h)
+    assert slopes.impulse["restitution"][:, 0] == pytest.approx(by_e, rel=1e-8)
+
+
+def test_the_boundary_is_announced():
+    kick, options = human(5.0)
+    hit = kd.strike(*kick, **options)
+    assert hit.sticking
+    pressing = float(hit.touch.normal @ hit.impulse)
+    edge = np.linalg.norm(hit.impulse - pressing * hit.touch.normal) / pressing
+    for friction, at_boundary in ((edge, True), (edge * 1.001, False), (edge * 0.999, False)):
+        slopes = kd.strike(*human(friction)[0]).sensitivity()
+        assert slopes.at_boundary is at_boundary
+    assert slopes.branch == "slip"
+
+
+def test_what_cannot_matter_does_not():
+    kick, options = human(0.2)
+    hit = kd.strike(*kick, **options)
+    slopes = hit.sensitivity()
+    assert np.abs(slopes.impulse["normal"] @ hit.touch.normal).max() < 1e-14
+    assert slopes.impulse["ball_radius"] == pytest.approx(np.zeros((3, 1)), abs=1e-15)
+    assert math.isinf(kd.strike(*human(0.0)[0]).sensitivity().margin)
+
+
+def test_the_textbook_case():
+    """Eq. (10) differentiated by hand: p = (1 + e) u / (1/M + 1/m)."""
+    kick, _ = human(0.0)
+    hit = kd.strike(*kick)
+    m, big, p = hit.struck.mass, hit.effective_mass, hit.impulse
+    slopes = hit.sensitivity()
+    assert slopes.impulse["restitution"][:, 0] == pytest.approx(p / 1.7, rel=1e-13)
+    assert slopes.impulse["ball_mass"][:, 0] == pytest.approx(p / m * big / (big + m), rel=1e-13)
+    heavier = slopes.impulse["link_mass"] @ np.array([7.0, 3.0, 1.0])  # all of them in proportion
+    assert heavier == pytest.approx(p * m / (big + m), rel=1e-12)
+
+
+def test_other_laws_are_refused():
+    kick, options = human(0.2)
+    hit = kd.strike(*kick, "paper", **options)
+    with pytest.raises(kd.InvalidInput, match="impact law 'paper' has no sensitivities"):
+        hit.sensitivity()

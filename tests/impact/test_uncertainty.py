@@ -1,0 +1,121 @@
+"""Uncertainty budgets: against Monte Carlo, and as sums that must come out."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+LEG = kd.Leg.human()
+Q, V = np.radians([5, 10, -5]), np.array([0.1, -2.0, -1.0])
+
+
+def kick(q=Q, v=V, e=0.7, friction=0.0, normal=(2, 0.3, 1), mass=0.43):
+    return kd.strike(LEG, q, v, kd.Ball(mass), kd.Contact(normal, e, friction))
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1, 3.0])
+def test_monte_carlo(friction):
+    rng = np.random.default_rng(1)
+    correlated = np.array([[4.0, 1.9, 0.0], [1.9, 1.0, 0.0], [0.0, 0.0, 9.0]]) * 1e-4
+    ours = kick(friction=friction).uncertainty(
+        q=[0.004, 0.006, 0.008], v=correlated, restitution=0.01, normal=0.005, ball_mass=0.004
+    )
+    assert ours.branch_sigmas > 5
+    n = 4000
+    draws = zip(
+        Q + rng.normal(size=(n, 3)) * [0.004, 0.006, 0.008],
+        rng.multivariate_normal(V, correlated, size=n),
+        0.7 + 0.01 * rng.normal(size=n),
+        kick().touch.normal + 0.005 * rng.normal(size=(n, 3)),
+        0.43 + 0.004 * rng.normal(size=n),
+        strict=True,
+    )
+    hits = [kick(q, v, e, friction, normal, mass) for q, v, e, normal, mass in draws]
+    for result, values in (
+        ("impulse", [hit.impulse for hit in hits]),
+        ("velocity", [hit.ball.velocity for hit in hits]),
+        ("spin", [hit.ball.spin for hit in hits]),
+    ):
+        covariance = np.cov(np.array(values).T)
+        scale = np.trace(covariance)
+        assert np.abs(getattr(ours, result) - covariance).max() <= 0.06 * scale + 1e-24
+    speeds = np.std([hit.ball.speed for hit in hits])
+    assert ours.speed == pytest.approx(speeds, rel=0.04)
+
+
+def test_one_source_is_its_jacobian():
+    hit = kick(friction=0.1)
+    ours = hit.uncertainty(restitution=0.02)
+    slope = hit.sensitivity().impulse["restitution"][:, 0]
+    assert ours.impulse == pytest.approx(0.02**2 * np.outer(slope, slope), rel=1e-13)
+    assert ours.share("impulse") == {"restitution": pytest.approx(1.0)}
+
+
+def test_parts_add_up():
+    spread = {"q": 0.01, "v": 0.05, "ball_spin": 1.0, "link_mass": [0.1, 0.05, 0.02]}
+    hit = kick(friction=0.1)
+    ours = hit.uncertainty(**spread)
+    for result in ("impulse", "velocity", "spin"):
+        alone = [
+            getattr(hit.uncertainty(**{name: value}), result) for name, value in spread.items()
+        ]
+        assert getattr(ours, result) == pytest.approx(sum(alone), rel=1e-12)
+        shares = ours.share(result)
+        assert list(shares) == list(spread)
+        assert sum(shares.values()) == pytest.approx(1.0)
+
+
+def test_a_deviation_is_a_diagonal_covariance():
+    hit = kick()
+    by_number, by_vector, by_matrix = (
+        hit.uncertainty(v=spread).velocity for spread in (0.2, [0.2] * 3, 0.04 * np.eye(3))
+    )
+    assert by_number == pytest.approx(by_vector, rel=1e-15)
+    assert by_number == pytest.approx(by_matrix, rel=1e-14)
+
+
+def test_the_table():
+    lines = str(kick(friction=0.1).uncertainty(q=0.01, restitution=0.02)).splitlines()
+    assert " ".join(lines[0].split()) == (
+        "source impulse N s share velocity m/s share spin rad/s share"
+    )
+    assert [line.split()[0] for line in lines[1:]] == ["q", "restitution", "all", "slip;"]
+    assert lines[-1].endswith("standard deviations away")
+    assert "away" not in str(kick().uncertainty(q=0.01))
+
+
+def test_a_strike_near_the_boundary_says_so():
+    hit = kick(friction=5.0)
+    n, p = hit.touch.normal, hit.impulse
+    edge = np.linalg.norm(p - (n @ p) * n) / (n @ p)
+    near, far = (kick(friction=edge + more).uncertainty(friction=0.01) for more in (0.005, 0.05))
+    assert near.branch == far.branch == "stick"
+    assert near.branch_sigmas == pytest.approx(0.5, rel=1e-9)
+    assert far.branch_sigmas == pytest.approx(5.0, rel=1e-9)
+    assert kick(friction=edge).uncertainty(friction=0.01).branch_sigmas == 0.0
+    assert kick().uncertainty(v=0.1).branch_sigmas == np.inf
+
+
+@pytest.mark.parametrize(
+    ("spread", "words"),
+    [
+        ({}, "no source is named: choose among q, v, restitution"),
+        ({"speed": 0.1}, "source 'speed' is unknown: choose among q, v"),
+        ({"q": -0.1}, r"spread of q is -0\.1: it must be 0 or more"),
+        ({"q": [0.1, 0.2]}, r"spread of q has shape \(2,\): it must be a number, \(3,\) or"),
+        ({"v": np.diag([1.0, 1.0, -1.0])}, "smallest eigenvalue of -1: .*semidefinite"),
+        ({"v": np.eye(3) + np.eye(3, k=2)}, "must be symmetric"),
+        ({"restitution": [[0.1]]}, r"has shape \(1, 1\): it must be a number$"),
+        ({"q": 1e200}, r"spread of q is 1e\+200: at most 1e\+100"),
+        ({"friction": np.nan}, "spread of friction is nan: every entry must be finite"),
+    ],
+)
+def test_bad_input(spread, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kick().uncertainty(**spread)
+
+
+def test_other_laws_are_refused():
+    hit = kd.strike(LEG, Q, V, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, 0.4), "paper")
+    with pytest.raises(kd.InvalidInput, match="has no sensitivities"):
+        hit.uncertainty(v=0.1)

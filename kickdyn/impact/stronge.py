@@ -211,8 +211,7 @@ class _Course:
             x, y, s = xs[-1], ys[-1], ss[-1]
             xs.append((b1 * s - m11 * x - m12 * y) / k)
             ys.append((b2 * s - m12 * x - m22 * y) / k)
-            square = _product(xs, xs) + _product(ys, ys)
-            ss.append(0.5 * (square - _product(ss[1:], ss[1:])))
+            ss.append(0.5 * (_square(xs) + _square(ys) - _square(ss[1:])))
         return xs, ys, ss
 
     def _monotone(self, h: float, xs: list[float], ys: list[float], rates: list[float]) -> float:
@@ -228,9 +227,11 @@ class _Course:
         return h
 
 
-def _product(a: Sequence[float], b: Sequence[float]) -> float:
-    """Return the last coefficient of the product of two series."""
-    return sum(map(mul, a, reversed(b)), 0.0)
+def _square(series: list[float]) -> float:
+    """Return the last coefficient of the square of a series, cut where the series is."""
+    half = len(series) // 2
+    total = 2.0 * sum(map(mul, series[:half], reversed(series)), 0.0)
+    return total + series[half] * series[half] if len(series) % 2 else total
 
 
 def _integral(series: Sequence[float], factor: float, start: float = 0.0) -> list[float]:

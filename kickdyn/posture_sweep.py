@@ -26,6 +26,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
 from kickdyn.leg import Leg
+from kickdyn.robots import ROBOTS
 from kickdyn.sweep.grid import Grid, grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.report import as_json, table, text
@@ -46,10 +47,12 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 
 
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE", show_default=True,
-              help="The leg: one of ours, or a URDF file.")  # fmt: skip
-@click.option("--frame", default="toe", show_default=True,
-              help="Link or joint whose origin strikes the ball.")  # fmt: skip
+@click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
+              show_default=True,
+              help="The leg: one of ours, a URDF file, or the leg of a robot of kickdyn[robots] on "
+              "its fixed base (g1, talos, ...).")  # fmt: skip
+@click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
+              "robot, its right foot]")  # fmt: skip
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to hold: NAME=VALUE; repeatable. "
               "Default: a kick's range of hip, knee and ankle, each 5 deg; of another leg of up "
@@ -69,7 +72,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
 def posture_sweep(
     leg_name: str,
-    frame: str,
+    frame: str | None,
     joints: tuple[str, ...],
     speed: float,
     attack: float,
@@ -120,13 +123,23 @@ def posture_sweep(
         _serve(shown)
 
 
-def load_leg(name: str, frame: str) -> Leg:
-    """Return one of the shipped legs, or that of a URDF file; raise `InvalidInput`."""
+def load_leg(name: str, frame: str | None = None) -> Leg:
+    """Return one of the shipped legs, a robot's, or a URDF file's; raise `InvalidInput`."""
     if name in SHIPPED:
-        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame)
+        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
+    if name in ROBOTS:
+        return _limb(Leg.from_robot(name, frame, legs_only=True))
     if not Path(name).exists() and not Path(name).suffix:
-        raise InvalidInput(f"leg {name!r} is neither {', '.join(SHIPPED)} nor a file")
-    return Leg.from_urdf(name, frame)
+        known = ", ".join([*SHIPPED, *(robot for robot in ROBOTS if robot not in SHIPPED)])
+        raise InvalidInput(f"leg {name!r} is neither {known} nor a file")
+    return Leg.from_urdf(name, frame or "toe")
+
+
+def _limb(leg: Leg) -> Leg:
+    """Lock what does not move the foot: on a fixed base it has no say."""
+    model = leg.workspace.model
+    moving = {model.names[joint] for joint in model.supports[leg.contact_joint]}
+    return leg.locked({name: 0.0 for name in leg.joint_names if name not in moving})
 
 
 def _check_outputs(

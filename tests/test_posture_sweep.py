@@ -7,6 +7,7 @@ import sys
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
@@ -58,7 +59,7 @@ def test_any_urdf(tmp_path):
     [
         (["--leg", "missing.urdf"], "missing.urdf: there is no such file"),
         (["--leg", "page.html"], "not <robot>"),
-        (["--leg", "missing"], "neither human, testbed nor a file"),
+        (["--leg", "missing"], "neither human, testbed, g1, talos"),
         (["--frame", "nose"], "frame 'nose' is unknown: leg_human has"),
         (["--joint", "nose=1"], "joint 'nose' is unknown: leg_human has hip, knee, ankle"),
         (["--joint", "hip=0:200:10"], "its range is -15 to 125 deg"),
@@ -189,3 +190,18 @@ def test_bare_console_script_shows_its_help():
     ended = subprocess.run(command, capture_output=True, text=True)
     assert ended.returncode == 0
     assert "Commands:\n" in ended.stdout
+
+
+def test_a_robot_is_swept_by_name():
+    sweep = ("--leg", "g1", "--joint", "right_knee_joint=0:40:20", "--speed", "2")
+    ended = door(*sweep)
+    assert ended.returncode == 0, ended.stderr
+    assert "right_knee_joint" in ended.stdout
+    assert "left" not in ended.stdout
+    whole = kickdyn.Leg.from_robot("g1")
+    q = whole.configuration({"right_knee_joint": np.radians(40)})
+    weight = whole.posture(q).effective_mass((np.cos(np.pi / 6), 0, 0.5))
+    assert f"{weight:.4g}" in ended.stdout
+    ended = door(*sweep, "--frame", "nose")
+    assert ended.returncode == 2
+    assert "frame 'nose' is unknown: g1 has" in ended.stderr

@@ -32,11 +32,12 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
     )
     joints = list(leg.angles_deg(leg.configuration()))  # a floating base has no one angle
     units = {"m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
+    heads = (" / " if len(joints) <= 3 else " /\n").join(joints)
     paper = any(line.paper for line in lines)
     odd = any(line.outcome.status != "ok" for line in lines)
     for head in (
         "posture",
-        escape(" / ".join(joints)) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
+        escape(heads) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
         "eff. mass\nkg",
         "impulse\nN s",
         "ball /\nfoot",

@@ -52,4 +52,4 @@ def test_a_whole_robot_is_swept_by_its_named_joints():
     assert data.ball_speed.shape == (3, 3)
     lines = best_and_worst(leg, data, kick)
     assert list(lines[0].angles) == list(leg.joint_names[1:])
-    assert str(table(leg, kick, lines).columns[1].header).startswith("FL_HAA / FL_HFE")
+    assert str(table(leg, kick, lines).columns[1].header).startswith("FL_HAA /\nFL_HFE")

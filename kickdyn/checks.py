@@ -78,6 +78,14 @@ def _all_finite(array: Array) -> bool:
     return bool(np.isfinite(array).all())
 
 
+def made_of(kind: type, *, optional: bool = False, **values: object) -> None:
+    """Raise `InvalidInput` for a value that is no `kind`, nor None if that is allowed."""
+    for name, value in values.items():
+        if not (isinstance(value, kind) or (optional and value is None)):
+            valid = f"kickdyn.{kind.__name__}" + (" or None" if optional else "")
+            raise InvalidInput(f"{name} is {value!r}: it must be a {valid}")
+
+
 def direction(name: str, value: ArrayLike) -> Array:
     """Return the unit vector along `value`, shape `(3,)`; any length but zero will do."""
     array = vector(name, value, 3)

@@ -15,7 +15,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
-from kickdyn.flight.fly import MAX_SPEED
+from kickdyn.flight.fly import MAX_SPEED, check_scene
 from kickdyn.flight.forces import downward
 from kickdyn.flight.march import march
 from kickdyn.flight.ranges import left_by
@@ -61,8 +61,7 @@ def fly_many(
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
             function that cannot be compiled.
     """
-    if not isinstance(ball, Ball):
-        raise InvalidInput(f"ball is {ball!r}: it must be a kickdyn.Ball")
+    check_scene(states, ball, air, ground)
     if states.position.ndim != 2:
         raise InvalidInput(
             f"launches have shape {states.position.shape}: fly_many takes (n, 3), fly takes one"

@@ -73,12 +73,10 @@ def fly(
             is an error.
         KickdynError: the integrator gave up.
     """
-    if not isinstance(ball, Ball):
-        raise InvalidInput(f"ball is {ball!r}: it must be a kickdyn.Ball")
+    check_scene(state, ball, air, ground)
+    checks.made_of(Plane, plane=plane, optional=True)
     if state.position.shape != (3,):
         raise InvalidInput(f"launch has shape {state.position.shape}: fly takes one state, (3,)")
-    if not (plane is None or isinstance(plane, Plane)):
-        raise InvalidInput(f"plane is {plane!r}: it must be a kickdyn.Plane")
     tol = checks.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = checks.number("time limit", time_limit, above=0, unit="s")
     ends = _Ends(_drop(state, ball, ground), wall_of(plane, ball, state), time_limit)
@@ -107,6 +105,14 @@ def fly(
             if share > 0 and (strict or model.refuses):
                 raise InvalidInput(f"the flight leaves a coefficient's range: {said(model, share)}")
     return path
+
+
+def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
+    """Raise `InvalidInput` for what is not of the kind a flight needs."""
+    checks.made_of(BallState, launch=state)
+    checks.made_of(Ball, ball=ball)
+    checks.made_of(Air, air=air, optional=True)
+    checks.made_of(Ground, ground=ground, optional=True)
 
 
 def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:

@@ -13,7 +13,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.bounce import bounce
-from kickdyn.flight.fly import fly, wall_of
+from kickdyn.flight.fly import check_scene, fly, wall_of
 from kickdyn.flight.path import Flight
 from kickdyn.flight.roll import Glide, roll, slide
 from kickdyn.ground import Ground, Surface
@@ -104,6 +104,7 @@ def follow(
     Raises:
         InvalidInput: ground without a surface, or as for `fly`.
     """
+    check_scene(state, ball, air, ground)
     ground = Ground(surface="turf") if ground is None else ground
     surface = ground.surface
     if not isinstance(surface, Surface):

@@ -377,3 +377,18 @@ def test_kiratidis_and_leinweber_refuse_much_spin():
     kd.fly(launch((28, 0, 4), (0, -30, 0)), BALL, air)
     with pytest.raises(kd.InvalidInput, match=r"lift kiratidis-leinweber: .* outside"):
         kd.fly(launch((28, 0, 4), (0, -120, 0)), BALL, air)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        ((None, BALL), "launch is None: it must be a kickdyn.BallState"),
+        ((kd.BallState(), 0.43), r"ball is 0\.43: it must be a kickdyn.Ball"),
+        ((kd.BallState(), BALL, "air"), "air is 'air': it must be a kickdyn.Air or None"),
+        ((kd.BallState(), BALL, None, 0.0), r"ground is 0\.0: it must be a kickdyn.Ground or None"),
+    ],
+)
+def test_what_is_no_scene_is_refused(scene, words):
+    for flies in (kd.fly, kd.follow, kd.fly_many):
+        with pytest.raises(kd.InvalidInput, match=words):
+            flies(*scene)

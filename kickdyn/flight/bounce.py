@@ -26,7 +26,7 @@ def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
 
     Args:
         state: just before, moving downwards.
-        ball: a thin shell.
+        ball: mass, radius and inertia.
         surface: of the ground.
     """
     vx, vy, vz = state.velocity.tolist()

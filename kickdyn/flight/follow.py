@@ -31,7 +31,8 @@ class Course:
 
     Attributes:
         status: `at rest`; `at plane`, where that ended it; `aloft`, where a flight would not come
-            down; `bouncing`, where `MOST_BOUNCES` were not enough.
+            down; `bouncing`, where `MOST_BOUNCES` were not enough; `blown`, where the wind kept the
+            ball rolling.
         flights: one before each bounce.
         bounces: the ball just after each touch of the ground that sent it up again.
         glides: slide and roll, if it came to that.
@@ -94,15 +95,16 @@ def follow(
 
     Args:
         state: the launch, above the ground or on it.
-        ball: a thin shell.
+        ball: mass, radius and inertia.
         air: None is the vacuum.
         ground: with a surface; turf at height 0 when not named.
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends it all, flying, sliding or rolling.
-        time_limit: of every flight [s].
+        time_limit: of every flight, and of rolling [s].
 
     Raises:
-        InvalidInput: ground without a surface, or as for `fly`.
+        InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
+            `fly`.
     """
     check_scene(state, ball, air, ground)
     ground = Ground(surface="turf") if ground is None else ground
@@ -124,15 +126,17 @@ def follow(
         if len(bounces) == MOST_BOUNCES:
             return _done("bouncing", flights, bounces, [], path.landing, clock)
         bounces.append(BallState(state.position, state.velocity, state.spin, clock))
+    if surface.friction == 0.0:
+        raise InvalidInput(f"friction of {surface.name} is 0: the ball would slide for ever")
     glides: list[Glide] = []
     sliding = slide(state, ball, air, surface, wall_of(plane, ball, state))
     if sliding is not None:
         glides.append(sliding)
         state = sliding.end
     if not (glides and glides[-1].at_wall):
-        glides.append(roll(state, ball, air, surface, tol, wall_of(plane, ball, state)))
+        glides.append(roll(state, ball, air, surface, tol, wall_of(plane, ball, state), time_limit))
     clock += sum(glide.duration for glide in glides)
-    status = "at plane" if glides[-1].at_wall else "at rest"
+    status = "at plane" if glides[-1].at_wall else "blown" if glides[-1].blown else "at rest"
     return _done(status, flights, bounces, glides, glides[-1].end, clock)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from kickdyn.checks import Array
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import slip
 from kickdyn.flight.forces import downward, forces
-from kickdyn.flight.integrate import Event, fly_until
+from kickdyn.flight.integrate import Arc, Event, fly_until
 from kickdyn.ground import Surface
 
 
@@ -27,6 +26,7 @@ class Glide:
         start, end: the ball there.
         kind: `slide` or `roll`.
         at_wall: whether it ended there.
+        blown: whether the wind kept it rolling to the time limit.
     """
 
     start: BallState
@@ -34,6 +34,7 @@ class Glide:
     kind: str
     _states: Any
     at_wall: bool = False
+    blown: bool = False
 
     @property
     def duration(self) -> float:
@@ -76,8 +77,6 @@ def slide(
             state.position + moved, level - speed_change * t, state.spin + spin_change * t, t[:, 0]
         )
 
-    if push <= 0.0:
-        return None
     last = sliding / (push * (1.0 + shell))
     reached = math.inf
     if wall is not None:
@@ -94,55 +93,88 @@ def roll(
     surface: Surface,
     tol: float,
     wall: tuple[Array, float] | None = None,
+    time_limit: float = 1000.0,
 ) -> Glide:
     """Return the stretch from rolling to rest, slowed by the surface and, with air, by drag.
 
-    The ball keeps its direction: a side wind does not turn it. A wall, normal and gap [m], may end
-    it before.
+    Drag acts on the mass of a rolling ball, m + I/r^2. A side wind turns its way; a wind that would
+    keep it rolling does so to `time_limit`. A wall, normal and gap [m], may end it before.
     """
-    level = np.array([state.velocity[0], state.velocity[1], 0.0])
-    speed = math.hypot(*level)
-    if speed == 0.0:
-        still = BallState(state.position, (0, 0, 0), (0, 0, 0))
-        return Glide(still, still, "roll", partial(_resting, still))
-    along = level / speed
-    axis = np.array([-along[1], along[0], 0.0]) / ball.radius  # spin of rolling over speed
+    resistance = surface.rolling_deceleration
+    share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
     acting = None if air is None or air.density == 0 else forces(ball, air)
     height = float(state.position[2])
 
-    def rates(_: float, states: Any) -> list[float]:
-        v = float(states[1])
-        slowing = -surface.rolling_deceleration
-        if acting is not None:
-            ax, ay, _, _ = acting(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
-            slowing += float(ax * along[0] + ay * along[1])
-        return [v, min(slowing, -1e-3)]  # a tail wind does not keep it rolling for ever
+    def push(u: float, v: float) -> tuple[float, float]:
+        if acting is None:
+            return 0.0, 0.0
+        ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
+        return share * ax, share * ay
 
-    longest = speed / 1e-3
-    length = speed * speed / (2 * surface.rolling_deceleration)
-    atol = tol * np.array([length, speed])
-    stop = Event(lambda y: float(y[1]))
+    def rates(_: float, states: Any) -> list[float]:
+        u, v = float(states[2]), float(states[3])
+        ax, ay = push(u, v)
+        speed = math.hypot(u, v)
+        return [u, v, ax - resistance * u / speed, ay - resistance * v / speed]
+
+    u, v, _ = state.velocity.tolist()
+    wind = push(0.0, 0.0)
+    blowing = math.hypot(*wind)
+    speed = math.hypot(u, v)
+    slow = 1e-7 * max(speed, blowing)  # on what is left then, the forces are constant
+    length = max(speed, slow) ** 2 / (2 * resistance)
+    atol = tol * np.array([length, length, *2 * [max(speed, slow)]])
+    stop = Event(lambda y: math.hypot(y[2], y[3]) - slow)
     events = [stop]
     if wall is not None:
         normal, gap = wall
-        towards = -float(normal @ along)
-        if towards > 0.0:
-            events.append(Event(lambda y: gap - towards * float(y[0])))
-    arc = fly_until(events, 1, rates, (0.0, np.array([0.0, speed])), longest, tol, atol)
-    resting = arc.reached is stop or arc.reached is None
+        if float(normal @ state.velocity) < 0.0:
+            events.append(Event(lambda y: gap + float(normal[:2] @ y[:2])))
+    arcs: list[Arc] = []
+    at, moved = 0.0, np.array([0.0, 0.0, u, v])
+    reached = stop if speed <= slow else None
+    while True:
+        if reached is stop:
+            if blowing <= resistance:
+                break
+            moved = np.array([*moved[:2], *(slow * part / blowing for part in wind)])
+        arcs.append(fly_until(events, 2, rates, (at, moved), time_limit, tol, atol))
+        at, moved, reached = arcs[-1].end, arcs[-1].state, arcs[-1].reached
+        if reached is not stop:
+            break
+    rests = reached is stop
+    left = math.hypot(*moved[2:]) if rests else 0.0
+    along = moved[2:] / left if left else np.zeros(2)
+    fading = resistance - float(along @ push(0.0, 0.0)) if left else 1.0
+    final = at + left / fading if rests else at
 
     def states(t: Array) -> BallState:
-        moved, v = arc.trajectory(np.minimum(t, arc.end))
-        v = np.where((t >= arc.end) & resting, 0.0, v)[:, None]
-        return BallState(state.position + moved[:, None] * along, v * along, v * axis, t)
+        plane = np.tile(moved[:, None], (1, len(t)))
+        began = -1.0
+        for arc in arcs:
+            inside = (t > began) & (t <= arc.end)
+            if inside.any():
+                plane[:, inside] = arc.trajectory(t[inside])
+            began = arc.end
+        if rests:
+            late = np.clip(t - at, 0.0, final - at)
+            after = late > 0.0
+            speeds = left - fading * late
+            plane[:2] += np.where(after, 0.5 * (left + speeds) * late, 0.0) * along[:, None]
+            plane[2:, after] = speeds[after] * along[:, None]
+            plane[2:, t >= final] = 0.0
+        u, v = plane[2:]
+        still = np.zeros_like(u)
+        return BallState(
+            state.position + np.column_stack([*plane[:2], still]),
+            np.column_stack([u, v, still]),
+            np.column_stack([-v, u, still]) / ball.radius,
+            t,
+        )
 
-    last = _single(states(np.array([arc.end])))
-    return Glide(_with_time(state, 0.0), last, "roll", states, not resting)
-
-
-def _resting(still: BallState, t: Array) -> BallState:
-    zeros = np.zeros((len(t), 3))
-    return BallState(still.position + zeros, zeros, zeros, t)
+    last = _single(states(np.array([final])))
+    at_wall = reached is not None and not rests
+    return Glide(_with_time(state, 0.0), last, "roll", states, at_wall, not rests and not at_wall)
 
 
 def _with_time(state: BallState, time: float) -> BallState:

@@ -98,3 +98,9 @@ def test_bad_input(options, words):
 def test_times_outside(t):
     with pytest.raises(kd.InvalidInput, match="between 0 and"):
         kd.follow(SHOT, BALL).sample(t)
+
+
+def test_ground_without_friction_is_refused_where_the_ball_would_slide():
+    ice = kd.Ground(surface=kd.Surface("ice", 0.5, 0.0, 0.5))
+    with pytest.raises(kd.InvalidInput, match="friction of ice is 0: the ball would slide"):
+        kd.follow(kd.BallState((0, 0, 1), (10, 0, 3), (0, -40, 0)), BALL, None, ice)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
@@ -87,7 +88,8 @@ class Air:
         blowing: Array | Wind
         if callable(wind):
             blowing = wind
-            checks.vector("wind at height 0", tuple(wind(0.0)), 3, unit="m/s")
+            with suppress(ArithmeticError, ValueError):  # as a logarithm, not defined there
+                checks.vector("wind at height 0", wind(0.0), 3, unit="m/s")
         else:
             blowing = checks.vector("wind", wind, 3, unit="m/s")
             blowing.setflags(write=False)
@@ -149,7 +151,7 @@ class Air:
         Args:
             altitude: above the sea [m], -1000 to 11000.
             temperature_c: [degC], -80 to 60.
-            pressure: [Pa], above 0.
+            pressure: [Pa], 10,000 to 200,000.
             wind: as for `Air`.
             drag: as for `Air`.
             lift: as for `Air`.
@@ -166,7 +168,9 @@ class Air:
             )
             kelvin = 273.15 + celsius
         if pressure is not None:
-            pascal = checks.number("pressure", pressure, above=0, unit="Pa")
+            pascal = checks.number(
+                "pressure", pressure, at_least=10_000, at_most=200_000, unit="Pa"
+            )
         return cls(density_of(kelvin, pascal), viscosity_of(kelvin), wind, drag, lift, torque)
 
     @property

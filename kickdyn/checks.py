@@ -86,6 +86,19 @@ def made_of(kind: type, *, optional: bool = False, **values: object) -> None:
             raise InvalidInput(f"{name} is {value!r}: it must be a {valid}")
 
 
+def times(t: ArrayLike, duration: float, what: str) -> Array:
+    """Return times from 0 to `duration`, a number or shape `(n,)` [s], or raise `InvalidInput`."""
+    moments = floats("t", t, unit="s")
+    if moments.ndim > 1:
+        raise InvalidInput(f"t has shape {moments.shape}: it must be a number or (n,)")
+    outside = moments[(moments < 0) | (moments > duration)]
+    if outside.size:
+        raise InvalidInput(
+            f"t is {float(outside.flat[0]):g} s: {what} lasts from 0 to {duration:g} s"
+        )
+    return moments
+
+
 def direction(name: str, value: ArrayLike) -> Array:
     """Return the unit vector along `value`, shape `(3,)`; any length but zero will do."""
     array = vector(name, value, 3)

@@ -13,7 +13,7 @@ from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.ballistic import ballistic, time_to_fall
 from kickdyn.flight.forces import downward, is_ballistic
 from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until
@@ -96,10 +96,18 @@ def fly(
             f"{MAX_SPEED:g} m/s, that of light"
         )
     motion = Motion(state, ball, air, orientation)
-    wind = math.hypot(*air.wind_at(float(state.position[2])))
+    wind = _windspeed(air, float(state.position[2]))
     rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tol)
     atol = np.array([*3 * [near], *3 * [slow], tol, tol * near / slow])[motion.kept]
-    path = made(**_integrate(state, air, motion, ends, rtol, atol))
+    try:
+        path = made(**_integrate(state, air, motion, ends, rtol, atol))
+    except KickdynError as error:
+        if motion.fault is None:
+            raise
+        kind = type(motion.fault).__name__
+        raise KickdynError(
+            f"{error}; the air's wind or a coefficient raised {kind}: {motion.fault}"
+        ) from motion.fault
     if strict or any(getattr(model, "refuses", False) for model in (air.drag, air.lift)):
         for model, share in outside(path):
             if share > 0 and (strict or model.refuses):
@@ -126,6 +134,19 @@ def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
             f"{ground.height + ball.radius:g} m"
         )
     return max(gap, 0.0)
+
+
+def _windspeed(air: Air, height: float) -> float:
+    try:
+        return checks.number(
+            "wind", math.hypot(*air.wind_at(height)), at_most=MAX_SPEED, unit="m/s"
+        )
+    except InvalidInput:
+        raise
+    except Exception as fault:
+        raise InvalidInput(
+            f"the wind at the launch, {height:g} m high, raised {type(fault).__name__}: {fault}"
+        ) from fault
 
 
 def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, float] | None:
@@ -189,13 +210,15 @@ def _integrate(
         last[rise] = -ends.drop  # by definition; the event's root says so but for rounding
     crests = [crest for arc in arcs for crest in arc.crests]
     highest = max([*nodes, *crests], key=lambda node: float(node[1][rise]))
-    effects = [name for name in ("drag", "lift") if getattr(air, name) is not None]
+    spins = bool(state.spin.any())
+    acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
+    effects = [name for name, model in acting.items() if model]
     return {
         "launch": _at(state, 0.0, motion.whole(begin)),
         "apex": _at(state, highest[0], motion.whole(highest[1])),
         "landing": _at(state, end, motion.whole(last)),
         "status": "landed" if reached is floor else "at plane" if reached in walls else "aloft",
-        "method": f"{METHOD}, rtol {rtol:g}, {' and '.join(effects) or 'buoyancy only'}",
+        "method": f"{METHOD}, rtol {rtol:g}, {', '.join(effects) or 'buoyancy only'}",
         "evaluations": sum(arc.evaluations for arc in arcs),
         "_trajectory": partial(_piecewise, arcs, motion),
     }

@@ -56,17 +56,16 @@ class Course:
         return float(self.rest.time)
 
     def sample(self, t: ArrayLike) -> BallState:
-        """Return the ball at many times.
+        """Return the ball at one time or many.
 
         Args:
-            t: since the launch, from 0 to `duration`, shape `(n,)` [s].
+            t: since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
 
         Raises:
             InvalidInput: a time outside.
         """
-        times = np.atleast_1d(checks.floats("t", t, unit="s"))
-        if times.ndim > 1 or (times < 0).any() or (times > self.duration).any():
-            raise InvalidInput(f"t must be (n,) and lie between 0 and {self.duration:g} s")
+        asked = checks.times(t, self.duration, "the course")
+        times = np.atleast_1d(asked)
         position, velocity, spin = (np.zeros((len(times), 3)) for _ in range(3))
         pieces: Sequence[Flight | Glide] = (*self.flights, *self.glides)
         began = 0.0
@@ -78,6 +77,8 @@ class Course:
                 position[inside], velocity[inside] = here.position, here.velocity
                 spin[inside] = here.spin
             began += piece.duration
+        if asked.ndim == 0:
+            return BallState(position[0], velocity[0], spin[0], float(asked))
         return BallState(position, velocity, spin, times)
 
 

@@ -15,7 +15,7 @@ from kickdyn.errors import KickdynError
 
 METHOD = "DOP853"
 
-MAX_EVALUATIONS = 1_000_000
+MAX_EVALUATIONS = 250_000
 """Of the acceleration; a ball in syrup would take an explicit method for ever."""
 
 Rates = Callable[[float, Sequence[float]], list[float]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,6 +32,7 @@ class Motion:
         kept: which of the 8 are states.
         begin: those at the launch.
         rise, climb: indices of height and of its rate.
+        fault: what a coefficient or the wind raised last; the step is then tried shorter.
     """
 
     def __init__(self, launch: BallState, ball: Ball, air: Air, turning: bool = False) -> None:
@@ -39,6 +41,7 @@ class Motion:
         if brakes(air, launch.spin):
             kept += [6, 7] if turning else [6]
         self.kept = kept
+        self.fault: Exception | None = None
         self._acting = forces(ball, air)
         self._height = float(launch.position[2])
         self._spin = tuple(launch.spin.tolist())
@@ -56,7 +59,12 @@ class Motion:
         else:
             z, vx, vy, vz = (float(part) for part in states[2:6])
         height = self._height + z
-        ax, ay, az, k = self._acting(height, vx, vy, vz, left * wx, left * wy, left * wz)
+        try:
+            acted = self._acting(height, vx, vy, vz, left * wx, left * wy, left * wz)
+            ax, ay, az, k = (float(part) for part in acted)
+        except Exception as fault:  # someone's own function, perhaps only where no ball will be
+            self.fault = fault
+            ax = ay = az = k = math.nan
         result = [vx, vz, ax, az] if self._planar else [vx, vy, vz, ax, ay, az]
         if self._left is not None:
             result.append(-k * left)

@@ -28,7 +28,10 @@ def outside(path: Flight) -> list[tuple[CoefficientModel, float]]:
 def left_by(
     height: Array, velocity: Array, spin: Array, ball: Ball, air: Air
 ) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
-    """Return each coefficient model and which of many states lie outside its range."""
+    """Return each model of drag and lift, and which of many states lie outside its range.
+
+    Those of the torque are not judged: nobody measured it for soccer balls at any speed.
+    """
     wind: Array = np.asarray(air.wind if not callable(air.wind) else 0.0)
     if callable(air.wind):
         wind = np.array([air.wind_at(z) for z in height.tolist()])
@@ -43,7 +46,7 @@ def left_by(
     spins = whole > 0.0
     return [
         (model, (spins | (model is air.drag)) & model.range_left(reynolds, spin_parameter))
-        for model in (air.drag, air.lift, air.torque)
+        for model in (air.drag, air.lift)
         if isinstance(model, CoefficientModel)
     ]
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
@@ -32,7 +35,7 @@ class Glide:
     start: BallState
     end: BallState
     kind: str
-    _states: Any
+    _states: Callable[[Array], BallState]
     at_wall: bool = False
     blown: bool = False
 
@@ -41,9 +44,11 @@ class Glide:
         """How long it takes [s]."""
         return float(self.end.time)
 
-    def sample(self, t: Array) -> BallState:
-        """Return the ball at many times since the start, shape `(n,)` [s]."""
-        return self._states(t)  # type: ignore[no-any-return]
+    def sample(self, t: ArrayLike) -> BallState:
+        """Return the ball at times since the start, a number or shape `(n,)` [s]."""
+        moments = checks.times(t, self.duration, f"the {self.kind}")
+        states = self._states(np.atleast_1d(moments))
+        return states if moments.ndim else _single(states)
 
 
 def slide(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import pickle
 import re
 
 import numpy as np
@@ -291,8 +292,8 @@ def test_bad_options_are_refused(options, said):
 
 def test_flight_is_frozen_and_says_how_it_was_computed():
     path = kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(), tol=1e-8)
-    assert path.method == "DOP853, rtol 1e-08, drag and lift"
-    assert kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(drag=None)).method.endswith(", lift")
+    assert path.method == "DOP853, rtol 1e-08, drag, lift, spin decay"
+    assert kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(drag=None)).method.endswith(", lift, spin decay")
     assert path.evaluations > 0
     with pytest.raises(dataclasses.FrozenInstanceError):
         path.status = "lost"
@@ -347,6 +348,49 @@ def test_error_is_never_below_the_true_one():
         assert path.error >= true
         ratios.append(path.error / max(true, 1e-16))
     assert np.median(ratios) < 100
+
+
+def test_error_at_the_finest_tolerances():
+    """Slow kicks through the joins of the drag, against the other engine at 1e-13."""
+    rng = np.random.default_rng(11)
+    velocity = rng.normal(size=(30, 3)) * [4, 4, 2] + [0, 0, 6]
+    states = kd.BallState([(0, 0, 0.5)] * 30, velocity, rng.normal(size=(30, 3)) * 40, [0.0] * 30)
+    exact = kd.fly_many(states, BALL, kd.Air(), kd.Ground(), 1e-13).landing_position.values
+    for tol in (1e-11, 1e-12, 1e-13):
+        for position, u, spin, landing in zip(
+            states.position, states.velocity, states.spin, exact, strict=True
+        ):
+            path = kd.fly(kd.BallState(position, u, spin), BALL, kd.Air(), kd.Ground(), tol)
+            assert path.error + 3e-10 >= np.linalg.norm(path.landing.position - landing)
+
+
+def test_functions_that_fail_are_named():
+    def broken(reynolds, spin_parameter):
+        raise KeyError("no such ball")
+
+    with pytest.raises(kd.KickdynError, match=r"not finite.*raised KeyError: 'no such ball'"):
+        kd.fly(launch(), BALL, kd.Air(drag=broken))
+    with pytest.raises(kd.InvalidInput, match=r"wind at the launch, 0 m high, raised ValueError"):
+        kd.fly(launch(), BALL, kd.Air(wind=lambda z: (3 * math.log(z / 0.03), 0.0, 0.0)))
+
+
+@pytest.mark.parametrize(
+    "profile", [lambda z: 4 * (z / 10) ** 0.143, lambda z: 3 * math.log(z / 0.03)]
+)
+def test_wind_need_not_be_defined_where_no_ball_is(profile):
+    air = kd.Air(wind=lambda z: (profile(z), 0.0, 0.0))
+    state = launch((20, 1, 8), (0, -30, 15), height=BALL.radius)
+    path = kd.fly(state, BALL, air, kd.Ground())
+    many = kd.fly_many(kd.BallState([state.position], [state.velocity], [state.spin], [0]),
+                       BALL, air, kd.Ground())  # fmt: skip
+    assert path.landing.position == pytest.approx(many.landing_position.values[0], abs=1e-5)
+
+
+def test_a_flight_can_be_pickled():
+    path = kd.fly(launch((20, 1, 8), (0, -30, 15)), BALL, kd.Air(), orientation=True)
+    again = pickle.loads(pickle.dumps(path))
+    assert (again.landing.position == path.landing.position).all()
+    assert (again.orientation(0.5).as_quat() == path.orientation(0.5).as_quat()).all()
 
 
 def test_the_error_of_a_flight_cut_short_is_that_of_where_it_is_cut():

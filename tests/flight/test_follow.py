@@ -49,7 +49,7 @@ def test_the_dense_answer_is_continuous_and_meets_the_nodes():
         assert around.position[1] == pytest.approx(node.position, abs=1e-5)
         assert around.velocity[1] == pytest.approx(node.velocity, abs=1e-5)
     end = course.sample(course.duration)
-    assert end.position[0] == pytest.approx(course.rest.position, abs=1e-12)
+    assert end.position == pytest.approx(course.rest.position, abs=1e-12)
     assert course.distance == pytest.approx(math.hypot(*course.rest.position[:2]))
 
 
@@ -94,10 +94,17 @@ def test_bad_input(options, words):
         kd.follow(SHOT, BALL, kd.Air(), **options)
 
 
-@pytest.mark.parametrize("t", [[-1.0], [1e9], [[0.0]]])
-def test_times_outside(t):
-    with pytest.raises(kd.InvalidInput, match="between 0 and"):
-        kd.follow(SHOT, BALL).sample(t)
+@pytest.mark.parametrize(
+    ("t", "words"),
+    [([-1.0], "t is -1 s: the course lasts"), (1e9, "t is 1e"), ([[0.0]], "t has shape")],
+)
+def test_times_outside(t, words):
+    course = kd.follow(SHOT, BALL)
+    with pytest.raises(kd.InvalidInput, match=words):
+        course.sample(t)
+    with pytest.raises(kd.InvalidInput, match=words.replace("course", "roll")):
+        course.glides[-1].sample(t)
+    assert course.glides[-1].sample(0.0).position.shape == (3,)
 
 
 def test_ground_without_friction_is_refused_where_the_ball_would_slide():

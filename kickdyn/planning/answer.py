@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 from numpy.typing import ArrayLike
@@ -104,15 +105,23 @@ class Launches:
 
 
 def to_target(
-    state: BallState, goal: Goal, ball: Ball, air: Air | None, time: float, tol: float = 1e-11
+    state: BallState,
+    goal: Goal,
+    ball: Ball,
+    air: Air | None,
+    time: float,
+    tol: float = 1e-11,
+    *,
+    orientation: bool = False,
 ) -> Flight:
     """Fly to the vertical plane through a goal's target; where that fails, for the time."""
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
     deep = _deep(state, goal, ball)
-    path = fly(state, ball, air, deep, tol, plane=plane, time_limit=2 * time)
+    flown = partial(fly, state, ball, air, deep, tol, orientation=orientation)
+    path = flown(plane=plane, time_limit=2 * time)
     if path.status == "at plane" and abs(path.duration - time) < 0.5 * time:
         return path
-    return fly(state, ball, air, deep, tol, time_limit=time)
+    return flown(time_limit=time)
 
 
 def _deep(state: BallState, goal: Goal, ball: Ball) -> Ground:

@@ -167,7 +167,7 @@ def _carried_out(
     plain = search.leg.posture(found.posture.q)
     hit = strike_at(plain, found.v, touch.ball, touch.contact)
     start = hit.ball
-    path = to_target(start, goal, touch.ball, air, launch.time)
+    path = to_target(start, goal, touch.ball, air, launch.time, orientation=True)
     error = float(np.linalg.norm(path.landing.position - start.position - goal.target))
     used = np.abs(search.torque(found.posture.q, found.v)) / search.effort
     return KickPlan(

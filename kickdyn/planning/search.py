@@ -227,8 +227,6 @@ class Search:
             options={"maxiter": 80, "ftol": 1e-7},
         )  # fmt: skip
         x = np.clip(found.x, low, high)
-        x = np.clip(found.x, low, high)
-        print(np.abs(values(x)[equal]).max(), values(x)[room].min(initial=9))
         if not np.isfinite(x).all():
             return None
         here = values(x)

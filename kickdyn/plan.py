@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import sys
+from dataclasses import replace
 from typing import Any
 
 import click
+import numpy as np
 
 from kickdyn import checks
 from kickdyn.air import Air
@@ -51,6 +53,9 @@ from kickdyn.robots import ROBOTS
 @click.option("--wind", metavar="X,Y,Z", help="Of the air [m/s].")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="20 degC at sea level, the paper's, or none.")  # fmt: skip
+@click.option("--robust", metavar="ERRORS",
+              help="Make the scatter of the landing least, for standard deviations such as "
+              "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the kick.")
 def plan(
@@ -73,6 +78,7 @@ def plan(
     spin: str | None,
     wind: str | None,
     air: str,
+    robust: str | None,
     json_file: str | None,
     view: str | None,
 ) -> None:
@@ -100,12 +106,15 @@ def plan(
         standing = leg.posture(leg.configuration())
         standing = standing if place is None else standing.touched_at(place)
         ball_height = float(standing.contact_point[2]) + ball.radius
+    around = _blown(AIRS[air](), wind)
+    spread = None if robust is None else _spread(robust)
     planned = plan_kick(
         leg,
         goal,
         ball,
-        _blown(AIRS[air](), wind),
-        objective=objective,
+        around,
+        objective=objective if spread is None else "scatter",
+        spread=spread,
         restitution=restitution,
         friction=friction,
         spin=(0.0, 0.0, 0.0) if spin is None else _numbers("spin", spin, ",", 3),
@@ -128,8 +137,8 @@ def _blown(air: Air | None, wind: str | None) -> Air | None:
         return air
     if air is None:
         raise InvalidInput(f"wind is {wind!r}: without air there is none")
-    blowing = _numbers("wind", wind, ",", 3)
-    return Air(air.density, air.viscosity, blowing, air.drag, air.lift, air.torque)
+    blowing = np.array(_numbers("wind", wind, ",", 3))
+    return replace(air, wind=blowing)
 
 
 def _numbers(name: str, text: str, between: str, count: int) -> list[float]:
@@ -140,6 +149,19 @@ def _numbers(name: str, text: str, between: str, count: int) -> list[float]:
     if len(values) != count or not all(math.isfinite(value) for value in values):
         raise InvalidInput(f"{name} is {text!r}: it must be {count} numbers, as {_shape(name)}")
     return values
+
+
+def _spread(text: str) -> dict[str, float]:
+    found = {}
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            raise InvalidInput(
+                f"robust is {text!r}: it must be like speed=0.02,angle=0.01"
+            ) from None
+    return found
 
 
 def _shape(name: str) -> str:

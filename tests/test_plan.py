@@ -1,7 +1,6 @@
 """The planner's door, as a user opens it."""
 
 import json
-import math
 import subprocess
 import sys
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,7 +14,8 @@ from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.contact import Contact
+from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.flight.path import Flight
 from kickdyn.impact.held import check_free
 from kickdyn.impact.joint_impulses import joint_impulses
@@ -23,6 +24,7 @@ from kickdyn.leg import Leg
 from kickdyn.planning.answer import Launch, to_target
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
+from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
 from kickdyn.planning.search import Found, Objective, Search
 from kickdyn.planning.touch import Touch, touch_for
 from kickdyn.posture import Posture
@@ -91,6 +93,7 @@ def plan_kick(
     ball_height: float | None = None,
     limits: bool = True,
     arc: Literal["low", "high"] = "low",
+    spread: Mapping[str, float] | None = None,
 ) -> KickPlan:
     """Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -104,7 +107,8 @@ def plan_kick(
         air: None is the vacuum.
         objective: `joint speed`, mean square of speeds over their limits; `joint impulse`, the
             largest linear impulse in a joint [N s]; `effort`, the kinetic energy that the swing
-            must build up [J].
+            must build up [J]; `scatter`, the root mean square error of the landing [m] for errors
+            given by `spread`, searched from the plan of least joint speed.
         restitution: of the contact; 0.8 as the paper's Table 2.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
@@ -112,6 +116,7 @@ def plan_kick(
         ball_height: of the ball's centre [m, world frame]; free when not named.
         limits: whether velocity and effort limits hold; those of the joints' range always do.
         arc: `low` or `high`, where two launches meet the goal.
+        spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
 
     Raises:
         InvalidInput: a goal that no launch meets, with the nearest one that can be met; a leg that
@@ -119,8 +124,12 @@ def plan_kick(
             friction is too low; an unknown objective.
     """
     check_free(leg, "kicks are planned")
-    if objective not in OBJECTIVES:
-        raise InvalidInput(f"objective {objective!r} is unknown: choose {', '.join(OBJECTIVES)}")
+    if objective not in (*OBJECTIVES, "scatter"):
+        raise InvalidInput(
+            f"objective {objective!r} is unknown: choose {', '.join(OBJECTIVES)}, scatter"
+        )
+    if (spread is None) != (objective != "scatter"):
+        raise InvalidInput(f"objective {objective!r} and spread {spread!r}: scatter needs a spread")
     if arc not in ("low", "high"):
         raise InvalidInput(f"arc is {arc!r}: it must be low or high")
     if ball_height is not None:
@@ -130,8 +139,11 @@ def plan_kick(
     launch = _launch(goal, ball, air, turning, arc)
     touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
     search = Search(leg, touch, ball_height, limits)
-    cost = OBJECTIVES[objective](search, touch)
+    cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
     found = search.run(cost, STARTS)
+    if found is not None and spread is not None:
+        cost = _scatter(touch, launch, air, spread)
+        found = search.improve(found, cost)
     if found is None:
         where = "" if ball_height is None else f" that touches a ball at {ball_height:g} m"
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
@@ -205,9 +217,30 @@ def _joint_impulse(search: Search, touch: Touch) -> Objective:
     return worst
 
 
+def _scatter(
+    touch: Touch, launch: Launch, air: Air | None, spread: Mapping[str, float]
+) -> Objective:
+    sizes = checked_spread(spread)
+    _, slopes = landing_slopes(launch.state, touch.ball, air)  # the launch stays
+
+    def radius(posture: Posture, v: Array) -> float:
+        plain = Contact(touch.contact.normal, touch.contact.restitution, touch.contact.friction)
+        try:
+            hit = strike_at(posture, v, touch.ball, plain)
+        except NoImpact:  # far from feasible
+            return NEVER
+        parts = of_launch(hit, slopes, sizes)
+        return math.sqrt(sum(float(np.trace(part)) for part in parts.values()))
+
+    return radius
+
+
+NEVER = 1e6
+"""Scatter of a foot that does not meet the ball [m]."""
+
 OBJECTIVES: dict[str, Callable[[Search, Touch], Objective]] = {
     "joint speed": _joint_speed,
     "joint impulse": _joint_impulse,
     "effort": _effort,
 }
-"""What can be made least, by name."""
+"""What can be made least, by name; `scatter` besides."""

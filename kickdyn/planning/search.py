@@ -135,6 +135,14 @@ class Search:
             found = [again or best._replace(share=1.0)]
         return min(found, key=lambda one: one.value)
 
+    def improve(self, found: Found, objective: Objective) -> Found:
+        """Return the best near one that was found, or that one."""
+        value = objective(found.posture, found.v)
+        better = self._from(self._unknowns(found), objective, found.share == 1.0)
+        if better is None or not better.value < value:
+            return found._replace(value=value)
+        return better
+
     def _unknowns(self, found: Found) -> Array:
         q, v = found.posture.q[self.qs], found.v[self.vs] / self.speed
         return np.array([*q, *v, found.share])

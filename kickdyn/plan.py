@@ -20,8 +20,7 @@ from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.leg import Leg
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import OBJECTIVES, KickPlan, plan_kick
-from kickdyn.posture_sweep import AIRS, SHIPPED, load_leg
-from kickdyn.robots import ROBOTS
+from kickdyn.posture_sweep import AIRS, load_leg
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
@@ -95,7 +94,7 @@ def plan(
         speed=launch_speed,
         over=None if way is None else (way[0], way[1]),
     )
-    leg = _leg(leg_name, frame)
+    leg = load_leg(leg_name, frame)
     ball = Ball()
     check_distinct(json_file, view)
     for file in (None if json_file == "-" else json_file, view):
@@ -124,12 +123,6 @@ def plan(
         arc="high" if arc == "high" else "low",
     )
     _write(planned, leg, ball, json_file, view)
-
-
-def _leg(name: str, frame: str | None) -> Leg:
-    if name in ROBOTS and name not in SHIPPED:
-        return Leg.from_robot(name, frame, base="fixed", legs_only=True)
-    return load_leg(name, "toe" if frame is None else frame)
 
 
 def _blown(air: Air | None, wind: str | None) -> Air | None:

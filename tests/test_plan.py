@@ -68,7 +68,10 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),
         (["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"], "without air"),
         (["--distance", "30", "--time", "1", "--left", "3"], "in a plane only"),
-        (["--distance", "30", "--time", "1", "--leg", "dog"], "leg 'dog' is neither human, testbed"),
+        (
+            ["--distance", "30", "--time", "1", "--leg", "dog"],
+            "leg 'dog' is neither human, testbed",
+        ),
         (["--distance", "30", "--time", "1", "--ball-height", "3"], "touches a ball at 3 m"),
         (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
         (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),

@@ -38,8 +38,16 @@ from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
 from kickdyn.impact.unilateral import unilateral_strike as unilateral_strike
 from kickdyn.leg import Leg as Leg
 from kickdyn.plane import Plane as Plane
+from kickdyn.planning.answer import Launch as Launch
+from kickdyn.planning.answer import Launches as Launches
+from kickdyn.planning.goal import Goal as Goal
+from kickdyn.planning.kick import KickPlan as KickPlan
+from kickdyn.planning.kick import plan_kick as plan_kick
 from kickdyn.planning.launch import LaunchPlan as LaunchPlan
 from kickdyn.planning.launch import plan_launch as plan_launch
+from kickdyn.planning.launches import plan_launches as plan_launches
+from kickdyn.planning.passes import Pass as Pass
+from kickdyn.planning.passes import plan_pass as plan_pass
 from kickdyn.posture import Posture as Posture
 from kickdyn.version import __version__ as __version__
 

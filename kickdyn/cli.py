@@ -8,6 +8,7 @@ import click
 
 from kickdyn.door import run
 from kickdyn.paper.command import paper
+from kickdyn.plan import plan
 from kickdyn.posture_sweep import posture_sweep
 from kickdyn.tradeoff import tradeoff
 from kickdyn.version import __version__
@@ -21,6 +22,7 @@ def kickdyn_command() -> None:
 
 kickdyn_command.add_command(posture_sweep)
 kickdyn_command.add_command(paper)
+kickdyn_command.add_command(plan)
 kickdyn_command.add_command(tradeoff)
 
 

@@ -37,7 +37,7 @@ def _joints(hit: Impact) -> list[tuple[str, str]]:
 
 
 def _numbers(hit: Impact, path: Flight, drawn: Drawn) -> list[tuple[str, str]]:
-    aloft = "" if path.status == "landed" else " (still aloft)"
+    aloft = " (still aloft)" if path.status == "aloft" else ""
     return [
         (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(hit.impulse)):.4g} N s"),
         ("foot speed", f"{float(np.linalg.norm(hit.foot_velocity)):.4g} m/s"),

@@ -1,0 +1,92 @@
+"""Random goals for `plan_launches`: 1,000 that can be met, 200 that cannot.
+
+    python benchmarks/launches.py [REACHABLE UNREACHABLE]
+
+Goals that can be met are drawn as flights: any direction, spin and wind. Those that cannot ask for
+less than the least speed, a lower apex than the target, a longer or shorter flight than the speed
+limit allows, or a target beyond it.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import Counter
+
+import numpy as np
+
+import kickdyn as kd
+from kickdyn.planning.shooting import Range
+
+BALL, LIMIT = kd.Ball(), 40.0
+
+
+def reachable(n: int, seed: int = 1) -> list[tuple[kd.Goal, kd.Air, np.ndarray]]:
+    """Return goals, each with an air and a spin, that a launch drawn at random meets."""
+    draw, goals = np.random.default_rng(seed), []
+    while len(goals) < n:
+        speed, up, turn = draw.uniform(6, 36), draw.uniform(0.1, 1.2), draw.uniform(-0.5, 0.5)
+        level = speed * math.cos(up)
+        velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
+        spin, wind = draw.normal(0, 20, 3), np.append(draw.normal(0, 3, 2), 0.0)
+        air = kd.Air(wind=wind)
+        shot = Range(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * draw.uniform(0.6, 1))
+        if shot is None or shot.place(shot.time)[1][2] >= 0:
+            continue
+        target = shot.place(shot.time)[0]
+        part = 0.4 * math.hypot(*target[:2])
+        ahead = np.array([target[0], target[1], 0.0]) / math.hypot(*target[:2])
+        kind = ("time", "apex", "speed", "over")[len(goals) % 4]
+        height = shot.crossing(ahead, part, np.array([0.0, 0.0, 1.0]))[0]
+        value = {"time": shot.time, "apex": shot.apex()[0], "speed": speed, "over": (part, height)}
+        goals.append((kd.Goal(target, **{kind: value[kind]}), air, spin))
+    return goals
+
+
+def unreachable(n: int, seed: int = 2) -> list[tuple[kd.Goal, kd.Air]]:
+    """Return goals that no launch of up to `LIMIT` meets."""
+    draw, air, goals = np.random.default_rng(seed), kd.Air(), []
+    while len(goals) < n:
+        distance, rise = draw.uniform(5, 40), draw.uniform(0.5, 3)
+        target, kind = (distance, 0.0, rise), len(goals) % 5
+        least = math.sqrt(9.81 * (rise + math.hypot(distance, rise)))  # the vacuum's
+        goals.append(
+            (
+                [
+                    lambda t, d, v: kd.Goal(t, speed=0.9 * v),
+                    lambda t, d, v: kd.Goal(t, apex=0.9 * t[2]),
+                    lambda t, d, v: kd.Goal(t, time=0.95 * d / LIMIT),
+                    lambda t, d, v: kd.Goal(t, time=2 * LIMIT / 9.81 + 0.1),
+                    lambda t, d, v: kd.Goal((d + 170.0, 0.0, t[2]), time=4.0),
+                ][kind](target, distance, least),
+                air,
+            )
+        )
+    return goals
+
+
+def main() -> None:
+    """Print what was solved, in how many steps, and how long it took."""
+    many, few = (int(text) for text in sys.argv[1:3]) if len(sys.argv) > 2 else (1000, 200)
+    steps, solved, began = [], 0, time.perf_counter()
+    for goal, air, spin in reachable(many):
+        found = kd.plan_launches(goal, BALL, air, spin=spin)
+        solved += found.status == "met"
+        steps += [one.steps for one in found.solutions if one.steps >= 0][:1]
+    spent = time.perf_counter() - began
+    print(
+        f"{solved} of {many} met in {1e3 * spent / many:.0f} ms each, {len(steps)} by Newton from"
+    )
+    print(f"the nominal launch, in median {np.median(steps):g} and at most {max(steps)} steps")
+    limits, began = Counter[str](), time.perf_counter()
+    for goal, air in unreachable(few):
+        found = kd.plan_launches(goal, BALL, air, speed_limit=LIMIT)
+        limits[found.limit if found.status == "unreachable" else "MET"] += 1
+        limits["without a nearest"] += found.nearest is None
+    spent = time.perf_counter() - began
+    print(f"{few} out of reach: {dict(limits)}; {spent / few:.2f} s each")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""What planning a launch answers: launches, and the flights from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.checks import Array
+from kickdyn.flight.fly import fly
+from kickdyn.flight.path import Flight
+from kickdyn.ground import Ground
+from kickdyn.plane import Plane
+from kickdyn.planning.goal import Goal
+
+
+@dataclass(frozen=True, eq=False)
+class Launch:
+    """A launch that meets a goal.
+
+    Attributes:
+        goal: that it meets.
+        velocity: shape `(3,)` [m/s, world axes].
+        spin: shape `(3,)` [rad/s, world axes].
+        time: of the flight to the target [s].
+        errors: of the target (3 components), the thing named beside it, and `beside` [m, s, m/s].
+        steps: of Newton's method from the nominal launch; 0 where the vacuum's answer holds, and
+            -1 where the launch was found along the family of all launches to the target.
+        ball, air: what flies through what.
+    """
+
+    goal: Goal
+    velocity: Array
+    spin: Array
+    time: float
+    errors: Array
+    steps: int
+    ball: Ball
+    air: Air | None
+
+    @property
+    def speed(self) -> float:
+        """Launch speed [m/s]."""
+        return math.hypot(*self.velocity)
+
+    @property
+    def elevation(self) -> float:
+        """Launch angle above the horizontal [rad]."""
+        return math.atan2(self.velocity[2], math.hypot(self.velocity[0], self.velocity[1]))
+
+    @property
+    def azimuth(self) -> float:
+        """Launch direction from x towards y [rad]."""
+        return math.atan2(self.velocity[1], self.velocity[0])
+
+    @property
+    def state(self) -> BallState:
+        """The ball at the launch, at the origin."""
+        return BallState(velocity=self.velocity, spin=self.spin)
+
+    def fly(self, start: ArrayLike = (0.0, 0.0, 0.0), tol: float = 1e-11) -> Flight:
+        """Return the flight to the target, by `kd.fly`: to the plane there that faces the ball.
+
+        Args:
+            start: the ball's centre, shape `(3,)` [m, world frame].
+            tol: relative tolerance.
+        """
+        centre = checks.vector("start", start, 3, unit="m")
+        state = BallState(centre, self.velocity, self.spin)
+        return to_target(state, self.goal, self.ball, self.air, self.time, tol)
+
+
+@dataclass(frozen=True, eq=False)
+class Launches:
+    """What `plan_launches` found.
+
+    Attributes:
+        status: `met` or `unreachable`.
+        goal: as wished for.
+        solutions: every launch that meets it, by time of flight: a low arc before a high one.
+        limit: what stands in the way of an unreachable goal: `speed limit`, `spin limit`, or
+            `least speed`, `lowest way`, `highest way` to the target; empty where it is met.
+        nearest: a launch that meets the nearest goal there is, which is `nearest.goal`.
+    """
+
+    status: Literal["met", "unreachable"]
+    goal: Goal
+    solutions: tuple[Launch, ...]
+    limit: str = ""
+    nearest: Launch | None = None
+
+    @property
+    def said(self) -> str:
+        """A line that says what the answer is."""
+        if self.status == "met":
+            return f"{len(self.solutions)} launches meet the goal"
+        near = "nothing near is known" if self.nearest is None else f"nearest {_said(self.nearest)}"
+        return f"out of reach by the {self.limit}: {near}"
+
+
+def to_target(
+    state: BallState,
+    goal: Goal,
+    ball: Ball,
+    air: Air | None,
+    time: float,
+    tol: float = 1e-11,
+    *,
+    orientation: bool = False,
+) -> Flight:
+    """Fly to the vertical plane through a goal's target; where that fails, for the time."""
+    plane = Plane(state.position + goal.target, -goal.ahead, "centre")
+    deep = _deep(state, goal, ball)
+    flown = partial(fly, state, ball, air, deep, tol, orientation=orientation)
+    path = flown(plane=plane, time_limit=2 * time)
+    if path.status == "at plane" and abs(path.duration - time) < 0.5 * time:
+        return path
+    return flown(time_limit=time)
+
+
+def _deep(state: BallState, goal: Goal, ball: Ball) -> Ground:
+    lowest = min(0.0, float(goal.target[2])) - 10 * ball.radius - goal.distance
+    return Ground(float(state.position[2]) + lowest)
+
+
+def _said(near: Launch) -> str:
+    value = getattr(near.goal, near.goal.kind)
+    shown = f"{value[1]:.4g} m at {value[0]:.4g} m" if near.goal.kind == "over" else f"{value:.4g}"
+    where = ", ".join(f"{part:.4g}" for part in near.goal.target)
+    return f"({where}) m, {near.goal.kind} {shown}, at {near.speed:.4g} m/s"

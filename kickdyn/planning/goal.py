@@ -1,0 +1,146 @@
+"""What a kick is wished to do: a target, and one thing more about the way there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.forces import GRAVITY
+
+FARTHEST = 1e4
+"""How far away a target may be [m]: air and gravity are those of one place."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Goal:
+    """A target, and how the ball is to come there.
+
+    The target alone leaves a family of launches, one for each time of flight: name one thing more.
+
+    Args:
+        target: of the ball's centre, from where it starts: a distance along x at the height of the
+            launch [m], or a point, shape `(3,)` [m, world axes].
+        time: of the flight to the target [s].
+        apex: greatest height on the way, above the launch [m]. The target is met on the way down.
+        speed: of the launch [m/s]; a low and a high arc may both do it.
+        over: `(distance, height)` of a point on the way, such as over a wall or under a bar:
+            horizontal distance from the launch, along the line to the target, and the centre's
+            height above the launch [m].
+        beside: `(distance, sideways)` of the way seen from above: where the centre passes, left of
+            the line to the target [m]. It asks for spin, and comes on top of the others.
+
+    Raises:
+        InvalidInput: a value out of range, none or two of time, apex, speed and over, a target
+            straight above or below, or a point on the way that is not before the target.
+    """
+
+    target: Array
+    time: float | None
+    apex: float | None
+    speed: float | None
+    over: tuple[float, float] | None
+    beside: tuple[float, float] | None
+
+    def __init__(
+        self,
+        target: ArrayLike,
+        *,
+        time: float | None = None,
+        apex: float | None = None,
+        speed: float | None = None,
+        over: tuple[float, float] | None = None,
+        beside: tuple[float, float] | None = None,
+    ) -> None:
+        point = checks.floats("target", target, unit="m")
+        if point.ndim == 0:
+            distance = checks.number("distance", target, above=0, unit="m")
+            point = np.array([distance, 0.0, 0.0])
+        if point.shape != (3,):
+            raise InvalidInput(f"target has shape {point.shape}: it must be a distance or (3,)")
+        level, size = math.hypot(point[0], point[1]), math.hypot(*point)
+        if not size <= FARTHEST:
+            raise InvalidInput(f"target is {size:g} m away: at most {FARTHEST:g} m")
+        if not level >= max(1e-3 * size, 1e-6):
+            raise InvalidInput(
+                f"target is {point.tolist()}: it must not be straight above or below the ball"
+            )
+        point.setflags(write=False)
+        named = {"time": time, "apex": apex, "speed": speed, "over": over}
+        given = [name for name, value in named.items() if value is not None]
+        if len(given) != 1:
+            raise InvalidInput(
+                f"{' and '.join(given) or 'nothing'} is named beside the target: name one of "
+                "time, apex, speed, over"
+            )
+        object.__setattr__(self, "target", point)
+        for name, unit in (("time", "s"), ("apex", "m"), ("speed", "m/s")):
+            value = named[name]
+            if value is not None:
+                value = checks.number(name, value, above=0, at_most=1e6, unit=unit)
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "over", _on_the_way("over", over, level))
+        object.__setattr__(self, "beside", _on_the_way("beside", beside, level))
+
+    @property
+    def distance(self) -> float:
+        """Horizontal distance to the target [m]."""
+        return math.hypot(self.target[0], self.target[1])
+
+    @property
+    def ahead(self) -> Array:
+        """Horizontal unit vector to the target, shape `(3,)`."""
+        return np.array([self.target[0], self.target[1], 0.0]) / self.distance
+
+    @property
+    def kind(self) -> str:
+        """The thing named beside the target: `time`, `apex`, `speed` or `over`."""
+        names = ("time", "apex", "speed", "over")
+        return next(name for name in names if getattr(self, name) is not None)
+
+    def nominal_times(self) -> list[float]:
+        """Return the times of flight that meet this in the vacuum [s], Eqs. (24)-(25) solved.
+
+        None where the vacuum does not allow it, two where a low and a high arc do.
+        """
+        rise, g = float(self.target[2]), GRAVITY
+        if self.time is not None:
+            return [self.time]
+        if self.apex is not None:
+            if self.apex < max(rise, 0.0):
+                return []
+            return [(math.sqrt(2 * g * self.apex) + math.sqrt(2 * g * (self.apex - rise))) / g]
+        if self.over is not None:
+            part = self.over[0] / self.distance
+            square = 2 * (self.over[1] - part * rise) / (g * part * (1 - part))
+            return [math.sqrt(square)] if square > 0 else []
+        assert self.speed is not None
+        half = (self.speed**2 - g * rise) / 2
+        root = half * half - (g / 2) ** 2 * float(self.target @ self.target)
+        if root < 0 or half <= 0:
+            return []
+        squares = [(half + sign * math.sqrt(root)) / (g * g / 4) for sign in (-1, 1)]
+        squares[0] = float(self.target @ self.target) / (half + math.sqrt(root))
+        return [math.sqrt(square) for square in squares]
+
+
+def nominal_velocity(target: Array, time: float) -> Array:
+    """Return the launch velocity to a target in a time in the vacuum, Eqs. (24)-(25), `(3,)`."""
+    return np.asarray(target / time + np.array([0.0, 0.0, GRAVITY * time / 2]))
+
+
+def _on_the_way(name: str, value: object, level: float) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    pair = checks.vector(name, value, 2, unit="m")  # type: ignore[arg-type]
+    if not 0 < pair[0] < level:
+        raise InvalidInput(
+            f"{name} is at {pair[0]:g} m: it must be between the ball and the target, which is "
+            f"{level:g} m away"
+        )
+    return float(pair[0]), float(pair[1])

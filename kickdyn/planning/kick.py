@@ -1,0 +1,246 @@
+"""Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
+from kickdyn.contact import Contact
+from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.flight.path import Flight
+from kickdyn.impact.held import check_free
+from kickdyn.impact.joint_impulses import joint_impulses
+from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.leg import Leg
+from kickdyn.planning.answer import Launch, to_target
+from kickdyn.planning.goal import Goal
+from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
+from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
+from kickdyn.planning.search import Found, Objective, Search
+from kickdyn.planning.touch import Touch, touch_for
+from kickdyn.posture import Posture
+
+STARTS = 4
+"""Of the search, drawn with a fixed seed."""
+
+SMOOTH = 12
+"""Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""
+
+
+@dataclass(frozen=True, eq=False)
+class KickPlan:
+    """A kick, planned and then carried out by `strike` and `fly`.
+
+    Attributes:
+        status: `met`; or `beyond limits`: the leg is not fast or strong enough, and this is the
+            kick in the planned direction that gives the ball the most speed.
+        goal: wished for.
+        launch: that meets it.
+        objective: that was made least; `value` is its value.
+        share: of the launch speed that is reached; 1 where `status` is `met`.
+        touch: impulse, normal and place on the ball.
+        hit: the strike, from the planned posture and joint velocity.
+        path: the flight from there, to the target's plane.
+        landing_error: distance of its end from the target [m].
+        speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
+            torque is what keeps the joints' speed, gravity included.
+    """
+
+    status: Literal["met", "beyond limits"]
+    goal: Goal
+    launch: Launch
+    objective: str
+    value: float
+    share: float
+    touch: Touch
+    hit: Impact
+    path: Flight
+    landing_error: float
+    speed_use: float
+    effort_use: float
+
+    @property
+    def q(self) -> Array:
+        """Posture at the touch, shape `(nq,)` [rad]."""
+        return self.hit.posture.q
+
+    @property
+    def v(self) -> Array:
+        """Joint velocity at the touch, shape `(nv,)` [rad/s]."""
+        return self.hit.v_before
+
+
+def plan_kick(
+    leg: Leg,
+    goal: Goal,
+    ball: Ball,
+    air: Air | None = None,
+    *,
+    objective: str = "joint speed",
+    restitution: float = 0.8,
+    friction: float = 0.4,
+    spin: ArrayLike = (0.0, 0.0, 0.0),
+    offset: ArrayLike | None = None,
+    ball_height: float | None = None,
+    limits: bool = True,
+    arc: Literal["low", "high"] = "low",
+    spread: Mapping[str, float] | None = None,
+) -> KickPlan:
+    """Find posture and joint velocity that strike a ball at rest so that it meets a goal.
+
+    Goal, launch, impulse, normal and foot velocity follow from each other in closed form; posture
+    and joint velocity are what is left, and the objective chooses among them.
+
+    Args:
+        leg: on a fixed base, without supports or loops.
+        goal: from where the ball lies.
+        ball: mass and radius.
+        air: None is the vacuum.
+        objective: `joint speed`, mean square of speeds over their limits; `joint impulse`, the
+            largest linear impulse in a joint [N s]; `effort`, the kinetic energy that the swing
+            must build up [J]; `scatter`, the root mean square error of the landing [m] for errors
+            given by `spread`, searched from the plan of least joint speed.
+        restitution: of the contact; 0.8 as the paper's Table 2.
+        friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
+        spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
+        offset: of the contact point from the leg's frame, as for `Contact`.
+        ball_height: of the ball's centre [m, world frame]; free when not named.
+        limits: whether velocity and effort limits hold; those of the joints' range always do.
+        arc: `low` or `high`, where two launches meet the goal.
+        spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
+
+    Raises:
+        InvalidInput: a goal that no launch meets, with the nearest one that can be met; a leg that
+            cannot kick in that direction or whose postures cannot reach the ball; a spin for which
+            friction is too low; an unknown objective.
+    """
+    check_free(leg, "kicks are planned")
+    if objective not in (*OBJECTIVES, "scatter"):
+        raise InvalidInput(
+            f"objective {objective!r} is unknown: choose {', '.join(OBJECTIVES)}, scatter"
+        )
+    if (spread is None) != (objective != "scatter"):
+        raise InvalidInput(f"objective {objective!r} and spread {spread!r}: scatter needs a spread")
+    if arc not in ("low", "high"):
+        raise InvalidInput(f"arc is {arc!r}: it must be low or high")
+    if ball_height is not None:
+        ball_height = checks.number("ball height", ball_height, unit="m")
+    place = None if offset is None else checks.vector("contact offset", offset, 3, unit="m")
+    turning = checks.vector("spin", spin, 3, unit="rad/s")
+    launch = _launch(goal, ball, air, turning, arc)
+    touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
+    search = Search(leg, touch, ball_height, limits)
+    cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
+    found = search.run(cost, STARTS)
+    if found is not None and spread is not None:
+        cost = _scatter(touch, launch, air, spread)
+        found = search.improve(found, cost)
+    if found is None:
+        where = "" if ball_height is None else f" that touches a ball at {ball_height:g} m"
+        raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
+    return _carried_out(search, found, goal, launch, objective, air, cost)
+
+
+def _launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
+    """Return the launch whose spin is across it: the part along it cannot be given."""
+    across = spin
+    for _ in range(30):
+        found = plan_launches(goal, ball, air, spin=across, speed_limit=SPEED_LIMIT)
+        if found.status != "met":
+            raise InvalidInput(f"the goal is {found.said}")
+        launch = found.solutions[0 if arc == "low" else -1]
+        way = launch.velocity / launch.speed
+        lost = float(launch.spin @ way)
+        if abs(lost) <= 1e-12 * max(math.hypot(*launch.spin), 1e-300):
+            return launch
+        across = launch.spin - lost * way
+    return launch
+
+
+def _carried_out(
+    search: Search,
+    found: Found,
+    goal: Goal,
+    launch: Launch,
+    objective: str,
+    air: Air | None,
+    cost: Objective,
+) -> KickPlan:
+    touch = search.touch
+    plain = search.leg.posture(found.posture.q)
+    hit = strike_at(plain, found.v, touch.ball, touch.contact)
+    start = hit.ball
+    path = to_target(start, goal, touch.ball, air, launch.time, orientation=True)
+    error = float(np.linalg.norm(path.landing.position - start.position - goal.target))
+    used = np.abs(search.torque(found.posture.q, found.v)) / search.effort
+    return KickPlan(
+        status="met" if found.share == 1.0 else "beyond limits",
+        goal=goal,
+        launch=launch,
+        objective=objective,
+        value=cost(found.posture, found.v),
+        share=found.share,
+        touch=touch,
+        hit=hit,
+        path=path,
+        landing_error=error,
+        speed_use=float(np.abs(found.v[search.vs] / search.speed).max()),
+        effort_use=float(used.max()),
+    )
+
+
+def _joint_speed(search: Search, touch: Touch) -> Objective:
+    return lambda posture, v: float(np.mean((v[search.vs] / search.speed) ** 2))
+
+
+def _effort(search: Search, touch: Touch) -> Objective:
+    return lambda posture, v: 0.5 * float(v @ posture.inertia @ v)
+
+
+def _joint_impulse(search: Search, touch: Touch) -> Objective:
+    def worst(posture: Posture, v: Array) -> float:
+        jump, held = posture.respond(-touch.impulse.dot(posture.jacobian))
+        through, _ = joint_impulses(posture, jump, -touch.impulse, held)
+        sizes = np.linalg.norm(through[:, :3], axis=1)
+        top = float(sizes.max())
+        return top * math.pow(float(np.sum((sizes / top) ** SMOOTH)), 1 / SMOOTH)
+
+    return worst
+
+
+def _scatter(
+    touch: Touch, launch: Launch, air: Air | None, spread: Mapping[str, float]
+) -> Objective:
+    sizes = checked_spread(spread)
+    _, slopes = landing_slopes(launch.state, touch.ball, air)  # the launch stays
+
+    def radius(posture: Posture, v: Array) -> float:
+        plain = Contact(touch.contact.normal, touch.contact.restitution, touch.contact.friction)
+        try:
+            hit = strike_at(posture, v, touch.ball, plain)
+        except NoImpact:  # far from feasible
+            return NEVER
+        parts = of_launch(hit, slopes, sizes)
+        return math.sqrt(sum(float(np.trace(part)) for part in parts.values()))
+
+    return radius
+
+
+NEVER = 1e6
+"""Scatter of a foot that does not meet the ball [m]."""
+
+OBJECTIVES: dict[str, Callable[[Search, Touch], Objective]] = {
+    "joint speed": _joint_speed,
+    "joint impulse": _joint_impulse,
+    "effort": _effort,
+}
+"""What can be made least, by name; `scatter` besides."""

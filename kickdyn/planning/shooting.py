@@ -1,0 +1,162 @@
+"""Flights to a time, with what small changes of the launch do to them: internal differentiation.
+
+The flight and those of slightly changed launches are integrated side by side with the same steps,
+so that their differences are those of the equations and not of the steps (Bock 1981).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
+from kickdyn.flight.forces import downward, forces, is_ballistic
+
+NUDGE = 1e-6
+"""Change of a launch, over its speed; of a spin, over `SPIN_SCALE`."""
+
+SPIN_SCALE = 10.0
+"""[rad/s]"""
+
+TOLERANCE = 1e-12
+
+Place = Callable[[float], tuple[Array, Array]]
+
+
+class Shot(NamedTuple):
+    """A flight to a time, and its derivatives by launch velocity, then by the spin's size.
+
+    Attributes:
+        place: from a time [s] to position `(3,)` [m, from the launch] and velocity `(3,)` [m/s].
+        slope: from a time to the derivatives of the position, shape `(3, 3)` or `(3, 4)`.
+        time: up to which both hold [s].
+    """
+
+    place: Place
+    slope: Callable[[float], Array]
+    time: float
+
+    def apex(self) -> tuple[float, Array]:
+        """Return the greatest height on the way and its derivatives at a fixed end."""
+        when = self._when(lambda at: float(self.place(at)[1][2]))
+        when = self.time if when is None else when
+        if self.place(0.0)[1][2] <= 0.0:
+            when = 0.0
+        return float(self.place(when)[0][2]), self.slope(when)[2]
+
+    def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
+        """Return position along a direction where the flight is so far ahead, and derivatives.
+
+        nan where it does not come so far.
+        """
+        when = self._when(lambda at: float(ahead @ self.place(at)[0]) - distance)
+        if when is None:
+            return math.nan, np.full(self.slope(0.0).shape[1], math.nan)
+        where, going = self.place(when)
+        moved = self.slope(when)
+        later = -(ahead @ moved) / (ahead @ going)  # the crossing comes so much later
+        return float(along @ where), along @ moved + (along @ going) * later
+
+    def _when(self, value: Callable[[float], float]) -> float | None:
+        first, last = value(0.0), value(self.time)
+        if first * last > 0 or first == last:
+            return None
+        return float(brentq(value, 0.0, self.time, xtol=1e-15 * self.time + 1e-300))
+
+
+class Range:
+    """A ball in the air, to be shot.
+
+    Args:
+        ball: mass and radius.
+        air: None is the vacuum.
+        spin: of the launch, shape `(3,)` [rad/s]; or its axis, where its size is sought.
+        seeks_spin: whether the size of the spin is one of the unknowns.
+        tol: of the integration, relative to the flight's length and speed.
+    """
+
+    def __init__(
+        self,
+        ball: Ball,
+        air: Air | None,
+        spin: Array,
+        seeks_spin: bool = False,
+        tol: float = TOLERANCE,
+    ) -> None:
+        self.tol = tol
+        self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
+        self._acting = None if air is None else forces(ball, air)
+        self._gravity = np.array([0.0, 0.0, -downward(ball, air)])
+
+    def spin_of(self, size: float) -> Array:
+        """Return the spin, shape `(3,)` [rad/s]."""
+        return self.spin * size if self.seeks_spin else self.spin
+
+    def shoot(self, velocity: Array, time: float, size: float = 0.0) -> Shot | None:
+        """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails."""
+        spin = self.spin_of(size)
+        if is_ballistic(self.air, spin) and not self.seeks_spin:
+            return self._fall(velocity, time)
+        speed = math.hypot(*velocity)
+        nudge = NUDGE * max(speed, 1e-6)
+        lanes = [velocity, *(velocity + nudge * axis for axis in np.eye(3))]
+        spins = [spin] * 4
+        nudges = np.array([nudge] * 3)
+        if self.seeks_spin:
+            lanes.append(velocity)
+            spins.append(self.spin_of(size + NUDGE * SPIN_SCALE))
+            nudges = np.append(nudges, NUDGE * SPIN_SCALE)
+        begin = np.array([[0, 0, 0, *lane, 1.0] for lane in lanes], dtype=float)
+        turning = [tuple(one.tolist()) for one in spins]
+        acting = self._acting
+        assert acting is not None
+
+        def rates(_: float, flat: Array) -> list[float]:
+            result: list[float] = []
+            values = flat.tolist()
+            for lane, (wx, wy, wz) in enumerate(turning):
+                _, _, z, vx, vy, vz, left = values[7 * lane : 7 * lane + 7]
+                ax, ay, az, k = acting(z, vx, vy, vz, left * wx, left * wy, left * wz)
+                result += (vx, vy, vz, ax, ay, az, -k * left)
+            return result
+
+        length = max(speed * time, 1e-9)
+        scale = np.tile([*3 * [length], *3 * [max(speed, 1e-9)], 1.0], len(lanes))
+        try:
+            found = solve_ivp(
+                rates, (0.0, time), begin.ravel(), "DOP853", rtol=self.tol,
+                atol=self.tol * scale, dense_output=True,
+            )  # fmt: skip
+        except (ArithmeticError, ValueError):
+            return None
+        if not found.success or not np.isfinite(found.y[:, -1]).all():
+            return None
+        last = found.y[:, -1]
+
+        def states(at: float) -> Array:
+            return np.asarray(last if at == time else found.sol(at)).reshape(len(lanes), 7)
+
+        def place(at: float) -> tuple[Array, Array]:
+            first = states(at)[0]
+            return first[:3], first[3:6]
+
+        def slope(at: float) -> Array:
+            where = states(at)[:, :3]
+            return np.asarray(((where[1:] - where[0]) / nudges[:, None]).T)
+
+        return Shot(place, slope, time)
+
+    def _fall(self, velocity: Array, time: float) -> Shot:
+        g = self._gravity
+
+        def place(at: float) -> tuple[Array, Array]:
+            return velocity * at + 0.5 * g * at * at, velocity + g * at
+
+        return Shot(place, lambda at: at * np.eye(3), time)

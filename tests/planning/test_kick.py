@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.planning.kick import OBJECTIVES
+
+HUMAN = kd.Leg.human()
+G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+def check(leg, plan, ball_height=None):
+    """Strike and fly again, by the public names only."""
+    hit = kd.strike(leg, plan.q, plan.v, BALL, plan.touch.contact)
+    assert hit.ball.velocity == pytest.approx(plan.launch.velocity, abs=1e-8)
+    assert hit.ball.spin == pytest.approx(plan.launch.spin, abs=1e-7)
+    wall = kd.Plane(hit.ball.position + plan.goal.target, -plan.goal.ahead, "centre")
+    path = kd.fly(hit.ball, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
+    assert np.abs(path.landing.position - hit.ball.position - plan.goal.target).max() < 1e-6
+    assert path.duration == pytest.approx(plan.launch.time, abs=1e-7)
+    assert plan.landing_error < 1e-3
+    assert (plan.q >= leg.lower).all()
+    assert (plan.q <= leg.upper).all()
+    assert (np.abs(plan.v) <= leg.velocity_limit).all()
+    assert plan.speed_use <= 1
+    assert plan.effort_use <= 1
+    if ball_height is not None:
+        assert hit.ball.position[2] == pytest.approx(ball_height, abs=1e-4)
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+@pytest.mark.parametrize(
+    ("leg", "goal", "height"),
+    [(HUMAN, kd.Goal(30, time=1.5), -0.704), (G1, kd.Goal((4, 1, 0), time=0.8), -0.68)],
+)
+def test_a_plan_meets_its_goal_within_all_limits(leg, goal, height, objective):
+    plan = kd.plan_kick(leg, goal, BALL, AIR, objective=objective, ball_height=height)
+    assert plan.status == "met"
+    check(leg, plan, height)
+
+
+def test_each_objective_is_best_at_its_own():
+    goal = kd.Goal(20, time=1.2)
+    plans = {name: kd.plan_kick(HUMAN, goal, BALL, AIR, objective=name) for name in OBJECTIVES}
+    rated = {
+        "joint speed": lambda plan: np.mean((plan.v / HUMAN.velocity_limit) ** 2),
+        "joint impulse": lambda plan: plan.hit.worst_joint[1],
+        "effort": lambda plan: 0.5 * plan.v @ plan.hit.posture.inertia @ plan.v,
+    }
+    for name, rate in rated.items():
+        own = rate(plans[name])
+        assert plans[name].value == pytest.approx(own, rel=0.15)
+        assert all(own <= rate(other) * (1 + 1e-3) for other in plans.values())
+
+
+def test_no_other_joint_velocity_of_that_posture_is_slower():
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR)
+    null = np.linalg.svd(plan.hit.posture.jacobian)[2][2:]
+    slower = plan.v / HUMAN.velocity_limit
+    for way in null:
+        assert abs(slower @ (way / HUMAN.velocity_limit)) < 1e-3
+
+
+def test_spin_is_given_as_asked():
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, spin=(0, -20, 0))
+    assert plan.hit.ball.spin == pytest.approx([0, -20, 0], abs=1e-8)
+    check(HUMAN, plan)
+
+
+def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
+    goal = kd.Goal(100, time=3)
+    plan = kd.plan_kick(HUMAN, goal, BALL, AIR)
+    assert plan.status == "beyond limits"
+    assert 0.3 < plan.share < 0.8
+    assert plan.hit.ball.velocity == pytest.approx(plan.share * plan.launch.velocity, rel=1e-7)
+    assert plan.speed_use == pytest.approx(1, abs=1e-3)
+    assert plan.landing_error > 1
+    lifted = kd.plan_kick(HUMAN, goal, BALL, AIR, limits=False)
+    assert lifted.status == "met"
+    assert lifted.speed_use > 1
+    assert lifted.landing_error < 1e-3
+
+
+def test_the_same_plan_again():
+    first, again = (kd.plan_kick(G1, kd.Goal(3, time=0.7), BALL, AIR) for _ in range(2))
+    assert first.q.tolist() == again.q.tolist()
+
+
+@pytest.mark.parametrize(
+    ("goal", "options", "words"),
+    [
+        (
+            kd.Goal(30, time=1.5),
+            {"objective": "beauty"},
+            "choose joint speed, joint impulse, effort",
+        ),
+        (kd.Goal(30, time=1.5), {"arc": "middle"}, "arc is 'middle'"),
+        (kd.Goal((20, 2, 0), time=1), {}, "its foot moves in a plane only"),
+        (kd.Goal(15, time=1), {"ball_height": -2}, "no posture that touches a ball at -2 m"),
+        (kd.Goal((10, 0, 3), apex=1), {}, "out of reach by the lowest way: nearest"),
+        (kd.Goal(15, time=1), {"spin": (0, -900, 0)}, "with friction 0.4"),
+        (kd.Goal(15, time=1), {"restitution": 2}, "restitution is 2"),
+    ],
+)
+def test_bad_input(goal, options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.plan_kick(HUMAN, goal, BALL, None, **options)
+
+
+def test_a_held_leg_is_refused():
+    leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    with pytest.raises(kd.InvalidInput, match="joints without one angle"):
+        kd.plan_kick(leg, kd.Goal(3, time=0.7), BALL)

@@ -1,0 +1,53 @@
+import math
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+@pytest.mark.parametrize(("elevation", "spin"), [(0.0, (0, 0, 0)), (0.3, (0, -10, 20))])
+def test_the_ball_comes_there_in_time(elevation, spin):
+    found = kd.plan_pass((6, 1), 1.3, BALL, AIR, elevation=elevation, spin=spin)
+    assert found.status == "met"
+    ground = kd.Ground(surface="turf")
+    state = kd.BallState((0, 0, BALL.radius), found.velocity, spin)
+    course = kd.follow(state, BALL, AIR, ground, 1e-11)
+    at = course.sample(1.3)
+    ahead = np.array([6, 1, 0]) / math.hypot(6, 1)
+    assert float(ahead @ at.position[0]) == pytest.approx(math.hypot(6, 1), abs=1e-5)
+    assert abs(found.aside) < 1e-6
+    assert math.atan2(found.velocity[2], math.hypot(*found.velocity[:2])) == pytest.approx(
+        elevation
+    )
+
+
+def test_too_slow_a_pass_stops_before():
+    found = kd.plan_pass(6, 30, BALL)
+    assert (found.status, found.limit) == ("unreachable", "rolling")
+    slower = kd.BallState((0, 0, BALL.radius), 0.999 * found.velocity)
+    assert kd.follow(slower, BALL).distance < 6
+
+
+def test_too_fast_a_pass_names_the_speed_limit():
+    found = kd.plan_pass(20, 0.5, BALL, AIR, speed_limit=10)
+    assert (found.status, found.limit) == ("unreachable", "speed limit")
+    assert math.hypot(*found.velocity) == pytest.approx(10)
+    assert found.time > 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "words"),
+    [
+        ((6, -1), {}, "time is -1"),
+        (((0, 0), 1), {}, "not at 0"),
+        ((6, 1), {"elevation": 1.5}, "elevation is 1.5"),
+        ((6, 1), {"speed_limit": 0}, "speed limit is 0"),
+        ((6, 1), {"ground": kd.Ground()}, "has no surface"),
+    ],
+)
+def test_bad_input(arguments, options, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.plan_pass(*arguments, BALL, **options)

@@ -1,0 +1,78 @@
+import math
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.planning.scatter import UNITS, drawn_scatter, landing_slopes, scatter
+
+LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air()
+HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9), BALL, AIR, spin=(0, -12, 6)).hit
+SMALL = {"speed": 2e-3, "angle": 1e-3, "contact": 1e-4, "restitution": 2e-3, "drag": 0.02}
+
+
+def test_first_order_and_drawn_kicks_agree():
+    linear = scatter(HIT, AIR, **SMALL)
+    drawn = drawn_scatter(HIT, AIR, kicks=4002, **SMALL)
+    assert drawn.mean == pytest.approx(linear.mean, abs=0.1 * linear.radius)
+    assert drawn.radius == pytest.approx(linear.radius, rel=0.04)
+    assert np.linalg.norm(drawn.covariance - linear.covariance) < 0.1 * linear.radius**2
+
+
+@pytest.mark.parametrize("source", [name for name in UNITS if name != "drag"])
+def test_each_source_alone(source):
+    linear = scatter(HIT, None, **{source: SMALL[source]})
+    drawn = drawn_scatter(HIT, None, kicks=4000, seed=1, **{source: SMALL[source]})
+    assert drawn.radius == pytest.approx(linear.radius, rel=0.05)
+    assert linear.by_source[source] == pytest.approx(linear.covariance)
+
+
+def test_drag_alone_is_a_difference_of_flights():
+    thin, thick = (
+        kd.Air(drag=lambda re, s, k=k: k * kd.Air().drag.function(re, s)) for k in (0.98, 1.02)
+    )
+    ends = [kd.fly(HIT.ball, BALL, air).landing.position for air in (thin, thick)]
+    expected = np.linalg.norm((ends[0] - ends[1])[:2]) / 2
+    assert scatter(HIT, AIR, drag=0.02).radius == pytest.approx(expected, rel=1e-3)
+
+
+def test_landing_slopes_are_those_of_the_parabola():
+    state = kd.BallState(velocity=(8, 1, 5))
+    landing, slopes = landing_slopes(state, BALL, None)
+    time = 10 / 9.81
+    assert landing == pytest.approx([8 * time, time])
+    expected = [[time, 0, 2 * 8 / 9.81], [0, time, 2 / 9.81]]
+    assert slopes[:, :3] == pytest.approx(np.array(expected), rel=1e-9)
+    assert not slopes[:, 3:].any()
+
+
+def test_a_robust_plan_scatters_least():
+    leg, goal, spread = kd.Leg.human(), kd.Goal(15, time=1), {"angle": 0.02, "contact": 0.002}
+    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", spread=spread)
+    usual = kd.plan_kick(leg, goal, BALL, AIR)
+    assert robust.landing_error < 1e-3
+    assert robust.speed_use <= 1
+    radius = scatter(robust.hit, AIR, **spread).radius
+    assert robust.value == pytest.approx(radius, rel=1e-3)
+    assert radius < scatter(usual.hit, AIR, **spread).radius * (1 - 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("spread", "words"),
+    [
+        ({}, "no source is named"),
+        ({"luck": 1}, "source 'luck' is unknown: choose among speed, angle"),
+        ({"angle": -1}, "spread of angle is -1"),
+        ({"angle": math.nan}, "spread of angle is nan"),
+    ],
+)
+def test_bad_input(spread, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        scatter(HIT, AIR, **spread)
+    with pytest.raises(kd.InvalidInput, match=words):
+        drawn_scatter(HIT, AIR, **spread)
+
+
+def test_scatter_needs_a_spread():
+    with pytest.raises(kd.InvalidInput, match="scatter needs a spread"):
+        kd.plan_kick(LEG, kd.Goal(6, time=1), BALL, objective="scatter")

@@ -1,0 +1,94 @@
+"""The planner's door, as a user opens it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import kickdyn as kd
+
+
+def door(*arguments, cwd=None):
+    noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
+    command = [sys.executable, "-W", "error", "-W", noise, "-m", "kickdyn.plan", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+
+
+def test_text_and_files(tmp_path):
+    files = ["--view", "kick.html", "--json", "kick.json"]
+    ended = door("--distance", "30", "--time", "1.5", "--leg", "human", *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.48", "wrote kick.html"):
+        assert words in ended.stdout
+    page = (tmp_path / "kick.html").read_text()
+    assert "The ball comes to (30, 0, 0) m" in page
+    assert "still aloft" not in page
+    report = json.loads((tmp_path / "kick.json").read_text())
+    assert report["status"] == "met"
+    assert report["landing_error"] < 1e-3
+    assert set(report["leg"]["q_deg"]) == {"hip", "knee", "ankle"}
+
+
+def test_json_on_stdout_is_a_kick_that_can_be_done_again():
+    over = ["--height", "2.2", "--over", "9.15:2.15"]
+    ended = door("--distance", "20.3", *over, "--json", "-")
+    report = json.loads(ended.stdout)
+    leg = kd.Leg.human()
+    q = leg.configuration(
+        {k: v * 3.141592653589793 / 180 for k, v in report["leg"]["q_deg"].items()}
+    )
+    touch = kd.Contact(report["touch"]["normal"], 0.8, 0.4)
+    hit = kd.strike(leg, q, report["leg"]["v"], kd.Ball(), touch)
+    path = kd.fly(hit.ball, kd.Ball(), kd.Air(), kd.Ground(-5.0))
+    start = hit.ball.position
+    assert path.arrival(start[0] + 20.3).position[2] - start[2] == pytest.approx(2.2, abs=1e-6)
+    assert path.arrival(start[0] + 9.15).position[2] - start[2] == pytest.approx(2.15, abs=1e-6)
+
+
+def test_a_robot_and_a_goal_beyond_its_limits():
+    ended = door("--distance", "60", "--time", "2", "--leg", "g1", "--json", "-")
+    report = json.loads(ended.stdout)
+    assert ended.returncode == 0
+    assert report["status"] == "beyond limits"
+    assert report["share"] < 1
+    assert report["leg"]["speed_use"] <= 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--time", "1"], "Missing option '--distance'"),
+        (["--distance", "30"], "nothing is named beside the target"),
+        (["--distance", "30", "--time", "-1"], "time is -1.0"),
+        (["--distance", "nan", "--time", "1"], "distance is nan"),
+        (["--distance", "30", "--apex", "1", "--height", "3"], "by the lowest way: nearest"),
+        (["--distance", "30", "--over", "3"], "over is '3': it must be 2 numbers"),
+        (["--distance", "30", "--time", "1", "--spin", "1,2"], "spin is '1,2': it must be 3"),
+        (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),
+        (["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"], "without air"),
+        (["--distance", "30", "--time", "1", "--left", "3"], "in a plane only"),
+        (
+            ["--distance", "30", "--time", "1", "--leg", "dog"],
+            "leg 'dog' is neither human, testbed",
+        ),
+        (["--distance", "30", "--time", "1", "--ball-height", "3"], "touches a ball at 3 m"),
+        (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
+        (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
+        (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, words):
+    from click.testing import CliRunner
+
+    from kickdyn.plan import plan
+
+    ended = CliRunner().invoke(plan, arguments)
+    assert words in (str(ended.exception) if ended.exit_code == 1 else ended.output)
+
+
+def test_bad_input_leaves_with_two_and_no_traceback():
+    ended = door("--distance", "30", "--time", "-1")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith("plan: time is -1.0")
+    assert ended.stderr.count("\n") == 1

@@ -11,6 +11,7 @@ from kickdyn.errors import EnergyCreated as EnergyCreated
 from kickdyn.errors import InvalidInput as InvalidInput
 from kickdyn.errors import KickdynError as KickdynError
 from kickdyn.errors import NoImpact as NoImpact
+from kickdyn.errors import SceneError as SceneError
 from kickdyn.errors import UrdfError as UrdfError
 from kickdyn.flight.fly import fly as fly
 from kickdyn.flight.follow import Course as Course
@@ -41,6 +42,8 @@ from kickdyn.plane import Plane as Plane
 from kickdyn.planning.launch import LaunchPlan as LaunchPlan
 from kickdyn.planning.launch import plan_launch as plan_launch
 from kickdyn.posture import Posture as Posture
+from kickdyn.scene.read import load_scene as load_scene
+from kickdyn.scene.scene import Scene as Scene
 from kickdyn.version import __version__ as __version__
 
 

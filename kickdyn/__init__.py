@@ -44,6 +44,8 @@ from kickdyn.planning.launch import plan_launch as plan_launch
 from kickdyn.posture import Posture as Posture
 from kickdyn.scene.read import load_scene as load_scene
 from kickdyn.scene.scene import Scene as Scene
+from kickdyn.simulate.answer import Simulation as Simulation
+from kickdyn.simulate.simulate import simulate as simulate
 from kickdyn.version import __version__ as __version__
 
 

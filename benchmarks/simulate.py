@@ -2,7 +2,7 @@
 
     python benchmarks/simulate.py [number of scenes]
 
-Each scene is timed once for each tolerance, right after everything, in one thread.
+Each scene is timed at every tolerance right after everything, in one thread.
 """
 
 from __future__ import annotations
@@ -19,10 +19,15 @@ TOLERANCES = (0.01, 0.05, 0.2, 1.0)
 
 
 def timed(scene: kd.Scene, tolerance: float | None) -> tuple[kd.Simulation, float]:
-    """Return the answer and the seconds it took."""
-    began = time.perf_counter()
-    answer = kd.simulate(scene, tolerance)
-    return answer, time.perf_counter() - began
+    """Return the answer and the seconds it took: where those are few, the best of three."""
+    best = float("inf")
+    for _ in range(3):
+        began = time.perf_counter()
+        answer = kd.simulate(scene, tolerance)
+        best = min(best, time.perf_counter() - began)
+        if best > 0.05:
+            break
+    return answer, best
 
 
 def main(number: int = 300) -> None:
@@ -49,13 +54,14 @@ def main(number: int = 300) -> None:
     slow = table[:, 0] == 1
     print(f"{number} scenes ({refused} refused), {slow.sum()} with a contact that takes time\n")
     print("| tolerance [m] | within it | within its error | largest error / tolerance |", end="")
-    print(" times as fast, median | instant | takes time |")
-    print("|---:|---:|---:|---:|---:|---:|---:|")
+    print(" times as fast, median | an instant | takes time | evaluations, median |")
+    print("|---:|---:|---:|---:|---:|---:|---:|---:|")
     for i, tolerance in enumerate(TOLERANCES):
-        used, claimed, faster, _ = table[:, 3 + 4 * i : 7 + 4 * i].T
+        used, claimed, faster, fewer = table[:, 3 + 4 * i : 7 + 4 * i].T
         cells = [f"{tolerance:g}", f"{(used <= 1).mean():.1%}", f"{(claimed <= 1).mean():.1%}"]
         cells += [f"{used.max():.2f}"]
         cells += [f"{np.median(part):.1f}" for part in (faster, faster[~slow], faster[slow])]
+        cells.append(f"1/{np.median(fewer[fewer > 0]):.1f}")
         print("| " + " | ".join(cells) + " |")
 
 

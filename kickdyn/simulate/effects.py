@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -42,11 +43,15 @@ class Effect:
 
 
 def changed(scene: Scene, **parts: Any) -> Scene:
-    """Return a scene with some of its parts replaced."""
-    names = ("law", "contact_time", "ball_velocity", "ball_spin", "air", "ground", "plane")
-    kept = {name: getattr(scene, name) for name in (*names, "spread", "name")}
-    whole = {name: getattr(scene, name) for name in ("leg", "q", "v", "ball", "touch")}
-    return Scene(**{**whole, **kept, **parts})
+    """Return a scene with some of its parts, valid ones, replaced; another leg stands anew."""
+    other = copy.copy(scene)
+    other.__dict__.update(parts)
+    if "leg" in parts:
+        posture = other.leg.posture(scene.q)
+        touch = scene.touch
+        posture = posture if touch.offset is None else posture.touched_at(touch.offset)
+        other.__dict__.update(posture=posture)
+    return other
 
 
 def with_air(scene: Scene, **parts: Any) -> Scene:

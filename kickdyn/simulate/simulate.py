@@ -165,7 +165,7 @@ def _way(scene: Scene) -> Way:
 
 def _struck(scene: Scene) -> Impact:
     return strike_at(
-        scene.leg.posture(scene.q) if scene.touch.offset is not None else scene.posture,
+        scene.posture,
         scene.v,
         scene.ball,
         scene.touch,

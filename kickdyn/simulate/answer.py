@@ -91,7 +91,7 @@ class Simulation:
 
     def __str__(self) -> str:
         """Return end and budget."""
-        x, y, z = self.end.position
+        x, y, z = self.end.position.round(3) + 0.0  # no -0
         wish = "all modelled" if self.tolerance is None else f"asked {self.tolerance:g} m"
         lines = [
             f"ends at ({x:.3f}, {y:.3f}, {z:.3f}) m after {self.end.time:.3f} s; "
@@ -101,7 +101,9 @@ class Simulation:
         for effect, modelled, bound, why in self.verdicts:
             size = "" if math.isnan(bound) else f"{bound:.2g}"
             lines.append(f"{effect:20}{'modelled' if modelled else 'left out':12}{size:>9}  {why}")
-        lines.append(f"{'numerics':32}{self.numerical_error:9.2g}")
+        numerics = self.numerical_error
+        size = f"{numerics:.2g}" if numerics > 1e-12 else "rounding"
+        lines.append(f"{'numerics':32}{size:>9}")
         if not math.isnan(self.spread):
             lines.append(f"{'not known exactly':32}{self.spread:9.2g}  standard deviation")
         return "\n".join(lines)

@@ -31,7 +31,8 @@ class Effect:
         bound: how far leaving it out can move the end of the flight [m]; None: not bounded, for
             it costs no time to model.
         argument: why the bound holds.
-        within: the effect that takes this one along when it goes.
+        within: effects that take this one along when all of them go: it acts through them, and
+            their bounds hold with it and without.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Effect:
     without: Callable[[Scene, BallState], Scene]
     bound: Bound | None
     argument: str
-    within: str = ""
+    within: tuple[str, ...] = ()
 
 
 def changed(scene: Scene, **parts: Any) -> Scene:
@@ -133,7 +134,7 @@ EFFECTS = (
         lambda scene: scene.contact_time is not None,
         lambda scene, _: changed(scene, contact_time=None),
         lambda envelope: envelope.shift(jump=envelope.jump),
-        "twice what the strike changes along the foot's way in the contact time, and gravity",
+        "twice what the strike changes while the foot moves on",
     ),
     Effect("friction", _rough, _smooth, None, "of foot and ball"),
     Effect(
@@ -162,36 +163,38 @@ EFFECTS = (
         _air("drag"),
         lambda scene, _: with_air(scene, drag=None),
         lambda envelope: envelope.shift(envelope.drag),
-        "the largest drag of the flight, all the time",
+        "the largest of the flight, all the time",
     ),
     Effect(
         "drag crisis",
         _air("drag"),
         _constant_drag,
         lambda envelope: envelope.shift(envelope.crisis),
-        "the largest difference from drag with the coefficient of the launch, all the time",
-        within="drag",
+        "the largest change from a constant coefficient",
+        within=("drag",),
     ),
     Effect(
         "lift",
         _air("lift"),
         lambda scene, _: with_air(scene, lift=None),
         lambda envelope: envelope.shift(envelope.lift),
-        "the largest lift at the spin of the launch, all the time",
+        "the largest of the flight, all the time",
     ),
     Effect(
         "spin decay",
         _air("torque"),
         lambda scene, _: with_air(scene, torque=None),
         _decay,
-        "the fastest decay of the spin, times the slopes of drag and lift with it",
+        "the fastest decay, times what spin changes",
+        within=("drag", "lift"),
     ),
     Effect(
         "wind",
         _windy,
         lambda scene, _: with_air(scene, wind=(0.0, 0.0, 0.0)),
         lambda envelope: envelope.shift(envelope.by_wind),
-        "the largest change of drag and lift by the wind, all the time",
+        "the largest change of drag and lift, all the time",
+        within=("drag", "lift"),
     ),
     Effect(
         "buoyancy",

@@ -83,7 +83,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     out = [verdict.effect for verdict in verdicts if not verdict.modelled]
     less = scene
     for effect in named:
-        if effect.name in out and effect.within not in out:
+        if effect.name in out and effect.named(less):
             less = effect.without(less, rigid.ball)
     hit: Impact | Collision = rigid
     missed = 0.0
@@ -138,19 +138,26 @@ def _answer(
 def _judged(named: list[Effect], envelope: Envelope, share: float) -> tuple[Verdict, ...]:
     """Return a verdict on each effect, the least bounds first to be left out."""
     bounds = {effect.name: effect.bound(envelope) for effect in named if effect.bound is not None}
-    within = {effect.name: effect.within for effect in named}
+    within = {effect.name: [o for o in effect.within if o in bounds] for effect in named}
+
+    def goes_along(name: str, out: list[str]) -> bool:
+        return bool(within[name]) and all(outer in out for outer in within[name])
+
     out: list[str] = []
     for name in sorted(bounds, key=lambda name: bounds[name]):
-        going = [*(other for other in out if within[other] != name), name]
-        if math.fsum(bounds[other] for other in going) <= share:
-            out.append(name)
-    free = {name: 0.0 if within[name] in out else bounds[name] for name in out}
+        going = [*out, name]
+        worth = math.fsum(bounds[other] for other in going if not goes_along(other, going))
+        if worth <= share:
+            out = going
+    free = [name for name in bounds if goes_along(name, out)]
+    out += [name for name in free if name not in out]
     verdicts = []
     for effect in named:
         if effect.bound is None:
             verdicts.append(Verdict(effect.name, True, math.nan, "costs no time"))
         elif effect.name in out:
-            verdicts.append(Verdict(effect.name, False, free[effect.name], effect.argument))
+            size = 0.0 if effect.name in free else bounds[effect.name]
+            verdicts.append(Verdict(effect.name, False, size, effect.argument))
         else:
             why = "no room for it in the tolerance"
             if bounds[effect.name] == math.inf:

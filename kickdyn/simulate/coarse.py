@@ -16,12 +16,15 @@ from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import bounce
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.forces import GRAVITY, downward, forces
-from kickdyn.flight.roll import slide
+from kickdyn.flight.roll import roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
 
 PATIENCE = 8
 """Times the flight's length in a vacuum after which a ball is left to the exact engine."""
+
+IN_WIND = 1e-8
+"""Relative tolerance of a ball that rolls in the wind."""
 
 State = tuple[float, ...]
 Rates = Callable[[State], State]
@@ -57,7 +60,7 @@ def coarse_end(launch: BallState, way: Way, steps: int) -> tuple[BallState | Non
         end, _, calls = coarse_path(launch, way, steps)
         return end, calls
     assert isinstance(surface, Surface)
-    if way.plane is not None:
+    if way.plane is not None or surface.friction == 0.0:
         return None, 0
     state, calls, clock = launch, 0, 0.0
     for _ in range(MOST_BOUNCES):
@@ -190,11 +193,20 @@ def _whole(launch: BallState, end: State, time: float) -> BallState:
     )
 
 
-def _grounded(state: BallState, way: Way, surface: Surface, steps: int, clock: float) -> BallState:
-    """Return the ball at rest, after it slid and rolled."""
+def _grounded(
+    state: BallState, way: Way, surface: Surface, steps: int, clock: float
+) -> BallState | None:
+    """Return the ball at rest, after it slid and rolled; None where the wind keeps it rolling."""
     sliding = slide(state, way.ball, way.air, surface)
     if sliding is not None:
         state, clock = sliding.end, clock + sliding.duration
+    air, ball = way.air, way.ball
+    still = air is None or air.density == 0.0
+    if air is not None and not still and (callable(air.wind) or air.wind.any()):
+        rolling = roll(state, ball, air, surface, IN_WIND)  # its way bends
+        end = rolling.end
+        clock += rolling.duration
+        return None if rolling.blown else BallState(end.position, (0, 0, 0), (0, 0, 0), clock)
     vx, vy, _ = state.velocity.tolist()
     speed = math.hypot(vx, vy)
     if speed == 0.0:
@@ -203,11 +215,12 @@ def _grounded(state: BallState, way: Way, surface: Surface, steps: int, clock: f
     nodes, weights = _gauss(max(steps, 4))
     speeds = speed * nodes
     slowing = np.full(len(nodes), surface.rolling_deceleration)
-    if way.air is not None and way.air.density > 0.0:
-        acting, height = forces(way.ball, way.air), float(state.position[2])
+    if air is not None and not still:
+        acting, height = forces(ball, air), float(state.position[2])
+        share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of what rolls
         for i, v in enumerate(speeds.tolist()):
             ax, ay, _, _ = acting(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
-            slowing[i] = max(slowing[i] - ax * along[0] - ay * along[1], 1e-3)
+            slowing[i] -= share * (ax * along[0] + ay * along[1])
     distance = speed * float(weights @ (speeds / slowing))  # dx = v dv / slowing
     clock += speed * float(weights @ (1.0 / slowing))
     return BallState(state.position + distance * along, (0, 0, 0), (0, 0, 0), clock)

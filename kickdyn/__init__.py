@@ -11,6 +11,7 @@ from kickdyn.errors import EnergyCreated as EnergyCreated
 from kickdyn.errors import InvalidInput as InvalidInput
 from kickdyn.errors import KickdynError as KickdynError
 from kickdyn.errors import NoImpact as NoImpact
+from kickdyn.errors import SceneError as SceneError
 from kickdyn.errors import UrdfError as UrdfError
 from kickdyn.flight.fly import fly as fly
 from kickdyn.flight.follow import Course as Course
@@ -49,6 +50,10 @@ from kickdyn.planning.launches import plan_launches as plan_launches
 from kickdyn.planning.passes import Pass as Pass
 from kickdyn.planning.passes import plan_pass as plan_pass
 from kickdyn.posture import Posture as Posture
+from kickdyn.scene.read import load_scene as load_scene
+from kickdyn.scene.scene import Scene as Scene
+from kickdyn.simulate.answer import Simulation as Simulation
+from kickdyn.simulate.simulate import simulate as simulate
 from kickdyn.version import __version__ as __version__
 
 

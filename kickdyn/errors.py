@@ -30,6 +30,23 @@ class UrdfError(InvalidInput):
         return (UrdfError, (self.source, self.faults))
 
 
+class SceneError(InvalidInput):
+    """A scene that is refused, with every fault found in it, one line each.
+
+    Attributes:
+        source: the file, as the caller named it.
+        faults: one line per fault.
+    """
+
+    def __init__(self, source: str, faults: Sequence[str]) -> None:
+        self.source = source
+        self.faults = tuple(faults)
+        super().__init__("\n".join([f"{source}:", *self.faults]))
+
+    def __reduce__(self) -> tuple[type[SceneError], tuple[str, tuple[str, ...]]]:
+        return (SceneError, (self.source, self.faults))
+
+
 class NoImpact(KickdynError):
     """The foot does not move towards the ball along the contact normal: nothing is struck."""
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from kickdyn.accuracy.flight import Measured, measure
+from kickdyn.accuracy.models import show
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_writable, replacing
@@ -20,13 +21,19 @@ from kickdyn.files import check_writable, replacing
 @click.command("tradeoff", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--flight", is_flag=True, help="Integrators of the flight, by tolerance.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the rows; - is stdout.")
-def tradeoff(flight: bool, json_file: str | None) -> None:
+@click.option("--scene", metavar="FILE", help="What each effect of a scene (TOML) is worth.")
+def tradeoff(flight: bool, json_file: str | None, scene: str | None) -> None:
     """Measure error against cost, all methods in one run on this machine.
 
     Example: python -m kickdyn.tradeoff --flight
     """
+    if scene is not None:
+        if flight:
+            raise InvalidInput("two things to measure were named: give --flight or --scene")
+        show(scene, json_file)
+        return
     if not flight:
-        raise InvalidInput("nothing to measure was named: give --flight")
+        raise InvalidInput("nothing to measure was named: give --flight or --scene")
     if json_file is not None and json_file != "-":
         check_writable(json_file)
     console = Console(stderr=True)

@@ -37,7 +37,7 @@ def test_there_is_something_to_test():
 @pytest.mark.parametrize(("code", "said"), PAIRS)
 def test_snippets_print_what_is_said(code, said):
     printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
+    with contextlib.redirect_stdout(printed), contextlib.chdir(ROOT):
         exec(compile(code, "README.md", "exec"), {})
     assert printed.getvalue().strip() == said.strip()
 

@@ -206,7 +206,8 @@ class Squeeze:
         leg = 0.5 * float(state.v @ inertia @ state.v)
         leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
         speed, spin = state.velocity, state.spin
-        moving = 0.5 * float(ball.mass * speed @ speed + ball.inertia * spin @ spin)
+        turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
+        moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
         deflection = max(self.touching(state).deflection, 0.0)
         stored = 0.4 * self.contact.spring(deflection) * deflection

@@ -1,0 +1,128 @@
+"""Models: what each physical effect of a scene is worth, at the impact and where the ball ends."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from kickdyn.errors import KickdynError
+from kickdyn.files import check_writable, replacing
+from kickdyn.scene.read import load_scene
+from kickdyn.scene.scene import Scene
+from kickdyn.simulate.answer import Simulation
+from kickdyn.simulate.effects import EFFECTS
+from kickdyn.simulate.simulate import simulate
+
+
+@dataclass(frozen=True)
+class Worth:
+    """What leaving one effect out changes, everything else modelled.
+
+    Attributes:
+        effect: its name.
+        end: distance that the end of the ball's way moves [m]; nan where there is no answer.
+        impulse: magnitude of the change of the impulse on the ball [N s]; likewise.
+        why_not: why there is none.
+    """
+
+    effect: str
+    end: float
+    impulse: float
+    why_not: str = ""
+
+
+def worths(scene: Scene, told: Callable[[str], None] | None = None) -> list[Worth]:
+    """Measure every effect that a scene names, the largest first.
+
+    Args:
+        scene: the kick.
+        told: called with each effect's name as it begins.
+
+    Raises:
+        KickdynError: as of `simulate`, for the scene as it is.
+    """
+    whole = simulate(scene, None)
+    rows = []
+    for effect in EFFECTS:
+        if not effect.named(scene):
+            continue
+        if told is not None:
+            told(effect.name)
+        try:
+            less = simulate(effect.without(scene, whole.launch), None)
+        except KickdynError as error:
+            rows.append(Worth(effect.name, math.nan, math.nan, str(error)))
+            continue
+        moved = float(np.linalg.norm(less.end.position - whole.end.position))
+        impulse = float(np.linalg.norm(less.hit.impulse - whole.hit.impulse))
+        rows.append(Worth(effect.name, moved, impulse))
+    return sorted(rows, key=lambda row: -row.end if row.end == row.end else math.inf)
+
+
+def show(file: str, json_file: str | None = None) -> None:
+    """Print the effects of a scene file and what each is worth, or write them as JSON.
+
+    Args:
+        file: the scene.
+        json_file: where the JSON goes, `-` is stdout; None, none.
+
+    Raises:
+        InvalidInput: the scene, or where the JSON is to go, cannot be used.
+    """
+    if json_file is not None and json_file != "-":
+        check_writable(json_file)
+    scene = load_scene(file)
+    whole = simulate(scene, None)
+    with Console(stderr=True).status("measuring") as status:
+        rows = worths(scene, lambda name: status.update(f"measuring {name}"))
+    if json_file is not None:
+        text = json.dumps(_document(whole, rows), indent=2) + "\n"
+        if json_file == "-":
+            sys.stdout.write(text)
+            return
+        with replacing(json_file) as draft:
+            draft.write_text(text, encoding="utf-8")
+    x, y, z = whole.end.position
+    console = Console(highlight=False, width=100)
+    console.print(
+        f"{scene.name}: {np.linalg.norm(whole.hit.impulse):.4g} N s, ends at "
+        f"({x:.3f}, {y:.3f}, {z:.3f}) m. What leaving one effect out changes:"
+    )
+    console.print(_table(rows))
+
+
+def _document(whole: Simulation, rows: list[Worth]) -> dict[str, Any]:
+    """Return what JSON can hold: nan is null."""
+    listed = [dataclasses.asdict(row) for row in rows]
+    for row in listed:
+        row |= {name: None for name in ("end", "impulse") if math.isnan(row[name])}
+    return {
+        "scene": whole.scene.name,
+        "end": whole.end.position.tolist(),
+        "impulse": whole.hit.impulse.tolist(),
+        "units": {"end": "m", "impulse": "N s"},
+        "effects": listed,
+    }
+
+
+def _table(rows: list[Worth]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    table.add_column("effect")
+    for head in ("end moves m", "impulse changes N s"):
+        table.add_column(head, justify="right")
+    table.add_column("")
+    for row in rows:
+        missing = bool(row.why_not)
+        cells = ("" if missing else f"{value:.3g}" for value in (row.end, row.impulse))
+        table.add_row(row.effect, *cells, row.why_not)
+    return table

@@ -1,0 +1,78 @@
+"""Random scenes, to try bounds on: kicks of robots and of people, in air or none, to all ends."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.ground import Ground
+from kickdyn.leg import Leg
+from kickdyn.plane import Plane
+from kickdyn.scene.scene import Scene
+
+
+@lru_cache(maxsize=1)
+def _legs() -> tuple[Leg, Leg]:
+    return Leg.human(), Leg.testbed()
+
+
+def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
+    """Return a scene whose foot comes at 0.5 to 16 m/s; half have a contact that takes time.
+
+    Args:
+        rng: where it comes from.
+        **parts: of the scene, in place of random ones.
+    """
+    leg = _legs()[rng.integers(2)]
+    q = np.radians([rng.uniform(-20, 50), rng.uniform(5, 60), rng.uniform(-20, 40)])
+    speed, up = math.exp(rng.uniform(math.log(0.5), math.log(16))), rng.uniform(0.1, 0.9)
+    posture = leg.posture(q)
+    v = posture.joint_velocity(speed * np.array([math.cos(up), 0.0, math.sin(up)]))
+    tilt, side = up + rng.normal() * 0.15, rng.normal() * 0.1
+    normal = [math.cos(tilt) * math.cos(side), math.cos(tilt) * math.sin(side), math.sin(tilt)]
+    friction = rng.uniform(0.2, 0.6) if rng.random() < 0.8 else 0.0
+    touch = Contact(normal, rng.uniform(0.5, 0.9), friction)
+    ball = Ball() if rng.random() < 0.7 else Ball(0.2, 0.07)
+    moving = rng.random() < 0.2
+    ball_velocity = rng.normal(size=3) * 0.5 * moving
+    centre = posture.contact_point + ball.radius * touch.normal
+    scene: dict[str, Any] = {
+        "air": _air(rng) if rng.random() < 0.9 else None,
+        "ground": _ground(rng, float(centre[2]) - ball.radius),
+        "plane": None,
+        "contact_time": rng.uniform(0.006, 0.012) if rng.random() < 0.5 else None,
+        "ball_velocity": ball_velocity,
+        "ball_spin": rng.normal(size=3) * 10 * moving,
+    }
+    if scene["ground"] is not None and scene["ground"].surface is None and rng.random() < 0.3:
+        scene["plane"] = Plane(centre + np.array([rng.uniform(0.5, 20), 0, 0]), (-1, 0, 0))
+    return Scene(leg, q, v, ball, touch, **{**scene, **parts})
+
+
+def _air(rng: np.random.Generator) -> Air:
+    def named(name: str, share: float) -> str | None:
+        return name if rng.random() < share else None
+
+    wind = rng.normal(size=3) * [3, 3, 0] if rng.random() < 0.4 else (0, 0, 0)
+    return Air(
+        wind=wind,
+        drag=named("brazuca", 0.9),
+        lift=named("saturating", 0.7),
+        torque=named("smits-smith", 0.4),
+        buoyancy=bool(rng.random() < 0.5),
+    )
+
+
+def _ground(rng: np.random.Generator, below: float) -> Ground | None:
+    kind = rng.random()
+    if kind < 0.2:
+        return None
+    if kind < 0.75:
+        return Ground(below - rng.uniform(0, 0.5) * (rng.random() < 0.5))
+    return Ground(below, surface=("turf", "wet grass", "carpet")[rng.integers(3)])

@@ -1,0 +1,230 @@
+"""Reading a scene file: strict TOML, all faults at once."""
+
+from __future__ import annotations
+
+import math
+import stat
+import tomllib
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
+from kickdyn.contact import Contact
+from kickdyn.errors import InvalidInput, SceneError
+from kickdyn.ground import Ground
+from kickdyn.leg import Leg
+from kickdyn.plane import Plane
+from kickdyn.scene.scene import Scene
+from kickdyn.scene.schema import SOURCES, Values, checked
+from kickdyn.urdf_file import shipped_urdf
+
+MAX_BYTES = 100_000
+
+Made = TypeVar("Made")
+
+
+def load_scene(path: str | PathLike[str]) -> Scene:
+    """Read a scene from a TOML file.
+
+    Sections and keys are those of `kickdyn.scene.schema.SECTIONS`; a leg's file is looked for
+    from the scene's folder. Aerodynamic effects act only if named: air without `drag` has none.
+
+    Args:
+        path: the file, at most `MAX_BYTES` long.
+
+    Raises:
+        SceneError: with all faults of the file, one line each.
+        InvalidInput: `path` is no path at all.
+    """
+    try:
+        file, source = Path(path), str(path)
+    except TypeError:
+        raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
+    try:
+        document = tomllib.loads(_read(file, source))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SceneError(source, [f"is not TOML: {error}"]) from None
+    builder = _Builder(*checked(document), file.resolve().parent)
+    scene = builder.scene(file.stem)
+    if scene is None:
+        raise SceneError(source, [line for lines in builder.faults.values() for line in lines])
+    return scene
+
+
+def _read(file: Path, source: str) -> str:
+    try:
+        status = file.stat()
+        if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever
+            raise SceneError(source, ["is not a regular file"])
+        if status.st_size > MAX_BYTES:
+            raise SceneError(source, [f"has {status.st_size} bytes: at most {MAX_BYTES} are read"])
+        return file.read_bytes().decode("utf-8-sig")
+    except SceneError:  # a ValueError as well
+        raise
+    except UnicodeDecodeError as error:
+        raise SceneError(source, [f"is not UTF-8 text (byte {error.start})"]) from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, "strerror", None) or str(error)
+        raise SceneError(source, [f"cannot be read ({reason})"]) from None
+
+
+class _Builder:
+    """Makes the nouns of a scene, each on its own, so that the faults of all are found."""
+
+    def __init__(self, values: Values, faults: dict[str, list[str]], folder: Path) -> None:
+        self.values, self.faults, self.folder = values, faults, folder
+
+    def scene(self, stem: str) -> Scene | None:
+        """Return the scene; None where there are faults."""
+        leg = self._made("leg", self._leg)
+        q = None if leg is None else self._made("posture", self._configuration, leg)
+        ball = self._made("ball", self._ball)
+        touch = self._made("contact", self._contact)
+        air = self._made("air", self._air)
+        ground = self._made("ground", self._ground)
+        plane = self._made("plane", self._plane)
+        if any(self.faults.values()):
+            return None
+        nouns = (leg, q, ball, touch, air, ground, plane)
+        return self._made("posture", self._whole, self.values[""].get("name", stem), *nouns)
+
+    def _made(self, section: str, make: Callable[..., Made], *parts: Any) -> Made | None:
+        """Return what `make` does; None for a section that has faults, or is found to have one."""
+        if self.faults[section]:
+            return None
+        try:
+            return make(*parts)
+        except InvalidInput as error:
+            self.faults[section].append(f"{section}: {error}")
+            return None
+
+    def _said(self, section: str) -> dict[str, Any]:
+        return self.values.get(section, {})
+
+    def _leg(self) -> Leg:
+        said = self._said("leg")
+        base, frame = said.get("base", "fixed"), said.get("frame")
+        if "robot" in said:
+            only = said.get("legs_only", False)
+            leg = Leg.from_robot(said["robot"], frame, base=base, legs_only=only)
+        else:
+            file = (
+                self.folder / said["file"]
+                if "file" in said
+                else shipped_urdf(f"leg_{said['model']}.urdf")
+            )
+            leg = Leg.from_urdf(file, frame or "toe", base=base)
+        if "armature_kg_m2" in said:
+            leg = leg.with_armature(said["armature_kg_m2"])
+        return leg.standing_on(*said["supports"]) if "supports" in said else leg
+
+    def _configuration(self, leg: Leg) -> Array:
+        said, values = self._said("posture"), {}
+        for key, unit, scale in (("angles_deg", "rad", math.pi / 180), ("positions_m", "m", 1.0)):
+            for joint, value in said.get(key, {}).items():
+                if leg.joint_unit(joint) != unit:
+                    raise InvalidInput(
+                        f"{key} names {joint}, which moves in {leg.joint_unit(joint)}"
+                    )
+                values[joint] = scale * value
+        for joint in said.get("joint_velocity_rad_s", {}):
+            leg.velocity_index(joint)
+        return leg.configuration(values)
+
+    def _ball(self) -> Ball:
+        said = self._said("ball")
+        usual = Ball.paper() if said.get("model") == "paper" else Ball()
+        return Ball(
+            said.get("mass_kg", usual.mass),
+            said.get("radius_m", usual.radius),
+            said.get("inertia_factor", usual.inertia_factor),
+        )
+
+    def _contact(self) -> Contact:
+        said = self._said("contact")
+        normal = said.get("normal")
+        if normal is None:
+            up, side = math.radians(said["attack_deg"]), math.radians(said.get("side_deg", 0.0))
+            level = math.cos(up)
+            normal = np.array([level * math.cos(side), level * math.sin(side), math.sin(up)])
+        return Contact(normal, said["restitution"], said.get("friction", 0.0), said.get("offset_m"))
+
+    def _air(self) -> Air | None:
+        if "air" not in self.values:
+            return None
+        said = self._said("air")
+        if said.get("model") == "paper":
+            clash = [key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in said]
+            if clash:
+                raise InvalidInput(f"model is 'paper', whose air is known: leave out {clash[0]}")
+            here = Air.paper()
+        else:
+            here = Air.at(
+                said.get("altitude_m", 0.0), said.get("temperature_c"), said.get("pressure_pa")
+            )
+        models = {kind: said.get(kind) for kind in ("drag", "lift", "torque")}
+        wind, buoyancy = said.get("wind_m_s", (0.0, 0.0, 0.0)), said.get("buoyancy", False)
+        return Air(here.density, here.viscosity, wind, **models, buoyancy=buoyancy)
+
+    def _ground(self) -> Ground | None:
+        """Return the ground; at height 0, to be put under the ball, where none is named."""
+        if "ground" not in self.values:
+            return None
+        said = self._said("ground")
+        return Ground(said.get("height_m", 0.0), said.get("surface"))
+
+    def _plane(self) -> Plane | None:
+        if "plane" not in self.values:
+            return None
+        said = self._said("plane")
+        return Plane(said["point_m"], said["normal"], said.get("reached_by", "front"))
+
+    def _whole(
+        self,
+        name: str,
+        leg: Leg,
+        q: Array,
+        ball: Ball,
+        touch: Contact,
+        air: Air | None,
+        ground: Ground | None,
+        plane: Plane | None,
+    ) -> Scene:
+        posture, said = leg.posture(q), self._said("posture")
+        if touch.offset is not None:
+            posture = posture.touched_at(touch.offset)
+        if "foot_velocity_m_s" in said:
+            v = posture.joint_velocity(said["foot_velocity_m_s"])
+        else:
+            v = np.zeros(leg.nv)
+            for joint, speed in said["joint_velocity_rad_s"].items():
+                v[leg.velocity_index(joint)] = speed
+        if ground is not None and "height_m" not in self._said("ground"):
+            centre = float((posture.contact_point + ball.radius * touch.normal)[2])
+            ground = Ground(centre - ball.radius, ground.surface)
+        moving, contact = self._said("ball"), self._said("contact")
+        return Scene(
+            leg,
+            q,
+            v,
+            ball,
+            touch,
+            law=contact.get("law", "newton"),
+            contact_time=contact.get("contact_time_s"),
+            ball_velocity=moving.get("velocity_m_s", np.zeros(3)),
+            ball_spin=moving.get("spin_rad_s", np.zeros(3)),
+            air=air,
+            ground=ground,
+            plane=plane,
+            spread={
+                SOURCES[key][0]: SOURCES[key][1] * value
+                for key, value in self._said("uncertainty").items()
+            },
+            name=name,
+        )

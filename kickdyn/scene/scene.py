@@ -1,0 +1,131 @@
+"""The scene: all that one kick consists of; what it does not name is not modelled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn import checks
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.checks import Array
+from kickdyn.contact import Contact
+from kickdyn.errors import InvalidInput
+from kickdyn.ground import Ground
+from kickdyn.leg import Leg
+from kickdyn.plane import Plane
+from kickdyn.posture import Posture
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Scene:
+    """One kick, from the posture of the leg to the end of the ball's way.
+
+    Args:
+        leg: with the frame that touches the ball, its rotors, supports and loops.
+        q: configuration, shape `(nq,)` [rad; m for prismatic joints].
+        v: joint velocity just before the contact, shape `(nv,)` [rad/s].
+        ball: its centre is at `contact point + radius * normal`.
+        touch: the contact.
+        law: impact law, as for `strike`.
+        contact_time: of a contact that gives way, as for `collide` [s]; None, an instant.
+        ball_velocity: of its centre before the contact, shape `(3,)` [m/s, world frame].
+        ball_spin: before the contact, shape `(3,)` [rad/s, world frame].
+        air: None is the vacuum.
+        ground: where the flight ends; None ends it back at the height of the launch. With a
+            surface, the ball is followed to rest.
+        plane: a wall or a goal line that ends it all if the ball comes there first.
+        spread: standard deviations of what is not known exactly, by the names of
+            `Impact.uncertainty`.
+        name: of the scene.
+
+    Raises:
+        InvalidInput: a wrong shape, an entry that is not finite, or a posture that is refused.
+    """
+
+    leg: Leg
+    q: Array
+    v: Array
+    ball: Ball
+    touch: Contact
+    law: str
+    contact_time: float | None
+    ball_velocity: Array
+    ball_spin: Array
+    air: Air | None
+    ground: Ground | None
+    plane: Plane | None
+    spread: Mapping[str, float]
+    name: str
+    posture: Posture = field(repr=False)
+
+    def __init__(
+        self,
+        leg: Leg,
+        q: ArrayLike,
+        v: ArrayLike,
+        ball: Ball,
+        touch: Contact,
+        *,
+        law: str = "newton",
+        contact_time: float | None = None,
+        ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
+        ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+        air: Air | None = None,
+        ground: Ground | None = None,
+        plane: Plane | None = None,
+        spread: Mapping[str, float] | None = None,
+        name: str = "scene",
+    ) -> None:
+        for noun, value, kind, may_miss in (
+            ("leg", leg, Leg, False),
+            ("ball", ball, Ball, False),
+            ("touch", touch, Contact, False),
+            ("air", air, Air, True),
+            ("ground", ground, Ground, True),
+            ("plane", plane, Plane, True),
+        ):
+            if not (isinstance(value, kind) or (may_miss and value is None)):
+                raise InvalidInput(f"{noun} is {value!r}: it must be a kickdyn.{kind.__name__}")
+        if contact_time is not None:
+            contact_time = checks.number("contact time", contact_time, above=0, unit="s")
+        posture = leg.posture(q)
+        arrays = {
+            "q": posture.q,
+            "v": checks.vector("v", v, leg.nv),
+            "ball_velocity": checks.vector("ball velocity", ball_velocity, 3, unit="m/s"),
+            "ball_spin": checks.vector("ball spin", ball_spin, 3, unit="rad/s"),
+        }
+        for array in arrays.values():
+            array.setflags(write=False)
+        self.__dict__.update(
+            leg=leg,
+            ball=ball,
+            touch=touch,
+            law=law,
+            contact_time=contact_time,
+            air=air,
+            ground=ground,
+            plane=plane,
+            spread=MappingProxyType(dict(spread or {})),
+            name=name,
+            posture=posture if touch.offset is None else posture.touched_at(touch.offset),
+            **arrays,
+        )
+
+    @classmethod
+    def from_toml(cls, path: str | PathLike[str]) -> Scene:
+        """Read a scene file, as `load_scene` does."""
+        from kickdyn.scene.read import load_scene
+
+        return load_scene(path)
+
+    @property
+    def ball_position(self) -> Array:
+        """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
+        return np.asarray(self.posture.contact_point + self.ball.radius * self.touch.normal)

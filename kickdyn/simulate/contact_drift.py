@@ -1,0 +1,66 @@
+"""What a contact that takes time may change, from the instant's strike alone."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.contact import Contact
+from kickdyn.errors import KickdynError
+from kickdyn.flight.forces import GRAVITY
+from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.scene.scene import Scene
+from kickdyn.simulate.envelope import Jump
+
+LONGER = 1.5
+"""Contact time that comes out over the one asked for, at most, while the leg's inertia changes."""
+
+SAFETY, SPIN_SAFETY = 2.0, 8.0
+"""On the change of the strike and of its spin, which also depends on whether the contact sticks. Of
+200 random kicks the largest real change of velocity was 0.8 of what comes out, of spin 0.8."""
+
+
+def contact_drift(scene: Scene, hit: Impact) -> Jump:
+    """Bound how far `collide` is from `strike`: an estimate along the way, with a factor.
+
+    The leg goes on with the mean of its velocities before and after, its forces of inertia
+    included, and the foot's plane turns with it. Half way and at the end the ball is struck anew.
+    Where that is not a strike, nothing is known: inf.
+
+    Args:
+        scene: with a contact time.
+        hit: its strike.
+    """
+    assert scene.contact_time is not None
+    time, leg, touch = LONGER * scene.contact_time, scene.leg, scene.touch
+    space, posture = leg.workspace, hit.posture
+    bias = pin.nonLinearEffects(space.model, space.data, scene.q, scene.v).copy()
+    drift = posture.solve(-bias)
+    mean = 0.5 * (hit.v_before + hit.v_after)
+    velocity = spin = 0.0
+    for share in (0.5, 1.0):
+        there = leg.posture(pin.integrate(space.model, scene.q, share * time * mean))
+        turn = there.joint_rotation @ posture.joint_rotation.T
+        tilted = Contact(turn @ touch.normal, touch.restitution, touch.friction, touch.offset)
+        try:
+            again = strike_at(
+                there,
+                scene.v + share * time * drift,
+                scene.ball,
+                tilted,
+                scene.law,
+                ball_velocity=scene.ball_velocity,
+                ball_spin=scene.ball_spin,
+            )
+        except KickdynError:
+            return Jump(math.inf, math.inf, math.inf)
+        velocity = max(velocity, float(np.linalg.norm(again.ball.velocity - hit.ball.velocity)))
+        spin = max(spin, float(np.linalg.norm(again.ball.spin - hit.ball.spin)))
+    fastest = max(float(hit.ball.speed), float(np.linalg.norm(scene.ball_velocity)))
+    return Jump(
+        SAFETY * velocity + GRAVITY * time,
+        SPIN_SAFETY * spin + GRAVITY * time / scene.ball.radius,
+        time * (fastest + velocity),
+    )

@@ -86,7 +86,9 @@ def described(leg: Leg) -> dict[str, Any]:
     axes, slides = [], []
     for joint in list(model.joints)[1:]:
         if joint.nq != 1:
-            raise InvalidInput(f"joint {joint.shortname()}: the reference knows joints of one angle")
+            raise InvalidInput(
+                f"joint {joint.shortname()}: the reference knows joints of one angle"
+            )
         axis = np.array(_axis(joint)).ravel()
         slides.append(bool(axis[:3].any()))
         axes.append(axis[:3] if slides[-1] else axis[3:])
@@ -199,9 +201,7 @@ class ExactPosture:
         for i in reversed(range(self.n)):
             parent = self.parents[i]
             if parent >= 0:
-                moved[parent] = [
-                    plus(a, b) for a, b in zip(moved[parent], moved[i], strict=True)
-                ]
+                moved[parent] = [plus(a, b) for a, b in zip(moved[parent], moved[i], strict=True)]
         rows = [[mp.zero] * self.n for _ in range(self.n)]
         for i in range(self.n):
             momentum = turned(moved[i], self.twists[i])
@@ -277,4 +277,3 @@ def factored(rows: list[Vector]) -> list[Vector]:
             raise InvalidInput(f"pivot {len(found)} of the inertia is {mp.nstr(rest, 3)}")
         found.append([*line, mp.sqrt(rest)])
     return found
-

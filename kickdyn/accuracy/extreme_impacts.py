@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from kickdyn.accuracy.row import Row, compared
 from kickdyn.accuracy.exact_impact import answers, conditions, exact_impact, given
+from kickdyn.accuracy.row import Row, compared, refused
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
@@ -42,8 +43,10 @@ class Kick(NamedTuple):
 
     def struck(self) -> Impact:
         """Return what kickdyn says."""
-        motion = {"ball_velocity": self.ball_velocity, "ball_spin": self.ball_spin}
-        return strike(self.leg, self.q, self.v, self.ball, self.touch, **motion)
+        return strike(
+            self.leg, self.q, self.v, self.ball, self.touch,
+            ball_velocity=self.ball_velocity, ball_spin=self.ball_spin,
+        )  # fmt: skip
 
 
 def chain(
@@ -187,7 +190,7 @@ FAMILIES: dict[str, Callable[[], Iterator[Kick]]] = {
 }
 
 
-def judged(family: str, kick: Kick, samples: int = 4) -> Row:
+def judged(family: str, kick: Kick, samples: int = 3) -> Row:
     """Return how right kickdyn is about a kick."""
     try:
         hit = kick.struck()
@@ -196,7 +199,7 @@ def judged(family: str, kick: Kick, samples: int = 4) -> Row:
     structure, scene = given(hit)
     exact = exact_impact(structure, scene)
     found = answers(hit)
-    allowed = conditions(structure, scene, exact, samples)
+    allowed = conditions(structure, scene, exact, 1 if len(hit.v_after) > 10 else samples)
     errors = {name: exact[name].error(value) for name, value in found.items()}
     claims = {f"joint {i + 1}": digits for i, digits in enumerate(hit.joint_digits.tolist())}
     return compared(family, kick.name, errors, allowed, claims)
@@ -204,36 +207,32 @@ def judged(family: str, kick: Kick, samples: int = 4) -> Row:
 
 def refusals() -> list[Row]:
     """Return what becomes of NaN and inf in every argument of a strike."""
+    return [
+        refused(f"{name} = {bad}", made)
+        for bad in (math.nan, math.inf, -math.inf)
+        for name, made in _spoilt_strikes(bad).items()
+    ]
+
+
+def _spoilt_strikes(bad: float) -> dict[str, Callable[[], object]]:
     leg, ball, touch = chain(USUAL), Ball(), Contact(OBLIQUE, 0.8, 0.4)
     good: dict[str, Any] = {"q": BENT, "v": SPEEDS, "ball_velocity": (0.0,) * 3}
     good["ball_spin"] = (0.0,) * 3
-    rows = []
-    for bad in (math.nan, math.inf, -math.inf):
-        tries: dict[str, Callable[[], object]] = {
-            name: lambda name=name: strike(  # type: ignore[misc]
-                leg, ball=ball, touch=touch, **(good | {name: (*good[name][:2], bad)})
-            )
-            for name in good
-        }
-        tries |= {
-            "normal": lambda: Contact((1.0, bad, 0.0), 0.8),
-            "restitution": lambda: Contact(FORWARD, bad),
-            "friction": lambda: Contact(FORWARD, 0.8, bad),
-            "offset": lambda: Contact(FORWARD, 0.8, 0.0, (0.0, bad, 0.0)),
-            "ball mass": lambda: Ball(mass=bad),
-            "ball radius": lambda: Ball(radius=bad),
-            "link mass": lambda: _spoilt("mass", bad),
-            "link lever": lambda: _spoilt("lever", np.array([0.0, bad, 0.0])),
-            "base": lambda: chain(USUAL, base=(bad, 0.0, 0.0)),
-        }
-        for name, made in tries.items():
-            try:
-                made()
-            except KickdynError as error:
-                rows.append(Row("no number", f"{name} = {bad}", refusal=str(error)))
-            else:
-                rows.append(Row("no number", f"{name} = {bad}", error=math.inf, quantity="taken"))
-    return rows
+    tries: dict[str, Callable[[], object]] = {
+        name: partial(strike, leg, ball=ball, touch=touch, **(good | {name: (*value[:2], bad)}))
+        for name, value in good.items()
+    }
+    return tries | {
+        "normal": lambda: Contact((1.0, bad, 0.0), 0.8),
+        "restitution": lambda: Contact(FORWARD, bad),
+        "friction": lambda: Contact(FORWARD, 0.8, bad),
+        "offset": lambda: Contact(FORWARD, 0.8, 0.0, (0.0, bad, 0.0)),
+        "ball mass": lambda: Ball(mass=bad),
+        "ball radius": lambda: Ball(radius=bad),
+        "link mass": lambda: _spoilt("mass", bad),
+        "link lever": lambda: _spoilt("lever", np.array([0.0, bad, 0.0])),
+        "base": lambda: chain(USUAL, base=(bad, 0.0, 0.0)),
+    }
 
 
 def _spoilt(attribute: str, value: object) -> Leg:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+
+from kickdyn.errors import KickdynError
 
 FULL = 16.0
 """Digits that a float64 can have."""
@@ -45,15 +47,15 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """`right`, to what the condition allows, `flagged`, `refused`, or `WRONG`.
+        """`right`, to what the condition allows, `as claimed`, `refused`, or `WRONG`.
 
-        Flagged is an answer of fewer digits which says so, and has those it claims.
+        As claimed is an answer of fewer digits which says how many it has, and has them.
         """
         if self.refusal:
             return "refused"
         if self.error == math.inf or self.digits < min(self.allowed, self.claimed):
             return "WRONG"
-        return "right" if self.digits >= self.allowed else "flagged"
+        return "right" if self.digits >= self.allowed else "as claimed"
 
 
 def digits(error: float) -> float:
@@ -77,5 +79,14 @@ def compared(
         )
         for name in errors
     ]  # fmt: skip
-    order = ("WRONG", "flagged", "right")
+    order = ("WRONG", "as claimed", "right")
     return min(rows, key=lambda row: (order.index(row.verdict), row.digits - row.allowed))
+
+
+def refused(case: str, made: Callable[[], object]) -> Row:
+    """Return the row of something that must be refused."""
+    try:
+        made()
+    except KickdynError as error:
+        return Row("no number", case, refusal=str(error))
+    return Row("no number", case, "taken", math.inf, 1.0, math.inf)

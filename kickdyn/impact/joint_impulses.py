@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
+from kickdyn.checks import Array, length
 from kickdyn.posture import Posture
 
 
@@ -79,8 +79,9 @@ def joint_digits(transmitted: Array, impulse: Array) -> Array:
         Shape `(njoints,)`, 0 to 16.
     """
     share = 64.0 * len(transmitted) * np.finfo(float).eps
-    sizes = np.linalg.norm(transmitted[:, :3], axis=1) / np.linalg.norm(impulse)
-    return np.asarray(np.clip(np.log10(np.maximum(sizes, 1e-300) / share), 0.0, 16.0))
+    whole = max(float(length(impulse)), np.finfo(float).tiny)  # below, float64 has fewer digits
+    sizes = np.maximum(length(transmitted[:, :3]) / whole, share)
+    return np.asarray(np.clip(np.log10(sizes / share), 0.0, 16.0))
 
 
 def at_joint(turn: Array, lever: Array, impulse: Array) -> pin.Force:

@@ -5,7 +5,7 @@ import pytest
 from chains import random_kick, random_leg
 
 import kickdyn as kd
-from kickdyn.accuracy.exact import dot, length, mp, plus, turned
+from kickdyn.accuracy.exact import dot, length, mp, plus
 from kickdyn.accuracy.exact_impact import (
     LARGEST,
     Quantity,

@@ -4,12 +4,16 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep test lint browser clean
+.PHONY: sweep extremes test lint browser clean
 
 ## sweep: the main job; the table on the screen, dataset, plot and 3-D page in build/
 sweep: $(VENV)/.run
 	mkdir -p build
 	$(BIN)/python -m kickdyn.posture_sweep --out build/sweep.nc --plot build/sweep.png --view build/kick.html
+
+## extremes: kickdyn against 50 digits where numbers get difficult
+extremes: $(VENV)/.run
+	$(BIN)/python -m kickdyn.accuracy.extremes
 
 ## test: the whole suite
 test: $(VENV)/.dev browser

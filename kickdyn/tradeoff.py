@@ -5,71 +5,119 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from kickdyn.accuracy.flight import Measured, measure
-from kickdyn.accuracy.models import show
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, replacing
+
+if TYPE_CHECKING:
+    from kickdyn.accuracy.flight import Measured
+    from kickdyn.accuracy.impact import MeasuredImpact
+
+IMPACT = "Impulse of a kick, posture a of Table 2 at 10 m/s; against 50 digits; * is the front"
+FLIGHT = "Landing of 6 kicks; against 20 digits; * is the Pareto front"
 
 
 @click.command("tradeoff", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--flight", is_flag=True, help="Integrators of the flight, by tolerance.")
+@click.option("--impact", is_flag=True, help="Only the ways to compute an impact.")
+@click.option("--flight", is_flag=True, help="Only the integrators of the flight, by tolerance.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the rows; - is stdout.")
-@click.option("--scene", metavar="FILE", help="What each effect of a scene (TOML) is worth.")
-def tradeoff(flight: bool, json_file: str | None, scene: str | None) -> None:
+@click.option("--scene", metavar="FILE", help="Only what each effect of a scene (TOML) is worth.")
+@click.option("--plot", metavar="FILE", help="Draw error against time: .png, .svg or .pdf.")
+def tradeoff(
+    impact: bool, flight: bool, json_file: str | None, scene: str | None, plot: str | None
+) -> None:
     """Measure error against cost, all methods in one run on this machine.
 
-    Example: python -m kickdyn.tradeoff --flight
+    Example: python -m kickdyn.tradeoff --plot tradeoff.png
     """
+    # here: mpmath, scipy's integrators and matplotlib are not the other doors' business
+    from kickdyn.accuracy.flight import measure
+    from kickdyn.accuracy.impact import measure_impact
+    from kickdyn.accuracy.models import show
+    from kickdyn.accuracy.picture import picture
+    from kickdyn.view.sweep_plot import check_name, save_figure
+
     if scene is not None:
-        if flight:
-            raise InvalidInput("two things to measure were named: give --flight or --scene")
+        if impact or flight or plot is not None:
+            raise InvalidInput(
+                "--scene makes a table of its own: name no --impact, --flight, --plot"
+            )
         show(scene, json_file)
         return
-    if not flight:
-        raise InvalidInput("nothing to measure was named: give --flight or --scene")
+    both = impact == flight
     if json_file is not None and json_file != "-":
         check_writable(json_file)
-    console = Console(stderr=True)
-    with console.status("measuring") as status:
-        rows = measure(told=lambda name: status.update(f"measuring {name}"))
+    if plot is not None:
+        check_name(plot)
+        check_writable(plot)
+    check_distinct(json_file, plot)
+    with Console(stderr=True).status("measuring") as status:
+
+        def told(name: str) -> None:
+            status.update(f"measuring {name}")
+
+        impacts = measure_impact(told) if impact or both else []
+        flights = measure(told=told) if flight or both else []
+    if plot is not None:
+        save_figure(picture(impacts, flights), plot)
     if json_file is not None:
-        text = json.dumps([dataclasses.asdict(row) for row in rows], indent=2) + "\n"
+        listed = {
+            "impact": [dataclasses.asdict(row) for row in impacts],
+            "flight": [dataclasses.asdict(row) for row in flights],
+        }
+        text = json.dumps(listed, indent=2) + "\n"
         if json_file == "-":
             sys.stdout.write(text)
             return
         with replacing(json_file) as draft:
             draft.write_text(text, encoding="utf-8")
-    Console(highlight=False, width=100).print(_table(rows))
+    console = Console(highlight=False, width=100)
+    if impacts:
+        console.print(_impact_table(impacts))
+    if flights:
+        console.print(_flight_table(flights))
 
 
-def _table(rows: list[Measured]) -> Table:
+def _table(title: str, heads: Sequence[str]) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    for head in heads:
+        left = head in ("kick", "scene", "method", "setting")
+        table.add_column(head, justify="left" if left else "right")
+    return table
+
+
+def _cost(row: Any, rows: Sequence[Any]) -> tuple[str, str, str]:
+    """Return microseconds, how many times the fastest of its scene, and the mark of the front."""
     fastest = min(row.seconds for row in rows)
-    table = Table(
-        title="Landing of 12 spinning kicks; reference kd.fly at 1e-13; * is the Pareto front",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-    )
-    table.add_column("method")
-    for head in ("tolerance", "error m", "calls", "us a flight", "times the fastest", ""):
-        table.add_column(head, justify="right")
+    return f"{1e6 * row.seconds:.4g}", f"{row.seconds / fastest:.3g}", "*" if row.pareto else ""
+
+
+def _impact_table(rows: list[MeasuredImpact]) -> Table:
+    heads = ("kick", "method", "setting", "error", "us", "times the fastest", "")
+    table = _table(IMPACT, heads)
     for row in rows:
-        table.add_row(
-            row.method,
-            f"{row.tol:g}",
-            f"{row.error:.1e}",
-            f"{row.evaluations:.0f}",
-            f"{1e6 * row.seconds:.4g}",
-            f"{row.seconds / fastest:.3g}",
-            "*" if row.pareto else "",
-        )
+        same = [other for other in rows if other.kick == row.kick]
+        cells = (row.kick, row.method, row.setting, f"{row.error:.1e}")
+        table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
+    return table
+
+
+def _flight_table(rows: list[Measured]) -> Table:
+    heads = ("scene", "method", "tolerance", "error m", "calls", "us a flight")
+    table = _table(FLIGHT, (*heads, "times the fastest", ""))
+    for row in rows:
+        same = [other for other in rows if other.scene == row.scene]
+        tol = f"{row.tol:g}" if row.tol else ""
+        cells = (row.scene, row.method, tol, f"{row.error:.1e}", f"{row.evaluations:.0f}")
+        table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
     return table
 
 

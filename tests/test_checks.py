@@ -33,7 +33,7 @@ def test_number_takes_whatever_is_one_real_number(value):
     "value",
     [
         *(math.nan, math.inf, -math.inf, None, "2", b"2", bytearray(b"2"), True, np.True_),
-        *(2j, np.complex128(2), 10**400, [2.0], np.array([2.0]), np.ma.masked, object()),
+        *(2j, np.complex128(2), 10**400, [2.0], np.array([2.0]), np.ma.masked, object),
     ],
     ids=repr,
 )

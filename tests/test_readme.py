@@ -14,6 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
+from kickdyn.accuracy.exact_impact import exact_impact, given
+from kickdyn.accuracy.impact import kick
 from kickdyn.paper import tables_4_5
 from kickdyn.paper.reproduce import SECTIONS
 from kickdyn.posture_sweep import posture_sweep
@@ -96,6 +98,18 @@ def test_the_table_of_validation(item):
 
 def row_of(start):
     return next(line for line in README.splitlines() if line.startswith(f"| {start}"))
+
+
+def test_the_line_on_mujoco():
+    pytest.importorskip("mujoco")
+    from kickdyn.accuracy.mujoco_kick import simulated
+
+    hit = kick(0.0)
+    error = exact_impact(*given(hit))["impulse"].error(hit.impulse)
+    assert f"off by {error:.1e}" in README
+    for stiffness, dt in ((1e5, 1e-3), (1e7, 1e-5)):
+        gap = np.linalg.norm(simulated(hit, stiffness, dt) - hit.impulse)
+        assert f"{100 * gap / np.linalg.norm(hit.impulse):.1f} %" in README
 
 
 def test_the_rows_of_the_paper():

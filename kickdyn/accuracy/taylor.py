@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,42 +16,61 @@ from kickdyn.checks import Array
 from kickdyn.flight.forces import downward
 
 
-def equations(hy: Any, ball: Ball, air: Air) -> list[tuple[Any, Any]]:
-    """Return the equations of motion in still air as heyoka's expressions.
+def acceleration(
+    m: Any, ball: Ball, air: Air, velocity: Sequence[Any], spin: Sequence[Any] | None
+) -> tuple[list[Any], Any]:
+    """Return acceleration and rate of spin decay in still air, in any arithmetic.
 
     They are those of `forces` for the drag `brazuca`, the lift `saturating` and the torque
-    `smits-smith` between Re 7e4 and 5.1e5, where these are one analytic formula each. The states
-    are displacement, velocity and spin over that of the launch, which is `par[0:3]`.
+    `smits-smith` between Re 7e4 and 5.1e5, where these are one analytic formula each.
+
+    Args:
+        m: with `sqrt` and `exp`: a module of heyoka or a context of mpmath.
+        ball: what flies.
+        air: still, and with those models.
+        velocity: three numbers, or expressions.
+        spin: likewise; None without any, and then without lift.
     """
-    names = hy.make_vars("x", "y", "z", "vx", "vy", "vz", "left")
-    vx, vy, vz, left = names[3:]
-    wx, wy, wz = (left * hy.par[i] for i in range(3))
-    speed = hy.sqrt(vx * vx + vy * vy + vz * vz)
-    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
-    across = hy.sqrt(mx * mx + my * my + mz * mz)
-    parameter = ball.radius * across / (speed * speed)
+    vx, vy, vz = velocity
+    speed = m.sqrt(vx * vx + vy * vy + vz * vz)
     fit = drag.BALLS["brazuca"]
     v = 2 * ball.radius * air.density / air.viscosity / drag.REYNOLDS_PER_SPEED * speed
     beyond, slope = v - fit.v_min, (fit.b_max - fit.b_min) / (fit.v_max - fit.v_min)
-    crisis = (fit.a - fit.b_min) / (1.0 + hy.exp((v - fit.v_c) / fit.v_s))
-    level = crisis + fit.b_min + slope * beyond / (1.0 + hy.exp(-beyond / fit.v_s))
+    crisis = (fit.a - fit.b_min) / (1.0 + m.exp((v - fit.v_c) / fit.v_s))
+    level = crisis + fit.b_min + slope * beyond / (1.0 + m.exp(-beyond / fit.v_s))
+    pressure = 0.5 * air.density * ball.cross_section / ball.mass
+    if spin is None:
+        pull = pressure * level * speed
+        return [-pull * vx, -pull * vy, -pull * vz - downward(ball, air)], 0.0 * speed
+    wx, wy, wz = spin
+    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+    across = m.sqrt(mx * mx + my * my + mz * mz)
+    parameter = ball.radius * across / (speed * speed)
     part = (parameter / drag.SPIN_DRAG_LIMIT) ** 2.0
-    eighth = hy.sqrt(hy.sqrt(hy.sqrt(1.0 + part * part * part * part)))
+    eighth = m.sqrt(m.sqrt(m.sqrt(1.0 + part * part * part * part)))
     cd = level + drag.SPIN_DRAG * parameter / eighth
     gate = (fit.a - level) / (fit.a - lift.LEAST_DRAG)
     cl = gate * 0.47 * parameter / (0.135 + parameter)
-    pressure = 0.5 * air.density * ball.cross_section / ball.mass
     pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
-    beta = air.density * ball.cross_section * ball.radius**2 / ball.inertia * smits_smith(1e5, 0.0)
-    creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
-    rates = [
-        *(vx, vy, vz),
+    pulled = [
         push * mx - pull * vx,
         push * my - pull * vy,
         push * mz - pull * vz - downward(ball, air),
-        -(beta * speed + creep) * left,
     ]
-    return list(zip(names, rates, strict=True))
+    beta = air.density * ball.cross_section * ball.radius**2 / ball.inertia * smits_smith(1e5, 0.0)
+    creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
+    return pulled, beta * speed + creep
+
+
+def equations(hy: Any, ball: Ball, air: Air) -> list[tuple[Any, Any]]:
+    """Return the equations of motion in still air as heyoka's expressions: see `acceleration`.
+
+    The states are displacement, velocity and spin over that of the launch, which is `par[0:3]`.
+    """
+    names = hy.make_vars("x", "y", "z", "vx", "vy", "vz", "left")
+    velocity, left = names[3:6], names[6]
+    pulled, decay = acceleration(hy, ball, air, velocity, [left * hy.par[i] for i in range(3)])
+    return list(zip(names, [*velocity, *pulled, -decay * left], strict=True))
 
 
 def taylor(ball: Ball, air: Air, tol: float) -> Callable[[BallState], tuple[Array, int]] | None:

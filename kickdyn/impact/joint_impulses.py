@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
+from kickdyn.checks import Array, length
 from kickdyn.posture import Posture
 
 
@@ -46,6 +46,42 @@ def joint_impulses(
 
 
 NOTHING = pin.Force.Zero()
+
+
+def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
+    """Return the velocity jump after an impulse on the foot, and `joint_impulses`' answers.
+
+    For legs that nothing but their joints holds. The jump is the articulated-body algorithm's: a
+    Cholesky factor of M loses digits with M's condition, five of them at 500 joints.
+    """
+    leg, space = posture.leg, posture.leg.workspace
+    model, data, joint = space.model, space.data, leg.contact_joint
+    space.external[joint] = at_joint(posture.joint_rotation.T, posture.contact_lever, impulse)
+    still = np.zeros(leg.nv)
+    jump = pin.aba(model, data, posture.q, still, still, space.external).copy()
+    left_over = pin.rnea(model, data, posture.q, still, jump, space.external)
+    space.external[joint] = NOTHING
+    return jump, np.array(space.forces), left_over.copy()
+
+
+def joint_digits(transmitted: Array, impulse: Array) -> Array:
+    """Return how many digits of each joint's linear impulse rounding leaves, at least.
+
+    What reaches a joint is a sum of momenta from the foot on, whose error is a share of the foot's
+    impulse: a joint that it hardly reaches has fewer digits. The share, 64 eps per joint, is tested
+    against 50 digits on chains of up to 500 joints.
+
+    Args:
+        transmitted: shape `(njoints, 6)` [N s, N m s].
+        impulse: on the foot, shape `(3,)` [N s].
+
+    Returns:
+        Shape `(njoints,)`, 0 to 16.
+    """
+    share = 64.0 * len(transmitted) * np.finfo(float).eps
+    whole = max(float(length(impulse)), np.finfo(float).tiny)  # below, float64 has fewer digits
+    sizes = np.maximum(length(transmitted[:, :3]) / whole, share)
+    return np.asarray(np.clip(np.log10(sizes / share), 0.0, 16.0))
 
 
 def at_joint(turn: Array, lever: Array, impulse: Array) -> pin.Force:

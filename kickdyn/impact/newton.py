@@ -27,7 +27,7 @@ def newton(problem: ContactProblem) -> Solution:
         return frictionless(problem)
     n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
     delassus = problem.delassus()
-    approach = -float(n.dot(u))
+    approach, _ = problem.along_normal()  # not from u: a fast spin would cost its digits
     axes = contact_axes(n, u)
     g_matrix = axes.T.dot(delassus).dot(axes)
     before = u.dot(axes)
@@ -84,6 +84,8 @@ def _slip_angles(g: Array, free: Array, mu: float) -> list[float]:
     )  # sliding times a positive number: x and y, as coefficients of cos, sin and 1
     mean, cos1, sin1 = (x[1] - y[0]) / 2, -y[2], x[2]
     cos2, sin2 = -(x[1] + y[0]) / 2, (x[0] - y[1]) / 2
+    if max(abs(mean), abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
+        return [math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)]  # mu too small to turn sliding
     roots = np.roots(
         [
             (cos2 - 1j * sin2) / 2,

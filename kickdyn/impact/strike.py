@@ -15,7 +15,7 @@ from kickdyn.contact import Contact
 from kickdyn.errors import EnergyCreated, InvalidInput, NoImpact
 from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
-from kickdyn.impact.joint_impulses import joint_impulses
+from kickdyn.impact.joint_impulses import joint_digits, joint_impulses, struck
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
 from kickdyn.impact.problem import cross
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
@@ -136,6 +136,11 @@ class Impact:
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
+
+    @property
+    def joint_digits(self) -> Array:
+        """Digits that rounding leaves of each joint's linear impulse, at least, `(njoints,)`."""
+        return joint_digits(self.joint_impulses, self.impulse)
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of this strike, law `newton` only: see `Sensitivity`."""
@@ -271,8 +276,12 @@ def _outcome(
     solution: Solution,
 ) -> Impact:
     n, impulse = touch.normal, solution.impulse
-    jump, held = posture.respond(-impulse.dot(posture.jacobian))
-    transmitted, left_over = joint_impulses(posture, jump, -impulse, held)
+    if posture.hold is None:
+        held = np.zeros(0)
+        jump, transmitted, left_over = struck(posture, -impulse)
+    else:
+        jump, held = posture.respond(-impulse.dot(posture.jacobian))
+        transmitted, left_over = joint_impulses(posture, jump, -impulse, held)
     after = BallState.computed(
         before.position,
         before.velocity + impulse / ball.mass,

@@ -293,7 +293,9 @@ def test_bad_options_are_refused(options, said):
 def test_flight_is_frozen_and_says_how_it_was_computed():
     path = kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(), tol=1e-8)
     assert path.method == "DOP853, rtol 1e-08, drag, lift, spin decay"
-    assert kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(drag=None)).method.endswith(", lift, spin decay")
+    assert kd.fly(launch(spin=(0, 9, 0)), BALL, kd.Air(drag=None)).method.endswith(
+        ", lift, spin decay"
+    )
     assert path.evaluations > 0
     with pytest.raises(dataclasses.FrozenInstanceError):
         path.status = "lost"

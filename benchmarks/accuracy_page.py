@@ -1,0 +1,120 @@
+"""Measure everything and write docs/accuracy.md with its pictures; about three minutes.
+
+    python benchmarks/accuracy_page.py
+
+Errors do not depend on the machine, times do.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from kickdyn.accuracy.extremes import cells, rows, summary
+from kickdyn.accuracy.flight import Measured, measure
+from kickdyn.accuracy.gains import gains
+from kickdyn.accuracy.impact import MeasuredImpact, measure_impact
+from kickdyn.accuracy.picture import picture
+from kickdyn.accuracy.row import Row
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+def table(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown, numbers to the right."""
+    listed = list(lines)
+    right = [
+        all(re.match(r"[\d.*]*(e[-+]\d+)?$", line[i]) for line in listed) for i in range(len(heads))
+    ]
+    rule = "|".join(" ---: " if one else " --- " for one in right)
+    text = [f"| {' | '.join(heads)} |", f"|{rule}|"]
+    return "\n".join(text + [f"| {' | '.join(line)} |" for line in listed])
+
+
+def impact_table(found: Sequence[MeasuredImpact]) -> str:
+    """Return the impacts, times relative to kickdyn's closed form."""
+    lines = []
+    for row in found:
+        ours = next(o.seconds for o in found if o.kick == row.kick and o.method.endswith("float64"))
+        setting = row.setting or "-"
+        front = "*" if row.pareto else ""
+        ratio = f"{row.seconds / ours:.2g}"
+        lines.append((row.kick, row.method, setting, f"{row.error:.1e}", ratio, front))
+    return table(("kick", "method", "setting", "error", "time", "front"), lines)
+
+
+def flight_table(found: Sequence[Measured]) -> str:
+    """Return the flights, times relative to the fastest of their scene."""
+    lines = []
+    for row in found:
+        fastest = min(other.seconds for other in found if other.scene == row.scene)
+        lines.append(
+            (
+                row.scene, row.method, f"{row.tol:g}" if row.tol else "-", f"{row.error:.1e}",
+                f"{row.evaluations:.0f}", f"{row.seconds / fastest:.2g}",
+                "*" if row.pareto else "",
+            )
+        )  # fmt: skip
+    return table(("scene", "method", "tol", "error [m]", "calls", "time", "front"), lines)
+
+
+def extremes_table(found: Sequence[Row]) -> str:
+    """Return the extremes; what is no number is counted."""
+    heads = ("case", "worst error", "condition", "error", "digits", "allowed", "of", "verdict")
+    shown = [cells(row) for row in found if row.family != "no number"]
+    lines = [[line[0], *(cell or "-" for cell in line[1:])] for line in shown]
+    refused = sum(row.family == "no number" for row in found)
+    lines.append([f"NaN, inf, -inf in {refused // 3} arguments", *["-"] * 6, f"{refused} refused"])
+    return table(heads, lines)
+
+
+def scatter(found: Sequence[Row]) -> Figure:
+    """Return error against condition."""
+    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    axes = figure.subplots()
+    axes.loglog([1, 1e5], [1e-15, 1e-10], "-", color="0.7", label="what the condition allows")
+    for verdict, colour in (("right", "tab:green"), ("as claimed", "tab:orange"), ("WRONG", "red")):
+        mine = [row for row in found if row.verdict == verdict]
+        errors = [min(max(row.error, 1e-17), 1.0) for row in mine]
+        axes.loglog(
+            [row.condition for row in mine], errors, "o", markersize=4, color=colour, label=verdict
+        )
+    axes.set(xlabel="condition", ylabel="relative error")
+    axes.legend(fontsize=7)
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def main() -> None:
+    """Write the page."""
+    impacts, flights, found = measure_impact(), measure(), list(rows())
+    picture(impacts, flights).savefig(DOCS / "images" / "tradeoff.png", dpi=80)
+    scatter(found).savefig(DOCS / "images" / "extremes.png", dpi=80)
+    filled = {
+        "impact": impact_table(impacts),
+        "flight": flight_table(flights),
+        "extremes": extremes_table(found),
+        "summary": summary(found) + ".",
+        "gains": table(
+            ("what", "the plain formula", "error", "kickdyn's", "error"),
+            (
+                (g.what, g.plain, f"{g.plain_error:.1e}", g.ours, f"{g.our_error:.1e}")
+                for g in gains()
+            ),
+        ),
+    }
+    page = DOCS / "accuracy.md"
+    text = page.read_text(encoding="utf-8")
+    for name, block in filled.items():
+        mark = f"<!-- {name} -->"
+        text = re.sub(
+            f"{mark}.*?{mark}", lambda _, b=block, m=mark: f"{m}\n{b}\n{m}", text, flags=re.S
+        )  # type: ignore[misc]
+    page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Every extreme but the long chains: right, as claimed, or refused; and a wrong answer is seen."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from kickdyn.accuracy import extreme_flights, extreme_impacts, extremes
+from kickdyn.accuracy.gains import gains
+from kickdyn.accuracy.row import Row, compared, digits, refused
+from kickdyn.errors import InvalidInput
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return list(extremes.rows(longest=2))
+
+
+def test_no_answer_is_wrong(rows):
+    assert [row for row in rows if row.verdict == "WRONG"] == []
+    assert len(rows) > 150
+
+
+def test_what_numbers_can_hold_is_right_to_ten_digits(rows):
+    for row in rows:
+        if row.verdict == "right" and row.allowed >= 10:
+            assert row.digits >= 10, row
+        if row.family in ("posture", "mass", "coefficient", "approach", "rank"):
+            assert row.verdict == "right", row
+            assert row.allowed >= 12, row
+
+
+def test_only_what_has_no_answer_is_refused(rows):
+    refusals = [row.case for row in rows if row.refusal and row.family != "no number"]
+    assert refusals == ["links of 1e-06, 1, 1e+06 m"]
+    assert all(row.refusal for row in rows if row.family == "no number")
+
+
+def test_long_chains_say_how_many_digits_their_joints_have():
+    kick = next(kick for kick in extreme_impacts.sizes(50) if kick.name == "chain of 50")
+    row = extreme_impacts.judged("size", kick)
+    assert row.verdict == "as claimed"
+    hit = kick.struck()
+    assert (np.diff(hit.joint_digits[::7]) > 0).all()  # more towards the foot
+    assert hit.joint_digits[-1] > 10 > hit.joint_digits[0]
+
+
+def test_a_wrong_answer_is_seen(monkeypatch):
+    kick = next(extreme_impacts.masses())
+    right = extreme_impacts.answers
+    monkeypatch.setattr(
+        extreme_impacts, "answers", lambda hit: right(hit) | {"impulse": hit.impulse * (1 + 1e-12)}
+    )
+    row = extreme_impacts.judged("mass", kick)
+    assert (row.verdict, row.quantity) == ("WRONG", "impulse")
+
+
+def test_formulas_in_use_keep_what_the_plain_ones_lose():
+    for gain in gains():
+        assert gain.our_error < 1e-14
+        assert gain.plain_error > 500 * gain.our_error
+
+
+def test_verdicts():
+    assert digits(0.0) == digits(1e-20) == 16
+    assert digits(1e-5) == pytest.approx(5)
+    assert digits(10.0) == 0
+    assert Row("", "", "", 1e-9, 1e5).verdict == "WRONG"
+    assert Row("", "", "", 1e-11, 1e5).verdict == "right"
+    assert Row("", "", "", 1e-9, 1e5, claimed=8).verdict == "as claimed"
+    assert Row("", "", "", 1e-9, 1e5, claimed=9.5).verdict == "WRONG"
+    assert Row("", "", "", math.inf, 1e20).verdict == "WRONG"
+    row = compared("f", "c", {"a": 1e-15, "b": 1e-12}, {"a": 1.0, "b": 1e4}, {})
+    assert (row.quantity, row.worst_error) == ("a", 1e-12)
+
+
+def test_what_is_taken_though_it_must_not_be_is_wrong():
+    def raises():
+        raise InvalidInput("no")
+
+    assert refused("x", raises).verdict == "refused"
+    assert refused("x", lambda: None).verdict == "WRONG"
+
+
+def test_pieces_add_up():
+    pieces = [row for row in extreme_flights.tolerances() if "in a row" in row.case]
+    assert len(pieces) == 6
+    assert all(row.digits > 10 for row in pieces)
+
+
+def test_the_door_refuses_before_it_works(tmp_path):
+    door = [sys.executable, "-m", "kickdyn.accuracy.extremes", "--json", str(tmp_path / "no" / "x")]
+    ended = subprocess.run(door, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (2, "")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
+from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.constraints import CLOSED, Constraints
 from kickdyn.errors import InvalidInput
+from kickdyn.posture import configuration
 
 if TYPE_CHECKING:
     from kickdyn.leg import Leg
@@ -21,26 +24,30 @@ LEAD = 0.1
 """How far the kept joints are led at a time [rad, m]."""
 
 
-def close_loops(leg: Leg, q: Array, fixed: Sequence[int] = ()) -> Array:
+def close_loops(leg: Leg, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
     """Return a configuration near `q` with all loops closed, as `Leg.closed` says.
 
     Args:
         leg: of any kind.
         q: shape `(nq,)`.
-        fixed: indices of v that must not move.
+        keep: joints that must not move.
 
     Raises:
         InvalidInput: the loops stay open; the widest, its gap and the rank of all together.
     """
+    if isinstance(keep, str):
+        raise InvalidInput(f"keep is {keep!r}: it must be a list of joints' names")
+    model = leg.workspace.model
+    q, fixed = configuration(model, q), [leg.velocity_index(name) for name in keep]
     if leg.constraints is None or not leg.constraints.loops:
         return q
-    model = leg.workspace.model
-    mask = np.ones(leg.nv)
-    mask[list(fixed)] = 0.0
+    own = leg.constraints.between(model)
+    mask = own.copy()
+    mask[fixed] = 0.0
     near, gaps, rank = _newton(leg, leg.constraints, q, mask)
     if _open(gaps):
-        here = pin.neutral(model)
-        way = pin.difference(model, here, q) * (1.0 - mask)
+        away = pin.difference(model, pin.neutral(model), q) * own
+        here, way = pin.integrate(model, q, -away), away * (1.0 - mask)
         stages = max(1, math.ceil(float(np.abs(way).max()) / LEAD))
         for _ in range(stages):
             here = pin.integrate(model, here, way / stages)

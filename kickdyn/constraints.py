@@ -17,6 +17,9 @@ from kickdyn.sound_model import frame_id
 CLOSED = 1e-9
 """Gap [m] up to which a loop counts as closed."""
 
+FLAT = 1e-6
+"""Share of a sole's length below which its width counts as none."""
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class Support:
@@ -46,6 +49,10 @@ class Support:
         friction: float | None = None,
         sole: ArrayLike | None = None,
     ) -> None:
+        if not isinstance(frame, str):
+            raise InvalidInput(f"support's frame is {frame!r}: it must be a name")
+        if not isinstance(point, bool):
+            raise InvalidInput(f"point of {frame} is {point!r}: it must be True or False")
         if friction is not None:
             friction = checks.number(f"friction under {frame}", friction, at_least=0)
         corners = None
@@ -56,9 +63,14 @@ class Support:
                     f"sole of {frame} has shape {corners.shape}: it must be (k, 3), the corners of "
                     "a flat foot, three or more"
                 )
+            extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+            if not extent[1] > FLAT * extent[0]:
+                raise InvalidInput(
+                    f"sole of {frame} is {corners.tolist()}: its corners must span an area"
+                )
             corners.setflags(write=False)
         for name, value in (
-            *(("frame", frame), ("point", bool(point))),
+            *(("frame", frame), ("point", point)),
             *(("friction", friction), ("sole", corners)),
         ):
             object.__setattr__(self, name, value)
@@ -107,6 +119,10 @@ class Constraints:
         loops: tuple[tuple[str, str], ...],
     ) -> None:
         self.supports, self.loops = supports, loops
+        named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
+        for ends in named:
+            if named.count(ends) > 1:
+                raise InvalidInput(f"{' - '.join(sorted(ends))} is held twice: once will do")
         self._supported = [_place(model, support.frame) for support in supports]
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
         for support, place in zip(supports, self._supported, strict=True):
@@ -165,6 +181,15 @@ class Constraints:
             for pair in self._looped
         ]
         return np.array([second - first for first, second in places]).reshape(-1, 3)
+
+    def between(self, model: Any) -> Array:
+        """Return 1 for the velocities of joints between the ends of a loop, 0 for others."""
+        own = np.zeros(model.nv)
+        for ends in self._looped:
+            one, two = (set(model.supports[end.joint]) for end in ends)
+            for joint in one ^ two:
+                own[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
+        return own
 
     def check_closed(self, model: Any, data: Any, where: object) -> None:
         """Raise `InvalidInput` if a loop is open, with its gap."""

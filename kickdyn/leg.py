@@ -255,7 +255,8 @@ class Leg:
     def closed(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
-        Where that fails, the kept joints are led to their values from 0, in small steps.
+        Only joints between the two ends of a loop move. Where that fails from `q`, it goes on from
+        these at 0, the kept ones led to their values in small steps. Ranges are not looked at.
 
         Args:
             q: to start from, shape `(nq,)` [rad; m for prismatic joints].
@@ -264,8 +265,7 @@ class Leg:
         Raises:
             InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
         """
-        fixed = [self.velocity_index(name) for name in keep]
-        return close_loops(self, checks.vector("q", q, self.nq), fixed)
+        return close_loops(self, q, keep)
 
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
         """Return q with the named joints at their values and all others at 0.

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 MAX_CONDITION = 1e13
 
+MAX_OFFSET = 1e3
+"""Largest distance of a contact point along an axis of its frame [m]."""
+
 REACH_TOLERANCE = 1e-9
 """Share of a wished-for velocity that may be missed before it counts as out of reach."""
 
@@ -52,12 +55,7 @@ class Posture:
         space = leg.workspace
         model, data = space.model, space.data
         self.leg = leg
-        self.q = checks.vector("q", q, model.nq)
-        if model.nq != model.nv and not pin.isNormalized(model, self.q, 1e-9):
-            raise InvalidInput(
-                f"q is {self.q.tolist()}: the (cos, sin) pair of a continuous joint must have "
-                "length 1 (Leg.configuration makes one from angles)"
-            )
+        self.q = configuration(model, q)
         pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
@@ -109,6 +107,11 @@ class Posture:
             offset: from the contact frame's origin, in that frame's axes, shape `(3,)` [m].
         """
         arm = checks.vector("contact offset", offset, 3, unit="m")
+        if np.abs(arm).max() > MAX_OFFSET:
+            raise InvalidInput(
+                f"contact offset is {arm.tolist()} m: it must be on the foot, {MAX_OFFSET:g} m at "
+                "most"
+            )
         turn, frame = self._frame.rotation, self._frame_jacobian
         moved = copy.copy(self)
         moved.__dict__.pop("mobility", None)
@@ -233,6 +236,17 @@ class Posture:
                 f"{self.hold.unit_of(worst)} in {self!r}: Posture.admissible(v) gives the nearest "
                 "velocity that does not"
             )
+
+
+def configuration(model: Any, q: ArrayLike) -> Array:
+    """Return q checked, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
+    checked = checks.vector("q", q, model.nq)
+    if model.nq != model.nv and not pin.isNormalized(model, checked, 1e-9):
+        raise InvalidInput(
+            f"q is {checked.tolist()}: the (cos, sin) pair of a continuous joint must have "
+            "length 1 (Leg.configuration makes one from angles)"
+        )
+    return checked
 
 
 def _factored(inertia: Array) -> tuple[Array, Array, float]:

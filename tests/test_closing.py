@@ -102,3 +102,20 @@ def test_two_hands_together():
     assert hit.loop_residual <= 1e-10
     assert list(hit.support_impulses) == ["left_ankle_roll_link"]
     assert list(hit.loop_impulses) == [hands]
+
+
+def test_only_the_loops_own_joints_move():
+    """From far off, too, where closing starts anew."""
+    q = dict(hip=0.5, ankle=0.2, rocker_b=0.05, rocker_a=-1.5, shank_pin_a=2)
+    closed = dict(zip(LEG.joint_names, LEG.closed(LEG.configuration(q), ["rocker_b"]), strict=True))
+    assert {name: closed[name] for name in ("hip", "ankle", "rocker_b")} == {
+        name: q[name] for name in ("hip", "ankle", "rocker_b")
+    }
+    LEG.posture(list(closed.values()))
+
+
+def test_what_is_no_configuration_is_refused():
+    with pytest.raises(kd.InvalidInput, match="keep is 'rocker_b'"):
+        LEG.closed(np.zeros(5), keep="rocker_b")
+    with pytest.raises(kd.InvalidInput, match="must have length 1"):
+        kd.Leg.from_robot("g1", base="floating").closed(np.zeros(36))

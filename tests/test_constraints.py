@@ -117,3 +117,22 @@ def test_rows_are_the_frames_velocities():
     angular = pin.log3(foot_1.rotation @ foot_0.rotation.T) / (2 * h)
     hand = (hand_1.translation - hand_0.translation) / (2 * h)
     assert rows == pytest.approx(np.concatenate([linear, angular, hand]), abs=1e-8)
+
+
+def test_nothing_is_held_twice():
+    for again in (FOOT, kd.Support(FOOT, point=True)):
+        with pytest.raises(kd.InvalidInput, match=f"{FOOT} is held twice"):
+            G1.standing_on(FOOT, again)
+    hands = ("left_rubber_hand", "right_rubber_hand")
+    with pytest.raises(kd.InvalidInput, match="hand is held twice"):
+        G1.with_loops(hands, hands[::-1])
+
+
+def test_a_support_is_a_name_and_a_sole_has_an_area():
+    for wrong, said in (
+        ({"frame": 5}, "frame is 5"),
+        ({"frame": FOOT, "point": "no"}, "point of .* is 'no'"),
+        ({"frame": FOOT, "sole": [(0, 0, 0), (1, 1, 0), (2, 2, 0)]}, "must span an area"),
+    ):
+        with pytest.raises(kd.InvalidInput, match=said):
+            kd.Support(**wrong)

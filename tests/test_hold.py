@@ -7,6 +7,7 @@ import pytest
 import kickdyn as kd
 
 LEFT = "left_ankle_roll_link"
+LEFT_JOINT = "left_ankle_roll_joint"  # a frame at the same place
 G1 = kd.Leg.from_robot("g1", base="floating")
 KICKER = kd.Leg.from_robot("g1", "right_wrist_yaw_link", base="floating")
 
@@ -30,7 +31,7 @@ STANCES = {
     "flat foot": (G1, (LEFT,)),
     "point foot": (G1, (kd.Support(LEFT, point=True),)),
     "two feet": (KICKER, (LEFT, "right_ankle_roll_link")),
-    "foot twice": (G1, (LEFT, kd.Support(LEFT, point=True))),
+    "foot twice": (G1, (LEFT, kd.Support(LEFT_JOINT, point=True))),
     "foot and toe": (G1, (LEFT, "left_ankle_pitch_link")),
     "pelvis": (G1, ("pelvis",)),
 }
@@ -68,7 +69,7 @@ def test_rank_is_counted(stance, rank):
 
 def test_redundant_supports_share_alike():
     """The same point held twice: the smallest split is half and half."""
-    points = (kd.Support(LEFT, point=True),) * 2
+    points = [kd.Support(name, point=True) for name in (LEFT, LEFT_JOINT)]
     posture = G1.standing_on(*points).posture(somewhere(G1, 4))
     alone = G1.standing_on(points[0]).posture(somewhere(G1, 4))
     impulse = np.random.default_rng(4).normal(size=G1.nv)

@@ -59,7 +59,7 @@ class Solution(NamedTuple):
 
     Attributes:
         impulse: on the ball, shape `(3,)` [N s, world frame].
-        sticking: whether the contact points part without sliding on each other.
+        sticking: whether friction could hold the contact points together; False without any.
         energy_lost: kinetic energy that leaves leg and ball [J].
     """
 
@@ -72,7 +72,7 @@ Law = Callable[[ContactProblem], Solution]
 
 
 def frictionless(problem: ContactProblem) -> Solution:
-    """Return the impulse of Eq. (10), along the normal: with no friction, all laws agree."""
+    """Return the impulse of Eq. (10), along the normal: what `newton` and `stronge` are without friction."""
     n, e = problem.normal, problem.restitution
     approach, give = problem.along_normal()
     p = (1.0 + e) * approach / give

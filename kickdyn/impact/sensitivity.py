@@ -201,7 +201,8 @@ def _per_mass(posture: Posture) -> Array:
     inertias = list(posture.leg.workspace.model.inertias)[1:]
     matrix = np.zeros((10 * len(inertias), len(inertias)))
     for i, inertia in enumerate(inertias):
-        matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
+        if inertia.mass > 0.0:  # a virtual link between joints has none to scale
+            matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
     return matrix
 
 

@@ -12,7 +12,7 @@ from kickdyn import checks
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
-from kickdyn.errors import EnergyCreated, InvalidInput, NoImpact
+from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
 from kickdyn.impact.joint_impulses import joint_digits, joint_impulses, struck
@@ -43,11 +43,13 @@ class Impact:
         foot_velocity: of the contact point just before, shape `(3,)` [m/s, world frame].
         approach_speed: of foot towards ball along the normal [m/s].
         ball_before, ball: just before and just after.
-        v_before, v_after: joint velocity, shape `(nv,)` [rad/s].
+        v_before, v_after: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
         joint_impulses: by the parent on the child, linear then angular, about the joint's origin
             and in its frame, shape `(njoints, 6)` [N s, N m s], joints as in `leg.joint_names`.
         energy_lost: by leg and ball together [J]; negative where the law creates energy.
-        sticking: whether the contact points part without sliding on each other.
+        sticking: whether friction could hold the contact points together: by `newton` and
+            `stronge` they then part without sliding; `paper` leaves the ball's turning out, so
+            that they slide all the same. False without friction.
         restitution_residual: |u_n+ + e u_n-| / |u_n-|, from the velocities after. Law `paper`
             restitutes along the attack direction and law `stronge` restitutes work: where that
             makes a difference, this shows it.
@@ -230,6 +232,11 @@ def strike_at(
         friction=touch.friction,
     )
     solution = LAWS[law](problem)
+    if not math.isfinite(solution.energy_lost):
+        raise KickdynError(
+            f"law {law!r} finds no impulse in {posture!r} (restitution {touch.restitution:g}, "
+            f"friction {touch.friction:g})"
+        )
     hit = _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
     if strict and hit.creates_energy:
         raise EnergyCreated(

@@ -6,7 +6,8 @@ smooth up to the end of the sliding, which it reaches as tau goes to infinity:
 
     slip' = |slip| b - mu A slip,   A and b the tangential block and column of G.
 
-Its Taylor series about any point is cheap; steps of order 24 lose nothing to truncation. Once the
+Its Taylor series about any point is cheap; steps of order 24 lose nothing to truncation. Where mu is
+above 1, mu tau takes the place of tau, so that coefficients do not grow with friction. Once the
 direction has settled, what is left is a straight line, in closed form, and so is all that follows
 the end of the sliding.
 
@@ -30,6 +31,8 @@ from kickdyn.impact.problem import ContactProblem, Solution, contact_axes, frict
 ORDER = 24
 TRUNCATION = 1e-17
 MAX_STEPS = 2000
+ENDLESS = 1e50
+"""Friction above which no digit of the answer changes; work per mu would leave the floats."""
 
 
 def stronge(problem: ContactProblem) -> Solution:
@@ -48,10 +51,13 @@ def stronge(problem: ContactProblem) -> Solution:
     speed = float(np.abs(before).max())
     g = axes.T @ problem.delassus() @ axes
     give = float(g.diagonal().max())
-    course = _Course(g / give, problem.friction, problem.restitution, before / speed)
+    mu = min(problem.friction, ENDLESS)
+    course = _Course(g / give, mu, problem.restitution, before / speed)
     sticking = course.run()
     scale = speed / give
     lost = (1.0 - problem.restitution**2) * course.stored + course.rubbed
+    if not math.isfinite(lost):
+        raise KickdynError(f"the sliding cannot be followed (mu = {problem.friction:g})")
     return Solution(scale * (axes @ course.impulse), sticking, scale * speed * lost)
 
 
@@ -59,6 +65,7 @@ class _Course:
     """An impact under way, in contact axes, the normal last; velocities and G of order 1.
 
     Attributes:
+        pace: of tau against the series' time.
         slip, x, y: size and direction of the sliding.
         normal: velocity along the normal; negative while the points approach.
         impulse: so far, shape `(3,)`.
@@ -68,7 +75,7 @@ class _Course:
 
     def __init__(self, g: Array, mu: float, e: float, before: Array) -> None:
         (self.a11, self.a12, self.b1), (_, self.a22, self.b2), (*_, self.g33) = g.tolist()
-        self.mu, self.share = mu, e * e
+        self.mu, self.share, self.pace = mu, e * e, 1.0 / max(mu, 1.0)
         u1, u2, self.normal = before.tolist()
         self.slip = math.hypot(u1, u2)
         self.x: float = u1 / self.slip if self.slip else 1.0
@@ -166,9 +173,9 @@ class _Course:
         xs, ys, ss = self._series()
         tail = max(abs(c) for series in (xs, ys, ss) for c in series[-2:])
         h = (TRUNCATION / max(tail, 1e-300)) ** (1.0 / ORDER)
-        mu, slip = self.mu, self.slip
+        mu, slip = self.mu * self.pace, self.slip  # mu dp is of order 1 where dp is not
         rates = [
-            self.g33 * s + mu * -(self.b1 * x + self.b2 * y)
+            self.pace * self.g33 * s + mu * -(self.b1 * x + self.b2 * y)
             for x, y, s in zip(xs, ys, ss, strict=True)
         ]
         h = self._monotone(h, xs, ys, rates)
@@ -180,7 +187,7 @@ class _Course:
         else:
             last = _value(normal, h)
         # Products are kept to twice the order: the square of a series converges more slowly.
-        work = _integral(np.convolve(ss, normal).tolist(), slip)
+        work = _integral(np.convolve(ss, normal).tolist(), slip * self.pace)
         friction = _integral(np.convolve(ss, ss).tolist(), mu * slip * slip)
         if self.normal < 0.0 or last < 0.0:
             self.stored -= _value(work, h)
@@ -194,7 +201,7 @@ class _Course:
         self.impulse += (
             -mu * _value(_integral(xs, slip), h),
             -mu * _value(_integral(ys, slip), h),
-            _value(_integral(ss, slip), h),
+            _value(_integral(ss, slip * self.pace), h),
         )
         self.rubbed += _value(friction, h)
         x, y = _value(xs, h), _value(ys, h)
@@ -204,7 +211,7 @@ class _Course:
 
     def _series(self) -> tuple[list[float], list[float], list[float]]:
         """Return Taylor coefficients in tau of the slip and of its size, over its size now."""
-        mu, b1, b2 = self.mu, self.b1, self.b2
+        mu, b1, b2 = self.mu * self.pace, self.b1 * self.pace, self.b2 * self.pace
         m11, m12, m22 = mu * self.a11, mu * self.a12, mu * self.a22
         xs, ys, ss = [self.x], [self.y], [1.0]
         for k in range(1, ORDER + 1):

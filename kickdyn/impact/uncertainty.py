@@ -138,7 +138,7 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
 def _sigmas(slopes: Sensitivity, variance: float) -> float:
     if slopes.at_boundary:
         return 0.0
-    return slopes.margin / math.sqrt(variance) if variance > 0.0 else math.inf
+    return math.inf if variance <= 0.0 else slopes.margin / math.sqrt(variance)
 
 
 def _carried(jacobian: Array, covariance: Array) -> Array:

@@ -101,7 +101,10 @@ def unilateral_strike(
         frictions += [support.friction or 0.0] * len(foot.levers)
     impulses, residual = solve_cones(contacts.delassus, bounced, np.array(frictions))
     if not residual <= MAX_RESIDUAL:
-        raise KickdynError(f"no impulses found for the supports (residual {residual:.1g})")
+        raise KickdynError(
+            f"no impulses found for the supports (residual {residual:.1g}, friction up to "
+            f"{max(frictions):g}: above about 10 the solver may not converge)"
+        )
     return _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
 
 
@@ -192,8 +195,6 @@ def _checked(leg: Leg) -> tuple[Support, ...]:
             raise InvalidInput(f"support {support.frame} has no friction: name its coefficient")
         if support.sole is None and not support.point:
             raise InvalidInput(f"support {support.frame} has no sole: name its corners")
-    if len({support.frame for support in supports}) < len(supports):
-        raise InvalidInput("a support is named twice: once will do")
     return supports
 
 

@@ -193,3 +193,16 @@ def test_other_laws_are_refused():
     hit = kd.strike(*kick, "paper", **options)
     with pytest.raises(kd.InvalidInput, match="impact law 'paper' has no sensitivities"):
         hit.sensitivity()
+
+
+def test_links_without_mass_have_no_mass_to_scale():
+    leg = kd.Leg.from_robot("human")
+    masses = [inertia.mass for inertia in leg.model.inertias][1:]
+    assert 0.0 in masses
+    posture = leg.posture(np.full(leg.nq, 0.2))
+    v = posture.joint_velocity((10, 0, 3))
+    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.7, 0.4))
+    slopes = hit.sensitivity().impulse["link_mass"]
+    assert np.isfinite(slopes).all()
+    assert not slopes[:, np.equal(masses, 0.0)].any()
+    assert np.isfinite(hit.uncertainty(link_mass=0.1).branch_sigmas)

@@ -31,6 +31,16 @@ def test_energy_is_never_created(seed):
         check_energy(random_contact([seed, k]))
 
 
+@pytest.mark.parametrize("friction", [1e8, 1e300])
+def test_however_strong_the_friction(friction):
+    """Energy holds, and beyond some friction more of it changes nothing."""
+    for seed in range(100):
+        ours = stronge(random_contact(seed, decades=2, friction=friction))
+        limit = stronge(random_contact(seed, decades=2, friction=1e9))
+        assert 0.0 <= ours[2] == pytest.approx(limit[2], rel=1e-4)
+        assert ours[0] == pytest.approx(limit[0], abs=1e-4 * np.linalg.norm(limit[0]))
+
+
 def check_energy(contact):
     impulse, sticking, lost = stronge(contact)
     jump = contact.matrix @ impulse

@@ -142,7 +142,6 @@ def test_two_feet():
         (ROBOT, "g1 has no supports: Leg.standing_on names them"),
         (ROBOT.standing_on(FOOT), f"support {FOOT} has no friction"),
         (ROBOT.standing_on(kd.Support(FOOT, friction=0.5)), f"support {FOOT} has no sole"),
-        (stance().standing_on(*(stance().constraints.supports * 2)), "named twice"),
     ],
 )
 def test_what_cannot_be_solved_is_refused(leg, said):

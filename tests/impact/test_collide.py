@@ -293,3 +293,12 @@ def test_a_sample_outside_the_contact():
         hit.sample(1.0)
     with pytest.raises(kd.InvalidInput, match="must be a number or"):
         hit.sample([[0.0]])
+
+
+def test_a_particle_keeps_its_energy_in_order():
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
+    v = posture.joint_velocity([9, 0, 4])
+    ball = kd.Ball(inertia_factor=math.inf)
+    hit = kd.collide(posture.leg, posture.q, v, ball, kd.Contact((2, 0, 1), 0.8, 0.3), tol=1e-6)
+    assert hit.energy_residual < 1e-3
+    assert not hit.ball.spin.any()

@@ -1,6 +1,7 @@
 """The contact that takes time: closed forms, what is conserved, and the limit of the instant."""
 
 import math
+import pickle
 
 import numpy as np
 import pinocchio as pin
@@ -293,3 +294,27 @@ def test_a_sample_outside_the_contact():
         hit.sample(1.0)
     with pytest.raises(kd.InvalidInput, match="must be a number or"):
         hit.sample([[0.0]])
+
+
+def test_strong_friction_is_as_quick():
+    hit = human(kd.Contact((1, 0, 0.3), 0.5, 1e6))
+    assert hit.evaluations < 5 * human(kd.Contact((1, 0, 0.3), 0.5, 1.0)).evaluations
+    assert hit.energy_residual < 1e-5
+
+
+def test_a_particle_has_an_energy_too():
+    v = LEG.posture(Q).joint_velocity((14.0, 0.0, 4.0))
+    hit = kd.collide(LEG, Q, v, kd.Ball(inertia_factor=math.inf), TOUCH)
+    assert hit.energy_residual < 1e-6
+
+
+def test_pickled_it_runs_again():
+    hit = human(torque=[1.0, 2.0, 3.0], tol=1e-8)
+    copy = pickle.loads(pickle.dumps(hit))
+    assert copy.tol == hit.tol
+    assert (copy.impulse == hit.impulse).all()
+
+
+def test_torques_beyond_reason_are_said():
+    with pytest.raises(kd.KickdynError):
+        human(torque=[1e300] * 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -97,6 +98,13 @@ def times(t: ArrayLike, duration: float, what: str) -> Array:
             f"t is {float(outside.flat[0]):g} s: {what} lasts from 0 to {duration:g} s"
         )
     return moments
+
+
+def mapping(name: str, value: object) -> dict[str, Any]:
+    """Return a mapping as a dict, None as an empty one; else raise `InvalidInput`."""
+    if value is None or isinstance(value, Mapping):
+        return dict(value or {})
+    raise InvalidInput(f"{name} is {value!r}: it must map names to values")
 
 
 def direction(name: str, value: ArrayLike) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.constraints import CLOSED, Constraints
 from kickdyn.errors import InvalidInput

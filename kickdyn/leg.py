@@ -123,6 +123,7 @@ class Leg:
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model = robot_model(name, base, legs_only=legs_only)
+        frame_id(model, frame or robot(name).foot)
         try:
             leg = cls.from_model(model, robot(name).foot)
             leg.posture(leg.configuration())  # singular there is singular everywhere
@@ -172,7 +173,7 @@ class Leg:
             InvalidInput: no such joint, or a value below 0.
         """
         model, armature = self.model, self._model.armature.copy()
-        for name, value in rotors.items():
+        for name, value in checks.mapping("rotors", rotors).items():
             armature[self.velocity_index(name)] = checks.number(
                 f"armature of {name}", value, at_least=0, unit="kg m2"
             )
@@ -203,7 +204,7 @@ class Leg:
             InvalidInput: no such frame, or both on one body.
         """
         for loop in loops:
-            if isinstance(loop, str) or len(tuple(loop)) != 2:
+            if not isinstance(loop, tuple | list) or len(loop) != 2:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         return self._with(self.model, loops=tuple((a, b) for a, b in loops))
 
@@ -255,8 +256,8 @@ class Leg:
     def closed(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
-        Only joints between the two ends of a loop move. Where that fails from `q`, it goes on from
-        these at 0, the kept ones led to their values in small steps. Ranges are not looked at.
+        Only joints between a loop's ends move, in their ranges or not. Where that fails, it starts
+        with these at 0, and leads the kept ones to their values in small steps.
 
         Args:
             q: to start from, shape `(nq,)` [rad; m for prismatic joints].
@@ -277,7 +278,7 @@ class Leg:
             InvalidInput: no such joint, or a value that is not finite.
         """
         step = np.zeros(self.nv)
-        for name, value in (angles or {}).items():
+        for name, value in checks.mapping("angles", angles).items():
             step[self.velocity_index(name)] = checks.number(f"joint {name}", value)
         return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
 

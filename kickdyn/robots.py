@@ -75,7 +75,7 @@ ROBOTS = {
 
 def robot(name: str) -> Robot:
     """Return a robot by name; raise `InvalidInput` with those there are."""
-    if name not in ROBOTS:
+    if not isinstance(name, str) or name not in ROBOTS:
         raise InvalidInput(f"robot {name!r} is unknown: choose {', '.join(ROBOTS)}")
     return ROBOTS[name]
 

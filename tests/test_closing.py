@@ -106,7 +106,7 @@ def test_two_hands_together():
 
 def test_only_the_loops_own_joints_move():
     """From far off, too, where closing starts anew."""
-    q = dict(hip=0.5, ankle=0.2, rocker_b=0.05, rocker_a=-1.5, shank_pin_a=2)
+    q = {"hip": 0.5, "ankle": 0.2, "rocker_b": 0.05, "rocker_a": -1.5, "shank_pin_a": 2}
     closed = dict(zip(LEG.joint_names, LEG.closed(LEG.configuration(q), ["rocker_b"]), strict=True))
     assert {name: closed[name] for name in ("hip", "ankle", "rocker_b")} == {
         name: q[name] for name in ("hip", "ankle", "rocker_b")

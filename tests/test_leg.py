@@ -298,3 +298,13 @@ def test_repr_names_joints_and_frame():
     assert repr(kd.Leg.human()) == (
         "Leg('leg_human', joints=['hip', 'knee', 'ankle'], frame='toe')"
     )
+
+
+def test_wrong_kinds_are_named():
+    leg = kd.Leg.human()
+    for call in (leg.locked, leg.configuration, leg.with_armature):
+        with pytest.raises(kd.InvalidInput, match="must map names to values"):
+            call(["hip"])
+    for loop in (5, None, "hip"):
+        with pytest.raises(kd.InvalidInput, match="must be a pair"):
+            leg.with_loops(loop)

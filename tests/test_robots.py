@@ -133,3 +133,10 @@ def test_without_the_package_one_line_says_how_to_get_it(monkeypatch, found):
     with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[robots\]"') as caught:
         kd.Leg.from_robot("g1")
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_asked_for_is_checked_first():
+    with pytest.raises(kd.InvalidInput, match="frame 'foo' is unknown"):
+        kd.Leg.from_robot("icub", "foo")
+    with pytest.raises(kd.InvalidInput, match=r"robot \['g1'\] is unknown"):
+        kd.Leg.from_robot(["g1"])

@@ -77,7 +77,7 @@ class Collision:
         q_before, q_after: shape `(nq,)` [rad].
         v_before, v_after: shape `(nv,)` [rad/s].
         energy_residual: energy that is unaccounted for, relative to what the two bring into the
-            contact along the normal.
+            contact along the normal; of a particle, which nothing turns, its spin's share as well.
         evaluations: of the equations of motion.
         tol: relative tolerance of the integrator.
     """
@@ -102,7 +102,11 @@ class Collision:
     evaluations: int
     tol: float
     _sample: Sample = field(repr=False)
-    _again: Callable[[float], Collision] = field(repr=False)
+    _again: partial[Collision] = field(repr=False)
+
+    def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
+        """Pickle what it was asked; unpickled, it runs again, to the same digits."""
+        return (partial(self._again, tol=self.tol), ())
 
     @cached_property
     def error(self) -> float:
@@ -111,7 +115,7 @@ class Collision:
         Never less than the tolerance's share of it; computed when asked for, by that run. What the
         model leaves out is not in it.
         """
-        finer = self._again(max(self.tol * 1e-2, 1e-13))
+        finer = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
         return max(2.0 * math.hypot(*(finer.impulse - self.impulse)), max(self.tol, 1e-12) * size)
 
@@ -178,7 +182,7 @@ def collide(
             q and v; 0 when not named.
         ball_velocity: of its centre at touch, shape `(3,)` [m/s, world frame].
         ball_spin: at touch, shape `(3,)` [rad/s, world frame].
-        tol: relative tolerance, 1e-13 to 1e-3.
+        tol: relative tolerance, 1e-13 to 1e-6.
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
@@ -186,7 +190,10 @@ def collide(
             or a leg that supports or loops hold.
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
-    checks.number("tol", tol, at_least=1e-13, at_most=1e-3)
+    checks.number("tol", tol, at_least=1e-13, at_most=1e-6)
+    checks.made_of(Leg, leg=leg)
+    checks.made_of(Ball, ball=ball)
+    checks.made_of(Contact, touch=touch)
     check_free(leg, "a contact that takes time is")
     posture = leg.posture(q)
     if touch.offset is not None:
@@ -208,7 +215,8 @@ def collide(
     start = squeeze.start(v)
     scale = squeeze.scales(start, expected, speed, mass)
     step, limit = expected / 20.0, PATIENCE * expected
-    found = until(squeeze.gap, squeeze.rates, start, limit, tol, tol * scale, step)
+    with np.errstate(over="ignore", invalid="ignore"):  # said below
+        found = until(squeeze.gap, squeeze.rates, start, limit, tol, tol * scale, step)
     if not found.success or not np.isfinite(found.y[:, -1]).all():
         raise KickdynError(f"the integrator gave up at {found.t[-1]:g} s: {found.message}")
     if found.status != 1:
@@ -222,7 +230,7 @@ def collide(
         return squeeze.contact_at(t, found.sol(t))
 
     peak_force, deflection = _peaks(sample, found.t)
-    if deflection >= ball.radius:
+    if deflection >= ball.radius * (1.0 - 1e-9):
         raise InvalidInput(
             f"stiffness is {contact.stiffness:g} N/m^1.5: too low, the ball would be pressed by "
             f"{deflection:g} m, beyond its radius of {ball.radius:g} m"
@@ -260,7 +268,7 @@ def collide(
         evaluations=int(found.nfev),
         tol=tol,
         _sample=sample,
-        _again=lambda finer: again(tol=finer),
+        _again=again,
     )
 
 

@@ -11,7 +11,11 @@ from kickdyn.hold import Hold
 ROUNDING = 1e-12
 """Share of the impulse on the ball that counts as none."""
 
+LEVEL = 0.01
+"""Height differences of a sole's corners, over their distance, up to which it counts as level."""
+
 STANDS, LIFTS, SLIPS, TIPS = "stands", "lifts off", "slips", "tips"
+TILTED = "is tilted"
 
 
 def judged(hold: Hold | None, impulses: Array, scale: float) -> dict[str, str]:
@@ -39,7 +43,8 @@ def footing(support: Support, impulse: Array, turn: Array, scale: float) -> str:
 
     Returns:
         `lifts off` where the ground would have to pull, `slips` where the impulse lies outside the
-        friction cone, `tips` where it acts outside the sole, else `stands`. Friction's moment about
+        friction cone, `is tilted` where the sole is not level, so that nobody knows what it stands
+        on, `tips` where the impulse acts outside the sole, else `stands`. Friction's moment about
         the normal is not judged.
     """
     none = ROUNDING * scale
@@ -49,14 +54,23 @@ def footing(support: Support, impulse: Array, turn: Array, scale: float) -> str:
     across = float(np.hypot(impulse[0], impulse[1]))
     if support.friction is not None and across > support.friction * normal + none:
         return SLIPS
-    if support.sole is not None and normal > none:
+    if support.sole is not None:
         corners = support.sole @ turn.T
+        if not level(corners):
+            return TILTED
         height = corners[:, 2].mean()
         # where on the sole's plane the impulse has no moment about x and y
         moment = impulse[3:] - np.cross([0.0, 0.0, height], impulse[:3])
+        if normal <= none:
+            return TIPS if np.abs(moment[:2]).max() > none * np.abs(corners).max() else STANDS
         if not _within(corners[:, :2], np.array([-moment[1], moment[0]]) / normal):
             return TIPS
     return STANDS
+
+
+def level(corners: Array) -> bool:
+    """Return whether the corners of a sole, shape `(k, 3)` [m, world axes], are level."""
+    return bool(np.ptp(corners[:, 2]) <= LEVEL * np.ptp(corners[:, :2], axis=0).max())
 
 
 def _within(corners: Array, point: Array) -> bool:

@@ -85,7 +85,10 @@ def contact_stiffness(
     time = checks.number("contact time", contact_time, above=0, unit="s")
     m = checks.number("mass", mass, above=0, unit="kg")
     speed = checks.number("approach speed", approach_speed, above=0, unit="m/s")
-    return float(m / math.sqrt(speed) * (_unit_contact_time(restitution) / time) ** 2.5)
+    unit = _unit_contact_time(checks.number("restitution", restitution, at_least=0.01, at_most=1))
+    with np.errstate(over="ignore"):
+        stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
+    return checks.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
 
 
 def expected_contact_time(

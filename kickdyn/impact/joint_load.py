@@ -55,8 +55,9 @@ def joint_loads(
         InvalidInput: a contact time or limit that is not above 0, limits without a contact time,
             or no such joint.
     """
+    checks.made_of(Impact, hit=hit)
     leg, sharpness = hit.posture.leg, None
-    limits = dict(force_limits or {})
+    limits = checks.mapping("force limits", force_limits)
     if contact_time is not None:
         time = checks.number("contact time", contact_time, above=0, unit="s")
         sharpness = math.pi / 2 / time

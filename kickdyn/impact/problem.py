@@ -72,7 +72,7 @@ Law = Callable[[ContactProblem], Solution]
 
 
 def frictionless(problem: ContactProblem) -> Solution:
-    """Return the impulse of Eq. (10), along the normal: what `newton` and `stronge` are without friction."""
+    """Return the impulse of Eq. (10), along the normal; law `paper` has another."""
     n, e = problem.normal, problem.restitution
     approach, give = problem.along_normal()
     p = (1.0 + e) * approach / give

@@ -21,9 +21,10 @@ UNITS = {
 
 `normal` is the direction of the contact normal as a unit vector: what is along it has no effect.
 `ball_mass` takes the shell's inertia along. `link_mass` scales a link as a whole: centre of mass
-and radii of gyration stay; where it has no mass, nothing changes. `link_inertia` holds ten numbers per link as Pinocchio orders them: mass
-[kg], mass times centre of mass [kg m], and xx, xy, yy, xz, yz, zz of the inertia about the joint's
-origin [kg m2], in the joint's axes. Links count as `leg.joint_names`, all else in the world frame.
+and radii of gyration stay; massless links do not count. `link_inertia`
+holds ten numbers per link as Pinocchio orders them: mass [kg], mass times centre of mass [kg m],
+and xx, xy, yy, xz, yz, zz of the inertia about the joint's origin [kg m2], in the joint's axes.
+Links count as `leg.joint_names`, all else in the world frame.
 """
 
 

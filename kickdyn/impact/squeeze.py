@@ -12,12 +12,17 @@ import pinocchio as pin
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.errors import KickdynError
 from kickdyn.impact.hertz import HertzContact
+from kickdyn.impact.problem import cross
 from kickdyn.posture import Posture
 
 CREEP = 1e-3
 """Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,
-as an integrator needs it, so that what sticks creeps about that fast."""
+as an integrator needs it, so that what sticks creeps about that fast. For mu above 1, mu times as
+much: sticking asks for a smaller part of it, so that the creep is the same."""
+
+MAX_EVALUATIONS = 100_000
 
 
 class State(NamedTuple):
@@ -83,7 +88,8 @@ class Squeeze:
         self.external.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         self.leg, self.q, self.ball, self.contact = leg, q, ball, contact
         self.before, self.torque = before, torque
-        self.friction, self.creep = touch.friction, CREEP * speed
+        self.friction, self.creep = touch.friction, CREEP * speed * max(touch.friction, 1.0)
+        self.evaluations = 0
         pin.forwardKinematics(self.model, self.data, q)
         joint = self.data.oMi[leg.contact_joint]
         self.foot = posture.contact_point
@@ -132,8 +138,8 @@ class Squeeze:
         reach = self.lever + state.moved - (joint.translation + arm - self.foot)
         height = float(normal @ reach)
         point = arm + reach - height * normal
-        foot_point = turn @ motion.linear + _cross(spin, point)
-        apart = state.velocity - height * _cross(state.spin, normal) - foot_point
+        foot_point = turn @ motion.linear + cross(spin, point)
+        apart = state.velocity - height * cross(state.spin, normal) - foot_point
         rate = -float(normal @ apart)
         return Touch(normal, point, self.ball.radius - height, rate, apart + rate * normal)
 
@@ -142,10 +148,16 @@ class Squeeze:
         if self.friction == 0.0:
             return np.zeros(3)
         fast = math.hypot(*touch.sliding, self.creep)
-        return np.asarray(-self.friction * size / fast * touch.sliding)
+        return np.asarray(-self.friction / fast * size * touch.sliding)
 
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
+        self.evaluations += 1
+        if self.evaluations > MAX_EVALUATIONS:
+            raise KickdynError(
+                f"the contact is not over after {MAX_EVALUATIONS} evaluations, at {t:g} s: what "
+                "acts is too stiff to be integrated"
+            )
         state, ball = self.state(y), self.ball
         touch = self.touching(state)
         spring = self.contact.spring(touch.deflection)
@@ -155,7 +167,7 @@ class Squeeze:
         arm_of_ball = (touch.deflection - ball.radius) * touch.normal
 
         turn = self.data.oMi[self.leg.contact_joint].rotation.T
-        moment = turn @ _cross(touch.point, -push)
+        moment = turn @ cross(touch.point, -push)
         self.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
         lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
         torque = self.torque(t, state.q, state.v)
@@ -166,7 +178,7 @@ class Squeeze:
                 acceleration,
                 state.velocity,
                 push / ball.mass + self.gravity,
-                _cross(arm_of_ball, rubbing) / ball.inertia,
+                cross(arm_of_ball, rubbing) / ball.inertia,
                 [lost, float(torque @ state.v)],
             ]
         )
@@ -178,8 +190,9 @@ class Squeeze:
         return np.asarray(slope @ state.v)
 
     def gap(self, _: float, y: Array) -> float:
-        """Return the deflection, which falls through 0 at separation."""
-        return self.touching(self.state(y)).deflection
+        """Return what falls through 0 at separation: the deflection, or what the radius spares."""
+        deflection = self.touching(self.state(y)).deflection
+        return min(deflection, self.ball.radius - deflection)
 
     def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
@@ -212,9 +225,3 @@ class Squeeze:
         deflection = max(self.touching(state).deflection, 0.0)
         stored = 0.4 * self.contact.spring(deflection) * deflection
         return leg + moving + height + stored
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )

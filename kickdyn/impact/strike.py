@@ -187,6 +187,7 @@ def strike(
         EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
+    checks.made_of(Leg, leg=leg)
     posture, motion = leg.posture(q), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
     return strike_at(posture, v, ball, touch, law, **motion, strict=strict)
 
@@ -203,6 +204,9 @@ def strike_at(
     strict: bool = False,
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
+    checks.made_of(Posture, posture=posture)
+    checks.made_of(Ball, ball=ball)
+    checks.made_of(Contact, touch=touch)
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     v = checks.vector("v", v, posture.leg.nv)

@@ -6,9 +6,9 @@ smooth up to the end of the sliding, which it reaches as tau goes to infinity:
 
     slip' = |slip| b - mu A slip,   A and b the tangential block and column of G.
 
-Its Taylor series about any point is cheap; steps of order 24 lose nothing to truncation. Where mu is
-above 1, mu tau takes the place of tau, so that coefficients do not grow with friction. Once the
-direction has settled, what is left is a straight line, in closed form, and so is all that follows
+Its Taylor series about any point is cheap; steps of order 24 lose nothing to truncation. For mu
+above 1 they are in mu tau, so that coefficients do not grow with friction. Once the direction has
+settled, what is left is a straight line, in closed form, and so is all that follows
 the end of the sliding.
 
 Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4; Batlle

@@ -16,7 +16,7 @@ from kickdyn.constraints import Support
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.cone_solver import solve_cones
-from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS
+from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.strike import Impact, strike
@@ -84,8 +84,9 @@ def unilateral_strike(
     at every point: one nonlinear complementarity problem. Arguments and errors as for `strike`, and
 
     Raises:
-        InvalidInput: the leg has no supports, one lacks its friction, or a flat one its sole.
-        KickdynError: no solution was found.
+        InvalidInput: the leg has no supports, one lacks its friction, a flat one its sole, or
+            a sole is not level.
+        KickdynError: no solution was found, as can happen for friction above about 10.
     """
     held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
@@ -206,6 +207,11 @@ def _feet(held: Impact, supports: tuple[Support, ...]) -> list[_Foot]:
             feet.append(_Foot(np.zeros((1, 3)), rows))
             continue
         levers = support.sole @ block.frame.T
+        if not level(levers):
+            raise InvalidInput(
+                f"the sole of {support.frame} is tilted in {held.posture!r}: corners' heights "
+                f"differ by {np.ptp(levers[:, 2]):.3g} m, but the ground is level"
+            )
         at_points = [rows[:3] - pin.skew(lever) @ rows[3:] for lever in levers]
         feet.append(_Foot(levers, np.vstack(at_points)))
     return feet

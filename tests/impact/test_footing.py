@@ -49,3 +49,10 @@ def test_only_what_is_given_is_judged():
     point = kd.Support("foot", point=True, friction=0.5)
     assert footing(point, np.array([0.4, 0, 1]), np.eye(3), 1.0) == "stands"
     assert footing(point, np.array([0.6, 0, 1]), np.eye(3), 1.0) == "slips"
+
+
+def test_a_moment_alone_tips_and_a_tilted_sole_is_said():
+    assert footing(FOOT, np.array([0, 0, 0, 0, 0.1, 0]), np.eye(3), 1.0) == "tips"
+    c, s = np.cos(0.1), np.sin(0.1)
+    tilt = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    assert footing(FOOT, wrench((0, 0, 1), (0, 0, -0.04)), tilt, 1.0) == "is tilted"

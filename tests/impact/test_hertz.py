@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,3 +62,9 @@ def test_the_contact_pushes_only():
 def test_bad_input(arguments, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.contact_stiffness(*arguments)
+
+
+@pytest.mark.parametrize("wrong", [(1e-300, 1, 1), (1e300, 1, 1), (0.01, 1, 1, np.array([0.5]))])
+def test_no_stiffness_beyond_the_floats(wrong):
+    with pytest.raises(kd.InvalidInput, match=r"(contact time|restitution) is"):
+        kd.contact_stiffness(*wrong)

@@ -65,3 +65,8 @@ def test_peak_is_that_of_half_a_sine():
 def test_bad_input_is_refused(args, said):
     with pytest.raises(kd.InvalidInput, match=said):
         kd.joint_loads(hit(), *args)
+
+
+def test_wrong_kinds_are_named():
+    with pytest.raises(kd.InvalidInput, match="hit is None"):
+        kd.joint_loads(None)

@@ -277,3 +277,17 @@ def test_links_of_absurd_length_keep_their_digits(length):
         exact = 1 / (row * mpmath.lu_solve(inertia, row.T))[0]
     ours = posture.effective_mass([math.cos(0.5), 0, math.sin(0.5)])
     assert ours == pytest.approx(float(exact), rel=1e-12)
+
+
+@pytest.mark.parametrize("wrong", range(5))
+def test_things_of_the_wrong_kind_are_named(wrong):
+    posture = paper_posture(15)
+    arguments = [LEG, posture.q, posture.joint_velocity(ATTACK), kd.Ball(), kd.Contact(ATTACK, 0.8)]
+    if wrong in (0, 3, 4):
+        arguments[wrong] = None
+        with pytest.raises(kd.InvalidInput, match=r"(leg|ball|touch) is None"):
+            kd.strike(*arguments)
+    else:
+        arguments[4] = kd.Contact(ATTACK, 0.8, wrong, offset=(1e100, 0, 0))
+        with pytest.raises(kd.InvalidInput, match="it must be on the foot"):
+            kd.strike(*arguments)

@@ -9,6 +9,7 @@ FOOT, OTHER = "left_ankle_roll_link", "right_ankle_roll_link"
 SOLE = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
 ROBOT = kd.Leg.from_robot("g1", base="floating")
 Q = {"right_hip_pitch_joint": -0.4, "right_knee_joint": 0.6, "left_knee_joint": 0.3}
+Q["left_ankle_pitch_joint"] = -0.3  # the sole is level
 
 
 def stance(friction=0.6, scale=1.0, **options):
@@ -129,7 +130,9 @@ def test_two_feet():
     hands = kd.Leg.from_robot("g1", "right_rubber_hand", base="floating")
     supports = [kd.Support(foot, friction=0.6, sole=SOLE) for foot in (FOOT, OTHER)]
     leg = hands.standing_on(*supports)
-    hit = kd.unilateral_strike(*kick(leg, (3, 0, 1)))
+    q = leg.configuration({**Q, "right_ankle_pitch_joint": -0.2})  # that sole is level too
+    v = leg.posture(q).joint_velocity((3, 0, 1))
+    hit = kd.unilateral_strike(leg, q, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7, 0.3))
     assert set(hit.footing) == {FOOT, OTHER}
     assert hit.cone_residual <= 1e-10
     assert hit.momentum_residual <= 1e-12
@@ -153,3 +156,12 @@ def test_an_answer_that_misses_the_laws_is_refused(monkeypatch):
     monkeypatch.setattr("kickdyn.impact.unilateral.MAX_RESIDUAL", 0.0)
     with pytest.raises(kd.KickdynError, match=r"no impulses found for the supports \(residual"):
         kd.unilateral_strike(*KICKS["forward"])
+
+
+def test_a_tilted_sole_is_refused():
+    leg, _, _, ball, touch = KICKS["forward"]
+    q = leg.configuration(Q | {"left_ankle_pitch_joint": 0.2})
+    v = leg.posture(q).joint_velocity((4.0, 0.5, 1.0))
+    leg = leg.standing_on(kd.Support(FOOT, friction=0.6, sole=[(1, 0, 0), (0, 1, 1), (0, 0, 0)]))
+    with pytest.raises(kd.InvalidInput, match=f"sole of {FOOT} is tilted .* differ by"):
+        kd.unilateral_strike(leg, q, v, ball, touch)

@@ -6,10 +6,11 @@ import json
 import math
 import sys
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import xarray as xr
@@ -27,12 +28,19 @@ from kickdyn.flight.path import Flight
 from kickdyn.impact.strike import Impact
 from kickdyn.leg import Leg
 from kickdyn.robots import ROBOTS
-from kickdyn.sweep.grid import Grid, grid
+from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.report import as_json, table, text
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
-from kickdyn.sweep.summary import Line, best_and_worst, paper_lines
+from kickdyn.sweep.summary import (
+    Line,
+    best_and_worst,
+    counts,
+    extremes,
+    paper_lines,
+    worst_residual,
+)
 from kickdyn.urdf_file import shipped_urdf
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
@@ -65,7 +73,12 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="For the flight: 20 degC at sea level, the paper's, or none.")  # fmt: skip
-@click.option("--out", metavar="FILE.nc", help="Write the dataset (netCDF 4).")
+@click.option("--out", metavar="FILE.nc|DIR.zarr",
+              help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
+              "number, to be gone on with if it is stopped.")  # fmt: skip
+@click.option("--resume", is_flag=True, help="Go on with what is in DIR.zarr.")
+@click.option("--workers", default=1, show_default=True, type=click.IntRange(1, 1024),
+              help="Threads that fill DIR.zarr.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the table; - is stdout.")
 @click.option("--plot", metavar="FILE.png", help="Draw the sweep (.png, .svg, .pdf).")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the best kick.")
@@ -80,6 +93,8 @@ def posture_sweep(
     friction: float,
     air: str,
     out: str | None,
+    resume: bool,
+    workers: int,
     json_file: str | None,
     plot: str | None,
     view: str | None,
@@ -99,24 +114,42 @@ def posture_sweep(
         friction=friction,
         air=AIRS[air](),
     )
-    postures = grid(leg, joints or (KICKING if leg_name in SHIPPED else ()))
-    _check_outputs(out, json_file, plot, view)
+    streams = out is not None and Path(out).suffix == ".zarr"
+    most = MOST_POSTURES if streams else MAX_POSTURES
+    postures = grid(leg, joints or (KICKING if leg_name in SHIPPED else ()), most)
+    _check_streams(streams, resume, plot)
+    _check_outputs(None if streams else out, json_file, plot, view)
 
-    data = _swept(leg, postures, kick)
-    lines = best_and_worst(leg, data, kick)
+    data = None
+    if out is not None and streams:
+        told = _streamed(out, leg, postures, kick, resume, workers)
+        counted, residual, lines = (
+            told["counts"],
+            told["residual"],
+            _extremes(leg, postures, kick, told),
+        )
+    else:
+        data = _swept(leg, postures, kick)
+        counted, residual, lines = (
+            counts(data),
+            worst_residual(data),
+            best_and_worst(leg, data, kick),
+        )
     shown = _shown(lines, kick) if live or view is not None else None
     if leg_name == "human":
         lines = [*paper_lines(leg, kick), *lines]
-    writers = _writers(data, lines, shown, out, plot, view)  # all made before any is written
+    writers = _writers(
+        data, lines, shown, None if streams else out, plot, view
+    )  # all made before any is written
     for write in writers:
         write()
     files = [file for file in (out, plot, view) if file is not None]
     if json_file is not None:
-        _write_json(json_file, as_json(leg, kick, data, lines))
+        _write_json(json_file, as_json(leg, kick, counted, lines))
         files += [json_file]
     if json_file != "-":
         Console(highlight=False, width=200).print(table(leg, kick, lines))  # cuts no number off
-        click.echo(text(data, lines))
+        click.echo(text(counted, residual, lines))
         for file in files:
             click.echo(f"wrote {file}")
     if live and shown:
@@ -157,7 +190,16 @@ def _check_outputs(
             check_writable(file)
 
 
-def _swept(leg: Leg, postures: Grid, kick: Kick) -> xr.Dataset:
+def _check_streams(streams: bool, resume: bool, plot: str | None) -> None:
+    if resume and not streams:
+        raise InvalidInput("--resume goes on with a Zarr store: name it with --out DIR.zarr")
+    if streams and plot is not None:
+        raise InvalidInput("--plot draws sweeps that are in memory: write the dataset as .nc")
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[int], None]]:
+    """Show a bar while in a terminal; give what moves it."""
     console = Console(stderr=True)
     columns = (TextColumn("postures"), *Progress.get_default_columns()[1:3], MofNCompleteColumn())
     with Progress(
@@ -167,12 +209,33 @@ def _swept(leg: Leg, postures: Grid, kick: Kick) -> xr.Dataset:
         transient=True,
         disable=not console.is_terminal,
     ) as bar:
-        task = bar.add_task("sweep", total=postures.size)
-        return sweep(leg, postures, kick, lambda: bar.advance(task))
+        task = bar.add_task("sweep", total=total)
+        yield lambda done: bar.advance(task, done)
+
+
+def _streamed(
+    out: str, leg: Leg, postures: Grid, kick: Kick, resume: bool, workers: int
+) -> dict[str, Any]:
+    from kickdyn.sweep.stream import stream
+
+    with _progress(postures.size) as done:
+        return stream(out, leg, postures, kick, resume=resume, workers=workers, progress=done)
+
+
+def _extremes(leg: Leg, postures: Grid, kick: Kick, told: dict[str, Any]) -> list[Line]:
+    if told["best"] is None:
+        return []
+    best, worst = (postures.configuration(leg, told[name][1]) for name in ("best", "worst"))
+    return extremes(leg, kick, best, worst)
+
+
+def _swept(leg: Leg, postures: Grid, kick: Kick) -> xr.Dataset:
+    with _progress(postures.size) as done:
+        return sweep(leg, postures, kick, lambda: done(1))
 
 
 def _writers(
-    data: xr.Dataset,
+    data: xr.Dataset | None,
     lines: Sequence[Line],
     shown: Shown | None,
     out: str | None,
@@ -184,11 +247,11 @@ def _writers(
         from kickdyn.view.page import kick_page, write_page
 
         writers.append(partial(write_page, view, kick_page(*shown)))
-    if plot is not None:
+    if data is not None and plot is not None:
         from kickdyn.view.sweep_plot import save_figure, sweep_figure
 
         writers.append(partial(save_figure, sweep_figure(data, lines), plot))
-    if out is not None:
+    if data is not None and out is not None:
         writers.append(partial(save, data, out))
     return writers
 

@@ -37,6 +37,26 @@ def test_table_and_files(tmp_path):
     assert [line["posture"] for line in report["lines"]][-2:] == ["best", "worst"]
 
 
+def test_a_zarr_store_says_what_a_file_says(tmp_path):
+    speed = ("--speed", "4", "--air", "none")
+    stored = door(*SMALL, *speed, "--out", "s.zarr", "--workers", "2", cwd=tmp_path)
+    written = door(*SMALL, *speed, "--out", "s.nc", cwd=tmp_path)
+    assert (stored.returncode, stored.stderr) == (0, "")
+    rows = [each.stdout.split("Restitution")[0] for each in (stored, written)]
+    assert rows[0] == rows[1]
+    assert "wrote s.zarr" in stored.stdout
+    again = door(*SMALL, *speed, "--out", "s.zarr", "--resume", cwd=tmp_path)
+    assert again.stdout == stored.stdout
+    for arguments, words in (
+        (("--out", "s.zarr"), "s.zarr exists: --resume goes on with it"),
+        (("--out", "t.nc", "--resume"), "--resume goes on with a Zarr store"),
+        (("--out", "t.zarr", "--plot", "p.png"), "--plot draws sweeps that are in memory"),
+    ):
+        ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
+        assert ended.returncode == 2
+        assert words in ended.stderr
+
+
 def test_json_on_stdout_stands_alone():
     ended = door(*SMALL, "--json", "-", "--leg", "testbed")
     report = json.loads(ended.stdout)

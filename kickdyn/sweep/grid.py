@@ -14,7 +14,13 @@ from kickdyn.errors import InvalidInput
 from kickdyn.leg import Leg
 
 MAX_POSTURES = 1_000_000
-"""At about 2 ms a posture, over half an hour."""
+"""Held in memory at once; more go to the disk chunk by chunk."""
+
+MOST_POSTURES = 10**10
+"""About a terabyte on the disk."""
+
+BYTES = 105
+"""Per posture: thirteen numbers and the status."""
 
 DEFAULT_STEP_DEG = 10.0
 
@@ -39,6 +45,12 @@ class Grid:
         """Number of postures."""
         return math.prod(self.shape)
 
+    def configuration(self, leg: Leg, number: int) -> Array:
+        """Return q of a posture by its number, the last axis running fastest."""
+        index = np.unravel_index(number, self.shape)
+        axes = zip(self.axes.items(), index, strict=True)
+        return leg.configuration({name: values[i] for (name, values), i in axes})
+
     def configurations(self, leg: Leg) -> Iterator[Array]:
         """Yield q of every posture, the last axis running fastest."""
         names = list(self.axes)
@@ -47,13 +59,14 @@ class Grid:
             yield leg.configuration(dict(zip(names, values, strict=True)))
 
 
-def grid(leg: Leg, joints: Iterable[str] = ()) -> Grid:
+def grid(leg: Leg, joints: Iterable[str] = (), most: int = MAX_POSTURES) -> Grid:
     """Read a grid as it is typed.
 
     Args:
         leg: whose joints and ranges count.
         joints: `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints]. None at all:
             every joint of a leg of up to three, over its range, each 10 deg.
+        most: postures that are allowed.
 
     Raises:
         InvalidInput: a text that cannot be read, an unknown joint, values outside the joint's
@@ -68,10 +81,11 @@ def grid(leg: Leg, joints: Iterable[str] = ()) -> Grid:
     if not axes:
         axes = _default(leg)
     result = Grid(axes)
-    if result.size > MAX_POSTURES:
+    if result.size > most:
         raise InvalidInput(
             f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): "
-            f"at most {MAX_POSTURES:,} are swept, take larger steps"
+            f"and would fill {result.size * BYTES / 1e9:,.1f} GB: at most {most:,} are swept "
+            + ("with this output (--out FILE.zarr takes more)" if most == MAX_POSTURES else "")
         )
     for name in _joints(leg):
         if name not in axes:

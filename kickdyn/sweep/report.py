@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from textwrap import fill
 
-import xarray as xr
 from rich import box
 from rich.markup import escape
 from rich.table import Table
@@ -14,7 +13,7 @@ from rich.table import Table
 from kickdyn.leg import Leg
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.run import provenance
-from kickdyn.sweep.summary import Line, counts
+from kickdyn.sweep.summary import Line
 
 
 def table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
@@ -77,25 +76,32 @@ def _numbers(line: Line) -> list[str]:
     ]
 
 
-def text(data: xr.Dataset, lines: Sequence[Line]) -> str:
-    """Return what is to be said below the table: why, how many, how exact."""
+def text(counted: dict[str, int], residual: float, lines: Sequence[Line]) -> str:
+    """Return what is to be said below the table: why, how many, how exact.
+
+    Args:
+        counted: postures by status.
+        residual: the largest of restitution and momentum.
+        lines: of the summary.
+    """
     said = [
         fill(f"{line.label} ({line.posture()}): {line.why}.", 100) for line in lines if line.why
     ]
-    parts = ", ".join(f"{number} {name}" for name, number in counts(data).items() if number)
-    said.append(f"{data.status.size} postures: {parts}.")
-    worst = max(float(data.restitution_residual.max()), float(data.momentum_residual.max()))
-    if math.isfinite(worst):
-        power = math.ceil(math.log10(max(worst, 1e-17))) + 1
+    parts = ", ".join(f"{number} {name}" for name, number in counted.items() if number)
+    said.append(f"{sum(counted.values())} postures: {parts}.")
+    if math.isfinite(residual):
+        power = math.ceil(math.log10(max(residual, 1e-17))) + 1
         said.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
     return "\n".join(said)
 
 
-def as_json(leg: Leg, kick: Kick, data: xr.Dataset, lines: Sequence[Line]) -> dict[str, object]:
+def as_json(
+    leg: Leg, kick: Kick, counted: dict[str, int], lines: Sequence[Line]
+) -> dict[str, object]:
     """Return the summary as plain values."""
     return {
         **provenance(leg, kick),
-        "postures": data.status.size,
-        "status": counts(data),
+        "postures": sum(counted.values()),
+        "status": counted,
         "lines": [line.as_json() for line in lines],
     }

@@ -53,7 +53,7 @@ def sweep(
         `VARIABLES`, and `status`; units and provenance are in the attributes. Where the status is
         `out of reach`, there is no impact and the numbers are nan.
     """
-    _check_names(grid)
+    check_names(grid)
     rows = np.full((grid.size, len(VARIABLES)), np.nan)
     status = np.empty(grid.size, dtype=np.int8)
     for i, q in enumerate(grid.configurations(leg)):
@@ -65,7 +65,7 @@ def sweep(
     return _dataset(leg, grid, kick, rows, status)
 
 
-def _check_names(grid: Grid) -> None:
+def check_names(grid: Grid) -> None:
     """Raise `InvalidInput` where a joint's name would hide a result in the dataset."""
     for name in grid.axes:
         taken = name in VARIABLES or name == "status"

@@ -86,12 +86,17 @@ def best_and_worst(leg: Leg, data: xr.Dataset, kick: Kick) -> list[Line]:
     possible = data.ball_speed.where(data.status == STATUSES.index("ok"))
     if possible.isnull().all():
         return []
-    lines = []
-    for label, index in (("best", possible.argmax(...)), ("worst", possible.argmin(...))):
+    found = []
+    for index in (possible.argmax(...), possible.argmin(...)):
         values = {str(name): float(data[name][i]) for name, i in index.items()}
-        line = _line(leg, kick, label, leg.configuration(values))
-        lines.append(replace(line, why=_why(line, kick)))
-    return lines
+        found.append(leg.configuration(values))
+    return extremes(leg, kick, *found)
+
+
+def extremes(leg: Leg, kick: Kick, best: Array, worst: Array) -> list[Line]:
+    """Return the lines of the best and the worst posture, by their q."""
+    lines = [_line(leg, kick, label, q) for label, q in (("best", best), ("worst", worst))]
+    return [replace(line, why=_why(line, kick)) for line in lines]
 
 
 def _as_printed(leg: Leg, kick: Kick) -> bool:
@@ -104,6 +109,11 @@ def _as_printed(leg: Leg, kick: Kick) -> bool:
 def counts(data: xr.Dataset) -> dict[str, int]:
     """Return how many postures have each status."""
     return {name: int((data.status == i).sum()) for i, name in enumerate(STATUSES)}
+
+
+def worst_residual(data: xr.Dataset) -> float:
+    """Return the largest residual of restitution and momentum."""
+    return max(float(data.restitution_residual.max()), float(data.momentum_residual.max()))
 
 
 def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> Line:

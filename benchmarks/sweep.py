@@ -1,0 +1,142 @@
+"""Time the sweep's kernels beside a Python loop of the same Pinocchio calls, in one run.
+
+    python benchmarks/sweep.py
+
+The loop: `pin.crba`, `pin.computeFrameJacobian` and LAPACK's Cholesky solve for the impulse along
+the normal; with the flight, `solve_ivp` (RK45, 1e-9) to the landing. One thread; each figure is the
+best of several rounds, taken in turn.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.linalg import lapack
+
+import kickdyn as kd
+from kickdyn.checks import Array
+from kickdyn.flight.forces import forces
+from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.kernels import Kernel
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.outcomes import Outcomes
+from kickdyn.sweep.scene import scene_of
+
+KICK = Kick(speed=12.0)
+FEW, MANY, FLOWN, ROUNDS = 3000, 200_000, 60, 5
+
+
+def loop(leg: kd.Leg) -> Callable[[], list[float]]:
+    """Return what most people would write."""
+    model, frame, n = leg.model, leg.frame_id, KICK.direction
+    data, draw = model.createData(), np.random.default_rng(0)
+    postures = draw.uniform(-0.5, 0.7, (FEW, leg.nq))
+
+    def impulses() -> list[float]:
+        found = []
+        for q in postures:
+            inertia = pin.crba(model, data, q)
+            jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+            row = n.dot(jacobian[:3])
+            give = row.dot(lapack.dposv(inertia, row, lower=1)[1])
+            found.append(1.8 * KICK.speed / (give + 1.0 / KICK.ball.mass))
+        return found
+
+    return impulses
+
+
+def fly_by_hand(launches: Array) -> None:
+    """Let solve_ivp fly every launch, shape `(n, 6)`: velocity and spin."""
+    assert KICK.air is not None
+    acting = forces(KICK.ball, KICK.air)
+
+    def rates(_: float, y: Array) -> tuple[float, ...]:
+        _, _, z, vx, vy, vz, wx, wy, wz = y.tolist()
+        ax, ay, az, k = acting(z, vx, vy, vz, wx, wy, wz)
+        return vx, vy, vz, ax, ay, az, -k * wx, -k * wy, -k * wz
+
+    def down(t: float, y: Array) -> float:
+        return float(y[2]) if t > 0 else 1.0
+
+    down.terminal, down.direction = True, -1  # type: ignore[attr-defined]
+    for launch in launches:
+        begin = np.concatenate([np.zeros(3), launch])
+        solve_ivp(rates, (0, 100), begin, rtol=1e-9, atol=1e-9, events=down)
+
+
+def best(*runs: tuple[Callable[[], object], int]) -> list[float]:
+    """Return the shortest time per posture of each [us], rounds taken in turn."""
+    times = [float("inf")] * len(runs)
+    for _ in range(ROUNDS):
+        for i, (run, count) in enumerate(runs):
+            begin = time.perf_counter()
+            run()
+            times[i] = min(times[i], (time.perf_counter() - begin) / count * 1e6)
+    return times
+
+
+def fine(names: tuple[str, ...]) -> Grid:
+    """Return a grid of at least `MANY` postures."""
+    each = int(np.ceil(MANY ** (1 / len(names))))
+    return Grid({name: np.linspace(-0.5, 0.7, each) for name in names})
+
+
+def arm() -> kd.Leg:
+    """Return an arm of seven hinges, each across the one before."""
+    model, here = pin.Model(), pin.SE3.Identity()
+    kinds, parent = (pin.JointModelRZ(), pin.JointModelRY()), 0
+    for k in range(7):
+        place = pin.SE3(here.rotation, np.array([0.02 * k, 0.01, 0.2]))
+        parent = model.addJoint(parent, kinds[k % 2], place, f"joint{k + 1}")
+        body = pin.Inertia(3.0 - 0.3 * k, np.array([0.01, 0.02, 0.1]), 0.02 * np.eye(3))
+        model.appendBodyToJoint(parent, body, here)
+    tip = pin.SE3(here.rotation, np.array([0.0, 0.0, 0.15]))
+    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
+    model.name = "arm"
+    return kd.Leg.from_model(model, "toe")
+
+
+def main() -> None:
+    """Print the table."""
+    human, g1 = kd.Leg.human(), kd.Leg.from_robot("g1", legs_only=True)
+    chain = g1.locked({name: 0.0 for name in g1.joint_names if name.startswith("left")})
+    print("| chain | kernel | loop | impulse only | with joints | ratios |")
+    print("|---|---|---|---|---|---|")
+    cases: tuple[tuple[str, kd.Leg, bool | None], ...] = (
+        ("human leg, 3 joints", human, None), ("human leg, 3 joints", human, False),
+        ("arm, 7 joints", arm(), None), ("G1 leg, 6 joints", chain, None),
+    )  # fmt: skip
+    for name, leg, planar in cases:
+        scene, grid = scene_of(leg, KICK, planar), fine(leg.joint_names)
+        assert scene is not None
+        joints = list(range(1, leg.nv + 1))
+        kernel = Kernel(scene, joints, list(grid.axes.values()), np.zeros(leg.nv), KICK.ball.mass)
+        peer, bare, whole = best(
+            (loop(leg), FEW),
+            (lambda k=kernel: k(0, MANY, full=False), MANY),  # type: ignore[misc]
+            (lambda k=kernel: k(0, MANY), MANY),  # type: ignore[misc]
+        )
+        kind = "planar" if scene.planar else "general"
+        print(f"| {name} | {kind} | {peer:.2f} us | {bare:.3f} us | {whole:.3f} us | "
+              f"{peer / bare:.0f}, {peer / whole:.0f} |")  # fmt: skip
+    outcomes = Outcomes(human, fine(human.joint_names), KICK)
+    rows, _ = outcomes(0, FLOWN)
+    speed, angle, spin = rows[3], rows[5], rows[6]
+    zero = np.zeros(FLOWN)
+    columns = [speed * np.cos(angle), zero, speed * np.sin(angle), zero, -spin, zero]
+    launches = np.column_stack(columns)
+    struck, flown, swept = best(
+        (loop(human), FEW),
+        (lambda: fly_by_hand(launches), FLOWN),
+        (lambda: outcomes(0, 50_000), 50_000),
+    )
+    print(f"posture to landing: loop {struck + flown:.0f} us, sweep {swept:.2f} us, "
+          f"ratio {(struck + flown) / swept:.0f}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

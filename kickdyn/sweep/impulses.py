@@ -1,0 +1,162 @@
+"""The impact of many postures: law `newton` for a ball at rest and a foot that comes centrally.
+
+Of the Delassus matrix of leg and ball, along tangents and normal, the last column is the free
+impulse's direction; friction then cuts it to the cone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kickdyn.flight.lanes import LANES, njit
+
+NEAR = 1e-10
+"""Share of its square that a direction may keep of the others before a posture is doubted."""
+
+D11, D12, D22, D13, D23, D33 = (row * LANES for row in range(6))
+"""Rows of J M^-1 J^T."""
+
+
+@njit
+def gather(carries, rows, delassus):  # type: ignore[no-untyped-def]
+    """Fill in the Delassus matrix from weighed rows, two or three columns each."""
+    delassus[:] = 0.0
+    for k in range(1, len(carries)):
+        if not carries[k]:
+            continue
+        row = rows[k]
+        if rows.shape[1] == 2 * LANES:
+            for i in range(LANES):
+                t, n = row[i], row[LANES + i]
+                delassus[D11 + i] += t * t
+                delassus[D13 + i] += t * n
+                delassus[D33 + i] += n * n
+        else:
+            for i in range(LANES):
+                s, t, n = row[i], row[LANES + i], row[2 * LANES + i]
+                delassus[D11 + i] += s * s
+                delassus[D12 + i] += s * t
+                delassus[D22 + i] += t * t
+                delassus[D13 + i] += s * n
+                delassus[D23 + i] += t * n
+                delassus[D33 + i] += n * n
+
+
+@njit
+def strike(delassus, across, along, speed, e, mu, impulse, lost):  # type: ignore[no-untyped-def]
+    """Fill in the impulse on the ball, flat, and the energy lost, with the ball's give."""
+    push, slipping = (1.0 + e) * speed, 0
+    for i in range(LANES):
+        g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
+        g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
+        det = g11 * g22 - g12 * g12
+        s, t = (g12 * g23 - g22 * g13) / det, (g12 * g13 - g11 * g23) / det
+        sticks = s * s + t * t <= mu * mu
+        slipping += 0 if sticks else 1
+        flat = g12 == 0.0 and g23 == 0.0
+        s = min(max(s, -mu), mu) if flat or mu == 0.0 else s
+        t = 0.0 if flat or mu == 0.0 else t
+        p = push / (g33 + (g13 * s + g23 * t))
+        sliding = 0.0 if sticks else (g11 * s + g13) * p
+        impulse[i], impulse[LANES + i], impulse[2 * LANES + i] = s * p, t * p, p
+        lost[i] = 0.5 * p * (speed * (1.0 - e) - s * sliding)
+    if slipping == 0 or mu == 0.0:
+        return
+    for i in range(LANES):
+        g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
+        g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
+        s, t = impulse[i], impulse[LANES + i]
+        if (g12 == 0.0 and g23 == 0.0) or s * s + t * t <= (mu * impulse[2 * LANES + i]) ** 2:
+            continue
+        found = _slip(g11, g12, g22, g13, g23, g33, push, mu, speed * (1.0 - e))
+        impulse[i], impulse[LANES + i], impulse[2 * LANES + i], lost[i] = found
+
+
+@njit
+def _slip(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
+    """Return impulse and energy lost on the cone: `kickdyn.impact.newton`, number by number."""
+    x1, x2, x3 = mu * push * g11, mu * push * g12, push * g13
+    y1, y2, y3 = mu * push * g12, mu * push * g22, push * g23
+    mean, cos1, sin1 = (x2 - y1) / 2, -y3, x3
+    cos2, sin2 = -(x2 + y1) / 2, (x1 - y2) / 2
+    coefficients = np.empty(5, np.complex128)
+    coefficients[0], coefficients[1] = complex(cos2, -sin2) / 2, complex(cos1, -sin1) / 2
+    coefficients[2] = mean
+    coefficients[3], coefficients[4] = complex(cos1, sin1) / 2, complex(cos2, sin2) / 2
+    best = (math.nan, math.nan, math.nan, -math.inf)
+    for root in np.roots(coefficients):
+        if not abs(abs(root) - 1.0) < 1e-4:
+            continue
+        angle = math.atan2(root.imag, root.real)
+        for _ in range(3):
+            c, s = math.cos(angle), math.sin(angle)
+            c2, s2 = c * c - s * s, 2.0 * c * s
+            value = mean + cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
+            slope = -cos1 * s + sin1 * c + 2.0 * (sin2 * c2 - cos2 * s2)
+            angle -= value / slope if slope != 0.0 else 0.0
+        s, t = mu * math.cos(angle), mu * math.sin(angle)
+        resistance = g13 * s + g23 * t + g33
+        p = push / resistance
+        slide_s, slide_t = (g11 * s + g12 * t + g13) * p, (g12 * s + g22 * t + g23) * p
+        if resistance <= 0.0 or slide_s * s + slide_t * t > 0.0:
+            continue
+        lost = 0.5 * p * (parting - (s * slide_s + t * slide_t))
+        if lost > best[3]:
+            best = (s * p, t * p, p, lost)
+    return best
+
+
+@njit
+def least(carries, rows, delassus, speed, v, work, doubt):  # type: ignore[no-untyped-def]
+    """Fill in the weighed joint velocity of least energy that moves the foot along the normal.
+
+    It is what the normal's row has beyond those of the tangents, made orthogonal twice.
+    """
+    n, flat = len(carries), rows.shape[1] == 2 * LANES
+    a, b, total = 0, LANES, 2 * LANES
+    last = LANES if flat else 2 * LANES
+    for i in range(LANES):
+        d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
+        scale = d11 if flat else d11 * d22 - d12 * d12
+        enough, least_of_all = NEAR * d11 * d22, NEAR * delassus[D33 + i]
+        sound = d11 > least_of_all and (flat or (d22 > least_of_all and scale > enough))
+        doubt[i] = doubt[i] if sound else 1.0
+        work[a + i], work[b + i] = delassus[D13 + i], delassus[D23 + i]
+    for k in range(1, n):
+        own, row = v[k], rows[k]
+        for i in range(LANES):
+            own[i] = row[last + i]
+    for _ in range(2):
+        for i in range(LANES):
+            d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
+            x, y = work[a + i], work[b + i]
+            det = d11 * d22 - d12 * d12
+            work[a + i] = x / d11 if flat else (d22 * x - d12 * y) / det
+            work[b + i] = 0.0 if flat else (d11 * y - d12 * x) / det
+        for k in range(1, n):
+            if not carries[k]:
+                continue
+            own, row = v[k], rows[k]
+            for i in range(LANES):
+                second = 0.0 if flat else work[b + i] * row[LANES + i]
+                own[i] -= work[a + i] * row[i] + second
+        work[:] = 0.0
+        for k in range(1, n):
+            if not carries[k]:
+                continue
+            own, row = v[k], rows[k]
+            for i in range(LANES):
+                work[a + i] += own[i] * row[i]
+                work[b + i] += 0.0 if flat else own[i] * row[LANES + i]
+                work[total + i] += own[i] * own[i]
+    for i in range(LANES):
+        square = work[total + i]
+        most = max(max(delassus[D11 + i], delassus[D22 + i]), delassus[D33 + i])
+        doubt[i] = doubt[i] if square > NEAR * most else 1.0
+        work[total + i] = speed / square
+    for k in range(1, n):
+        own = v[k]
+        for i in range(LANES):
+            own[i] *= work[total + i]

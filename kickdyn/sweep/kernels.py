@@ -1,0 +1,211 @@
+"""A kick from every posture of a grid, in machine code: the answers of `kick_from`, but the flight.
+
+`LANES` postures go side by side. What a kernel cannot vouch for (a foot that can hardly move along
+the normal or across it, an inertia near singular) it marks, to be computed by `kick_from`.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.checks import Array
+from kickdyn.flight import lanes
+from kickdyn.flight.lanes import HOW, LANES, njit
+from kickdyn.sweep import factors, impulses, planar, spatial
+from kickdyn.sweep.factors import factor, unweigh, weigh
+from kickdyn.sweep.impulses import D33, gather, least, strike
+from kickdyn.sweep.scene import Scene
+
+TANGENT, ACROSS, NORMAL, GIVE, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
+"""Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
+1 where in doubt; energy lost [J], joint speed over its limit, largest linear impulse in a joint
+[N s], residuals of restitution and momentum. The first five are all that `impulse only` fills."""
+
+ROWS = 10
+
+_QUICKNESS = spatial.QUICKNESS
+
+
+@njit
+def _deal(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
+    """Fill in a joint's first two rows from where axis `a` stands, and move it on."""
+    digit, done, i = at[a, 0], at[a, 1], 0
+    while i < LANES:
+        run = min(repeat - done, LANES - i)
+        x, y = table[digit, 0], table[digit, 1]
+        for j in range(i, i + run):
+            first[j], second[j] = x, y
+        i, done = i + run, done + run
+        if done == repeat:
+            done, digit = 0, digit + 1
+            if digit == len(table):
+                digit = 0
+    at[a, 0], at[a, 1] = digit, done
+
+
+def _kernel(motion: Any, width: int) -> Any:
+    """Return the kernel on `spatial` or `planar`, with that many columns in a Jacobian."""
+    place, weights, reach, jolt = motion.place, motion.weights, motion.reach, motion.jolt
+    height, cos, sin, size = motion.ROWS * LANES, motion.COS, motion.SIN, motion.SIZE
+    begins = motion.C if width == 2 else motion.R00
+
+    @njit
+    def sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
+              foot, lever, kick, full, answer):  # fmt: skip
+        n, count = len(parent), answer.shape[1]
+        across, along, speed, e, mu, per_mass = kick
+        x, inertia = np.zeros((n, height)), np.zeros((n, n, LANES))
+        rows, v, jump = np.zeros((n, width * LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
+        point, delassus, work = np.zeros(4 * LANES), np.zeros(6 * LANES), np.zeros(3 * LANES)
+        impulse, heard = np.zeros(3 * LANES), np.zeros(3 * LANES)
+        lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+        for i in range(LANES):
+            x[0, begins + i] = 1.0
+            if width == 3:
+                x[0, 4 * LANES + i] = x[0, 8 * LANES + i] = 1.0
+            for k in range(1, n):
+                x[k, cos + i], x[k, sin + i] = still[k, 0], still[k, 1]
+        at, repeats = np.zeros((len(steps), 2), np.int64), np.ones(len(steps), np.int64)
+        each = 1
+        for a in range(len(steps) - 1, -1, -1):
+            repeats[a] = each
+            at[a, 0], at[a, 1] = (first // each) % steps[a], first % each
+            each *= steps[a]
+        for begin in range(0, count, LANES):
+            for a in range(len(steps)):
+                own, held = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
+                _deal(own[cos:], own[sin:], held, repeats[a], a, at)
+            doubt[:] = 0.0
+            place(parent, slides, constants, x)
+            weights(parent, slides, constants, x, inertia)
+            reach(parent, slides, carries, constants, foot, lever, x, rows, point)
+            factor(parent, inertia, doubt)
+            weigh(parent, carries, inertia, rows)
+            gather(carries, rows, delassus)
+            strike(delassus, across, along, speed, e, mu, impulse, lost)
+            end = min(LANES, count - begin)
+            if full:
+                least(carries, rows, delassus, speed, v, work, doubt)
+                unweigh(parent, inertia, v)
+                use[:] = 0.0
+                for k in range(1, n):
+                    own, quick, row, dv = v[k], constants[k, _QUICKNESS], rows[k], jump[k]
+                    for i in range(LANES):
+                        needed = math.fabs(own[i])
+                        use[i] = max(use[i], needed * quick if needed > 0.0 else 0.0)
+                    for i in range(LANES):
+                        t, last = row[i] * impulse[i], row[(width - 1) * LANES + i]
+                        t += row[LANES + i] * impulse[LANES + i] if width == 3 else 0.0
+                        dv[i] = -(t + last * impulse[2 * LANES + i])
+                unweigh(parent, inertia, jump)
+                jolt(parent, slides, constants, foot, impulse, jump, x, point, heard)
+                for i in range(end):
+                    c = begin + i
+                    pressed = impulse[2 * LANES + i]
+                    parting = pressed * per_mass - (speed + heard[2 * LANES + i])
+                    total = math.sqrt(impulse[i] ** 2 + impulse[LANES + i] ** 2 + pressed**2)
+                    answer[LOST, c], answer[USE, c] = lost[i], use[i]
+                    answer[WORST, c] = math.sqrt(heard[i])
+                    answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
+                    answer[MOMENTUM, c] = heard[LANES + i] / (math.sqrt(point[size + i]) * total)
+            for i in range(end):
+                c = begin + i
+                answer[TANGENT, c], answer[ACROSS, c] = impulse[i], impulse[LANES + i]
+                answer[NORMAL, c], answer[GIVE, c] = impulse[2 * LANES + i], delassus[D33 + i]
+                answer[DOUBT, c] = doubt[i]
+
+    return sweep
+
+
+_tuple: Any = numba.types.UniTuple
+_SIGNATURE = numba.void(
+    *(numba.int64[::1],) * 3, numba.float64[:, ::1], numba.int64, numba.float64[:, ::1],
+    numba.int64[::1], numba.boolean[::1], numba.boolean[::1], numba.float64[:, ::1], numba.int64,
+    _tuple(numba.float64, 3), _tuple(numba.float64, 6), numba.boolean,
+    numba.float64[:, ::1],
+)  # fmt: skip
+
+
+_in_plane, _in_space = _kernel(planar, 2), _kernel(spatial, 3)
+
+
+def _compiled(in_plane: bool) -> Callable[..., None]:
+    """Return a kernel from the disk if it can be kept there: compiling takes seconds."""
+    # numba looks for changes in this file only; what a function closes over is part of its name,
+    # and must be plain: two functions, for a compiled one would be a new name each time
+    parts = (lanes, factors, impulses, planar if in_plane else spatial)
+    made_of = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
+
+    def flat(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
+             foot, lever, kick, full, answer):  # fmt: skip
+        if made_of >= 0:
+            _in_plane(steps, joints, offsets, table, first, still, parent, slides, carries,
+                      constants, foot, lever, kick, full, answer)  # fmt: skip
+
+    def deep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
+             foot, lever, kick, full, answer):  # fmt: skip
+        if made_of >= 0:
+            _in_space(steps, joints, offsets, table, first, still, parent, slides, carries,
+                      constants, foot, lever, kick, full, answer)  # fmt: skip
+
+    kernel = flat if in_plane else deep
+    try:
+        return numba.njit(_SIGNATURE, cache=True, nogil=True, **HOW)(kernel)
+    except (RuntimeError, OSError):  # nowhere to keep it
+        return numba.njit(_SIGNATURE, nogil=True, **HOW)(kernel)
+
+
+_kernels: dict[bool, Callable[..., None]] = {}
+
+
+class Kernel:
+    """The kernel of a scene over a grid: call it with a range of postures.
+
+    Args:
+        scene: what kicks.
+        joints: number of the joint (from 1) of each axis of the grid.
+        values: of each axis, shape `(k,)` [rad; m for slides]; the last axis runs fastest.
+        still: value of every joint, shape `(n,)`, for those without an axis.
+        ball_mass: [kg].
+    """
+
+    def __init__(
+        self, scene: Scene, joints: list[int], values: list[Array], still: Array, ball_mass: float
+    ) -> None:
+        if scene.planar not in _kernels:
+            _kernels[scene.planar] = _compiled(scene.planar)
+        self._kernel = _kernels[scene.planar]
+        steps = np.array([len(axis) for axis in values], np.int64)
+        table = [_turn(axis, scene.slides[k]) for axis, k in zip(values, joints, strict=True)]
+        alone = np.array(
+            [_turn(np.array([q]), s)[0] for q, s in zip(still, scene.slides[1:], strict=True)]
+        )
+        offsets = np.cumsum(steps) - steps
+        whole = np.ascontiguousarray(np.concatenate(table))
+        self._grid = (steps, np.array(joints, np.int64), offsets, whole)
+        self._scene = (
+            np.ascontiguousarray(np.vstack([np.zeros((1, 2)), alone])), scene.parent, scene.slides,
+            scene.carries, scene.constants, scene.foot, tuple(map(float, scene.lever)),
+            (*scene.give, scene.speed, scene.restitution, scene.friction, 1.0 / ball_mass),
+        )  # fmt: skip
+
+    def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
+        """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`."""
+        answer = np.empty((ROWS, count))
+        self._kernel(*self._grid, first, *self._scene, full, answer)
+        return answer
+
+
+def _turn(values: Array, slide: bool | np.bool_) -> NDArray[np.float64]:
+    """Return what a joint's rows begin with: a slide's value, or cosine and sine."""
+    if slide:
+        return np.column_stack([values, np.zeros(len(values))])
+    return np.column_stack([np.cos(values), np.sin(values)])

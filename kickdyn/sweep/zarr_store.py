@@ -1,0 +1,180 @@
+"""A sweep on the disk, chunk by chunk: a Zarr store that survives being killed.
+
+While a sweep is under way, the folder `progress` in the store says which chunks are done, and what
+is to be known of them in the end; a finished store has none.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.leg import Leg
+from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.kick import STATUSES, Kick
+from kickdyn.sweep.run import VARIABLES, check_names, provenance
+
+CHUNK = 131_072
+"""Postures per chunk, about."""
+
+_FLAGS = {
+    "long_name": "whether the leg can kick so",
+    "flag_values": list(range(len(STATUSES))),
+    "flag_meanings": " ".join(name.replace(" ", "_") for name in STATUSES),
+}
+
+
+def chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return a chunk of about `CHUNK` postures that are consecutive in the grid."""
+    chunk, room = [1] * len(shape), CHUNK
+    for axis in range(len(shape) - 1, -1, -1):
+        chunk[axis] = min(shape[axis], max(1, room))
+        if chunk[axis] < shape[axis]:
+            break
+        room //= shape[axis]
+    return tuple(chunk)
+
+
+class Store:
+    """Where the chunks of a sweep go.
+
+    Args:
+        path: a folder ending in `.zarr`.
+        leg: the leg.
+        grid: the postures.
+        kick: what they share.
+        resume: go on with what is there, if it is of the same sweep.
+
+    Raises:
+        InvalidInput: something else is there, a store of another sweep or version, or the folder
+            cannot be written.
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], leg: Leg, grid: Grid, kick: Kick, *, resume: bool
+    ) -> None:
+        check_names(grid)
+        self.path, self._grid = Path(path), grid
+        self._progress = self.path / "progress"
+        self._chunk = chunk_shape(grid.shape)
+        self._blocks = tuple(-(-n // c) for n, c in zip(grid.shape, self._chunk, strict=True))
+        attributes: dict[str, Any] = {
+            **provenance(leg, kick),
+            "grid": {name: [len(v), *map(float, v[[0, -1]])] for name, v in grid.axes.items()},
+        }
+        try:
+            if self.path.exists():
+                self._check(attributes, resume)
+            elif not self.path.resolve().parent.is_dir():  # Zarr would make all that is missing
+                raise InvalidInput(f"{path} cannot be written (its folder does not exist)")
+            else:
+                self._make(leg, attributes)
+        except OSError as error:
+            raise InvalidInput(f"{path} cannot be written ({error.strerror or error})") from None
+        import zarr
+
+        self._group: Any = zarr.open_group(self.path, mode="r+")
+        if self.summary is not None:  # killed while it tidied up
+            shutil.rmtree(self._progress, ignore_errors=True)
+
+    def _check(self, attributes: dict[str, Any], resume: bool) -> None:
+        if not resume:
+            raise InvalidInput(f"{self.path} exists: --resume goes on with it, else name another")
+        import zarr
+
+        try:
+            found = dict(zarr.open_group(self.path, mode="r").attrs)
+        except (OSError, ValueError):
+            raise InvalidInput(f"{self.path} is no sweep: there is nothing to resume") from None
+        for name, value in json.loads(json.dumps(attributes)).items():
+            if found.get(name) != value:
+                raise InvalidInput(
+                    f"{self.path} is of another sweep: its {name} is {found.get(name)!r}, "
+                    f"this one's {value!r}"
+                )
+
+    def _make(self, leg: Leg, attributes: dict[str, Any]) -> None:
+        """Make the empty store under another name first: one that is there is whole."""
+        import zarr
+
+        draft = self.path.with_name(f".{self.path.name}-draft-{os.getpid()}")
+        try:
+            group = zarr.open_group(draft, mode="w")
+            dims = list(self._grid.axes)
+            for name, values in self._grid.axes.items():
+                unit = leg.joint_unit(name)
+                array = group.create_array(name, data=values, dimension_names=[name])
+                array.attrs.update({"units": unit, "long_name": f"{name} joint"})
+            kept: dict[str, tuple[Any, Any, dict[str, Any]]] = {
+                name: ("f8", math.nan, {"units": unit, "long_name": meaning})
+                for name, (unit, meaning) in VARIABLES.items()
+            }
+            kept["status"] = ("i1", 0, _FLAGS)
+            for name, (kind, fill, about) in kept.items():
+                group.create_array(
+                    name, shape=self._grid.shape, chunks=self._chunk, dtype=kind, fill_value=fill,
+                    dimension_names=dims, attributes=about, compressors=None,
+                )  # fmt: skip
+            group.attrs.update(attributes)
+            (draft / "progress").mkdir()
+            draft.rename(self.path)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks of the whole sweep."""
+        return math.prod(self._blocks)
+
+    def missing(self) -> list[int]:
+        """Return the numbers of the chunks that are yet to be computed."""
+        done = {file.stem for file in self._progress.glob("*.json")}
+        return [k for k in range(self.chunks) if str(k) not in done]
+
+    def span(self, k: int) -> tuple[int, int]:
+        """Return first posture and number of postures of a chunk."""
+        region = self._region(k)
+        begin = np.ravel_multi_index([part.start for part in region], self._grid.shape)
+        return int(begin), math.prod(part.stop - part.start for part in region)
+
+    def _region(self, k: int) -> tuple[slice, ...]:
+        index = np.unravel_index(k, self._blocks)
+        return tuple(
+            slice(int(i) * c, min((int(i) + 1) * c, n))
+            for i, c, n in zip(index, self._chunk, self._grid.shape, strict=True)
+        )
+
+    def write(self, k: int, rows: Array, status: NDArray[np.int8], told: dict[str, Any]) -> None:
+        """Write a chunk, then that it is done and what is told of it."""
+        region = self._region(k)
+        shape = tuple(part.stop - part.start for part in region)
+        for name, values in zip((*VARIABLES, "status"), (*rows, status), strict=True):
+            self._group[name][region] = values.reshape(shape)
+        draft = self._progress / f"{k}.draft"
+        draft.write_text(json.dumps(told))
+        draft.replace(self._progress / f"{k}.json")
+
+    def told(self) -> list[dict[str, Any]]:
+        """Return what was told of every chunk, in their order, once all are done."""
+        return [json.loads((self._progress / f"{k}.json").read_text()) for k in range(self.chunks)]
+
+    @property
+    def summary(self) -> dict[str, Any] | None:
+        """What was said of the whole sweep, once it is complete."""
+        found = self._group.attrs.get("summary")
+        return found if isinstance(found, dict) else None
+
+    def finish(self, summary: dict[str, Any]) -> dict[str, Any]:
+        """Say that the sweep is complete, and what it comes to."""
+        self._group.attrs["summary"] = summary
+        shutil.rmtree(self._progress, ignore_errors=True)
+        return summary

@@ -1,0 +1,114 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import floating_leg, random_leg
+
+import kickdyn as kd
+from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.kernels import (
+    DOUBT,
+    GIVE,
+    LOST,
+    MOMENTUM,
+    NORMAL,
+    RESTITUTION,
+    USE,
+    WORST,
+    Kernel,
+)
+from kickdyn.sweep.kick import Kick, kick_from
+from kickdyn.sweep.scene import scene_of
+
+LEG = kd.Leg.human()
+
+
+def answers(leg, kick, axes, planar=None, first=0, count=None):
+    scene = scene_of(leg, kick, planar)
+    joints = [1 + leg.joint_names.index(name) for name in axes]
+    kernel = Kernel(scene, joints, list(axes.values()), np.zeros(leg.nv), kick.ball.mass)
+    return scene, kernel(first, Grid(axes).size if count is None else count)
+
+
+def agree(leg, kick, axes, planar=None):
+    """Hold every posture against `kick_from`; return how many stick, slip and are in doubt."""
+    scene, found = answers(leg, kick, axes, planar)
+    seen = {"sticks": 0, "slips": 0, "doubt": 0}
+    for answer, q in zip(found.T, Grid(axes).configurations(leg), strict=True):
+        if answer[DOUBT]:
+            seen["doubt"] += 1
+            continue
+        outcome = kick_from(leg.posture(q), kick)
+        hit = outcome.hit
+        size = np.linalg.norm(hit.impulse)
+        assert np.linalg.norm(scene.axes @ answer[: NORMAL + 1] - hit.impulse) < 1e-12 * size
+        assert 1 / answer[GIVE] == pytest.approx(hit.effective_mass, rel=1e-12)
+        assert answer[LOST] == pytest.approx(hit.energy_lost, rel=1e-12, abs=1e-13 * size)
+        assert answer[USE] == pytest.approx(outcome.speed_use, rel=1e-12)
+        assert answer[WORST] == pytest.approx(hit.worst_joint[1], rel=1e-12)
+        assert answer[RESTITUTION] < 1e-12
+        assert answer[MOMENTUM] < 1e-12
+        seen["sticks" if hit.sticking else "slips"] += 1
+    return scene.planar, seen
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.4])
+def test_the_planar_kernel_is_kick_from(friction):
+    axes = {name: np.radians([3.0, 20.0, 47.0, 61.0]) for name in LEG.joint_names}
+    planar, seen = agree(LEG, Kick(speed=2.0, restitution=0.7, friction=friction), axes)
+    assert planar
+    assert seen["doubt"] == 0
+    assert seen["slips"] > 0 if friction < 0.1 else seen["sticks"] > 0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_general_kernel_is_kick_from(seed):
+    rng = np.random.default_rng(seed)
+    leg = random_leg(rng, joints=3 + seed % 5)
+    axes = {name: rng.uniform(-2, 2, 2) for name in leg.joint_names[:4]}
+    kick = Kick(speed=rng.uniform(0.5, 9), restitution=rng.uniform(0, 1), friction=0.15)
+    planar, seen = agree(leg, kick, axes)
+    assert not planar
+    assert seen["doubt"] <= 1
+
+
+def test_branches_slides_and_rotors_count():
+    model, here = pin.Model(), pin.SE3.Identity()
+    body = pin.Inertia(2.0, np.array([0.1, 0.0, -0.2]), 0.05 * np.eye(3))
+    turn, slide = pin.JointModelRY(), pin.JointModelPX()
+    for name, parent, kind, x in (
+        ("hip", 0, turn, 3.0), ("side", 1, slide, 0.1), ("arm", 2, turn, 0.2),
+        ("knee", 1, turn, 0.1), ("stretch", 4, slide, 0.2),
+    ):  # fmt: skip
+        place = pin.SE3(here.rotation, np.array([x, 0.1, -0.4]))
+        joint = model.addJoint(parent, kind, place, name)
+        model.appendBodyToJoint(joint, body, here)
+    tip = pin.SE3(here.rotation, np.array([0.1, 0.0, -0.3]))
+    model.addFrame(pin.Frame("toe", 5, 0, tip, pin.FrameType.OP_FRAME))
+    model.armature = np.linspace(0.01, 0.05, 5)
+    model.velocityLimit = np.linspace(3.0, 9.0, 5)
+    leg = kd.Leg.from_model(model, "toe")
+    axes = {name: np.array([0.1, 0.35, 0.6]) for name in leg.joint_names}
+    kick = Kick(attack=0.2, friction=0.1)
+    planar, seen = agree(leg, kick, axes)
+    assert planar
+    assert seen["doubt"] == 0
+    assert agree(kd.Leg.from_robot("g1", legs_only=True), kick, {
+        "right_hip_pitch_joint": np.array([-0.7, 0.2]), "right_knee_joint": np.array([0.3, 0.9]),
+        "left_hip_roll_joint": np.array([0.1, 0.2])})[0] is False  # fmt: skip
+
+
+def test_what_cannot_be_vouched_for_is_marked():
+    axes = {"hip": np.radians([90.0]), "knee": np.zeros(1), "ankle": np.radians([40.0, 90.0])}
+    assert answers(LEG, Kick(attack=0.0), axes)[1][DOUBT].tolist() == [0, 1]
+    assert answers(LEG, Kick(), axes, planar=False)[1][DOUBT].all()  # it cannot move across
+
+
+def test_a_range_of_postures_is_a_part_of_the_whole():
+    axes = {name: np.linspace(0.1, 0.9, k) for name, k in (("hip", 7), ("knee", 5), ("ankle", 3))}
+    whole = answers(LEG, Kick(), axes)[1]
+    assert (answers(LEG, Kick(), axes, first=37, count=50)[1] == whole[:, 37:87]).all()
+
+
+def test_only_fixed_trees_of_hinges_and_slides_have_a_kernel():
+    assert scene_of(floating_leg(np.random.default_rng(1)), Kick()) is None
+    assert scene_of(kd.Leg.from_robot("bolt", base="floating"), Kick()) is None

@@ -1,0 +1,153 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import kickdyn as kd
+from kickdyn.sweep import outcomes, zarr_store
+from kickdyn.sweep.grid import grid
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.run import VARIABLES, sweep
+from kickdyn.sweep.stream import merged, stream
+from kickdyn.sweep.zarr_store import chunk_shape
+
+LEG = kd.Leg.human()
+KICK = Kick(speed=4.0, attack=0.0, friction=0.1, air=None)
+POSTURES = grid(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(zarr_store, "CHUNK", 50)
+
+
+def files(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_store_is_the_dataset_in_memory(tmp_path):
+    told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2)
+    small = sweep(LEG, POSTURES, KICK)
+    with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
+        assert dict(data.sizes) == dict(small.sizes)
+        for name in ("hip", "knee", "ankle", "status"):
+            assert (data[name].values == small[name].values).all()
+        for name in VARIABLES:
+            size = 10.0 if "residual" in name else np.abs(small[name].values).max()
+            np.testing.assert_allclose(data[name], small[name], rtol=1e-11, atol=1e-13 * size)
+            assert data[name].attrs == small[name].attrs
+        speed, load = data.ball_speed.values.ravel(), data.worst_joint_impulse.values.ravel()
+    possible = small.status.values.ravel() == 0
+    assert told["counts"]["ok"] == possible.sum()
+    assert told["best"] == [speed[possible].max(), np.where(possible, speed, -1).argmax()]
+    front = {number for _, _, number in told["front"]}
+    for i in np.flatnonzero(possible):
+        beaten = possible & (speed >= speed[i]) & (load <= load[i])
+        beaten &= (speed > speed[i]) | (load < load[i])
+        assert (i in front) != beaten.any()
+
+
+def test_chunks_are_consecutive_postures(monkeypatch):
+    assert chunk_shape((7, 7, 6)) == (1, 7, 6)
+    assert chunk_shape((10, 10, 300)) == (1, 1, 50)
+    assert chunk_shape((3, 4)) == (3, 4)
+    assert chunk_shape((100,)) == (50,)
+
+
+def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
+    stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK)
+    script = (
+        "import time, kickdyn as kd\n"
+        "from kickdyn.sweep import stream as s, zarr_store\n"
+        "from kickdyn.sweep.grid import grid\n"
+        "from kickdyn.sweep.kick import Kick\n"
+        "zarr_store.CHUNK = 50\n"
+        "leg = kd.Leg.human()\n"
+        "postures = grid(leg, ['hip=0:90:15', 'knee=0:30:5', 'ankle=0:50:10'])\n"
+        "kick = Kick(speed=4.0, attack=0.0, friction=0.1, air=None)\n"
+        "s.stream('s.zarr', leg, postures, kick, progress=lambda done: time.sleep(0.5))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path) as killed:
+        progress = tmp_path / "s.zarr" / "progress"
+        until = time.monotonic() + 60
+        while len(list(progress.glob("*.json"))) < 2 and time.monotonic() < until:
+            time.sleep(0.02)
+        os.kill(killed.pid, signal.SIGKILL)
+    done = {file.name for file in progress.glob("*.json")}
+    assert 2 <= len(done) < 7
+    computed = []
+    stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True, progress=computed.append)
+    assert len(computed) == 1 + 7 - len(done)
+    assert sum(computed) == POSTURES.size
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+    again = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True)
+    assert again["counts"]["ok"] > 0
+
+
+def test_a_full_disk_or_ctrl_c_leaves_what_can_be_resumed(tmp_path, monkeypatch):
+    stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK)
+    write, calls = zarr_store.Store.write, []
+
+    def fail(self, k, *args):
+        calls.append(k)
+        if len(calls) in (3, 5):
+            raise OSError(28, "No space left on device") if len(calls) == 3 else KeyboardInterrupt
+        write(self, k, *args)
+
+    monkeypatch.setattr(zarr_store.Store, "write", fail)
+    with pytest.raises(kd.KickdynError, match=r"No space left on device: \d of 7 chunks"):
+        stream(tmp_path / "s.zarr", LEG, POSTURES, KICK)
+    with pytest.raises(kd.KickdynError, match=r"interrupted: \d of 7 chunks"):
+        stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True)
+    stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_what_is_there_is_not_overwritten(tmp_path):
+    path = tmp_path / "s.zarr"
+    stream(path, LEG, POSTURES, KICK)
+    with pytest.raises(kd.InvalidInput, match="exists: --resume goes on"):
+        stream(path, LEG, POSTURES, KICK)
+    with pytest.raises(kd.InvalidInput, match=r"its foot_speed_m_s is 4\.0, this one's 5\.0"):
+        stream(path, LEG, POSTURES, Kick(speed=5.0, air=None), resume=True)
+    with pytest.raises(kd.InvalidInput, match="its grid is"):
+        stream(path, LEG, grid(LEG, ["hip=0:90:15"]), KICK, resume=True)
+    attributes = json.loads((path / "zarr.json").read_text())
+    attributes["attributes"]["source"] = "kickdyn 0.0"
+    (path / "zarr.json").write_text(json.dumps(attributes))
+    with pytest.raises(kd.InvalidInput, match=r"its source is 'kickdyn 0\.0'"):
+        stream(path, LEG, POSTURES, KICK, resume=True)
+    (tmp_path / "other.zarr").mkdir()
+    with pytest.raises(kd.InvalidInput, match="is no sweep"):
+        stream(tmp_path / "other.zarr", LEG, POSTURES, KICK, resume=True)
+    with pytest.raises(kd.InvalidInput, match="cannot be written"):
+        stream(tmp_path / "no" / "where.zarr", LEG, POSTURES, KICK)
+
+
+def test_a_kernel_that_disagrees_stops_the_sweep(tmp_path, monkeypatch):
+    monkeypatch.setattr(outcomes, "AGREEMENT", -1.0)
+    with pytest.raises(kd.KickdynError, match="the kernel has effective_mass"):
+        stream(tmp_path / "s.zarr", LEG, POSTURES, KICK)
+
+
+def test_legs_without_a_kernel_are_swept_one_by_one(tmp_path):
+    robot = kd.Leg.from_robot("bolt", base="floating")
+    leg = robot.standing_on(kd.Support("FL_FOOT", point=True))
+    postures, kick = grid(leg, ["FR_HFE=-30:30:30"]), Kick(speed=2.0, air=None)
+    stream(tmp_path / "s.zarr", leg, postures, kick)
+    with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
+        assert (data.impulse.values == sweep(leg, postures, kick).impulse.values).all()
+
+
+def test_nothing_possible_has_neither_best_nor_front():
+    empty = {"counts": {"ok": 0, "too fast": 2, "out of reach": 1}, "residual": 0.0}
+    found = merged([{**empty, "best": None, "worst": None, "front": []}] * 2)
+    assert found["best"] is found["worst"] is None
+    assert found["front"] == []
+    assert found["counts"]["too fast"] == 4

@@ -17,7 +17,7 @@ extremes: $(VENV)/.run
 
 ## test: the whole suite
 test: $(VENV)/.dev browser
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 ## lint: format, style, types, layers
 lint: $(VENV)/.dev

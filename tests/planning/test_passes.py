@@ -17,7 +17,7 @@ def test_the_ball_comes_there_in_time(elevation, spin):
     course = kd.follow(state, BALL, AIR, ground, 1e-11)
     at = course.sample(1.3)
     ahead = np.array([6, 1, 0]) / math.hypot(6, 1)
-    assert float(ahead @ at.position[0]) == pytest.approx(math.hypot(6, 1), abs=1e-5)
+    assert float(ahead @ at.position) == pytest.approx(math.hypot(6, 1), abs=1e-5)
     assert abs(found.aside) < 1e-6
     assert math.atan2(found.velocity[2], math.hypot(*found.velocity[:2])) == pytest.approx(
         elevation

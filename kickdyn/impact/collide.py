@@ -182,8 +182,8 @@ def collide(
             q and v; 0 when not named.
         ball_velocity: of its centre at touch, shape `(3,)` [m/s, world frame].
         ball_spin: at touch, shape `(3,)` [rad/s, world frame].
-        tol: relative tolerance of the motion, 1e-13 to 1e-3; above 1e-6 the energy lost is less exact
-            than `error` says of the impulse.
+        tol: relative tolerance of the motion, 1e-13 to 1e-3; above 1e-6 the energy lost is less
+            exact than `error` says of the impulse.
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.

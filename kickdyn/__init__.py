@@ -28,9 +28,9 @@ from kickdyn.impact.hertz import contact_stiffness as contact_stiffness
 from kickdyn.impact.joint_load import JointLoad as JointLoad
 from kickdyn.impact.joint_load import joint_loads as joint_loads
 from kickdyn.impact.laws import normal_impulse as normal_impulse
+from kickdyn.impact.result import Impact as Impact
 from kickdyn.impact.sensitivity import Sensitivity as Sensitivity
 from kickdyn.impact.sensitivity import sensitivity as sensitivity
-from kickdyn.impact.strike import Impact as Impact
 from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
 from kickdyn.impact.uncertainty import Uncertainty as Uncertainty

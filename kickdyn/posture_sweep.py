@@ -25,7 +25,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
 from kickdyn.robots import ROBOTS
 from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid

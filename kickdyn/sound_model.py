@@ -38,12 +38,13 @@ def check_model(model: Any) -> None:
     A body may be massless if more moves with its joint, as the virtual links of joints in a row do.
 
     Raises:
-        InvalidInput: an unsound inertia or placement, a joint that moves no mass, or limits that
-            make no sense; it names the culprit.
+        InvalidInput: an unsound inertia or placement, a joint that moves no mass, joints that are
+            not in the order of their branches, or limits that make no sense; it names the culprit.
     """
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
     names = list(model.names)[1:]
+    _check_order(model)
     for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
         turn = placement.rotation
         square = turn @ turn.T - np.eye(3)  # NaN where the placement has one
@@ -54,6 +55,21 @@ def check_model(model: Any) -> None:
         if not np.isfinite(frame.placement.homogeneous).all():
             raise InvalidInput(f"frame {frame.name!r} is placed by what is not finite")
     _check_limits(model)
+
+
+def _check_order(model: Any) -> None:
+    # Pinocchio's crba wants every branch in one piece: else it is wrong and does not say so
+    branch = [0]
+    for joint in range(1, model.njoints):
+        parent = int(model.parents[joint])
+        while branch[-1] != parent:
+            branch.pop()
+            if not branch:
+                raise InvalidInput(
+                    f"joint {model.names[joint]!r} comes after joints of another branch than its "
+                    f"parent's, {model.names[parent]!r}: add the joints branch by branch"
+                )
+        branch.append(joint)
 
 
 def culprits(model: Any, inertia: Array) -> list[str]:

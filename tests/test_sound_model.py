@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.sound_model import culprits
+from kickdyn.sound_model import check_model, culprits
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.1, -0.25]), np.diag([0.1, 0.1, 0.05]))
 NOTHING = pin.Inertia.Zero()
@@ -57,3 +57,31 @@ def test_no_null_vector_names_the_nearest():
     inertia = np.diag([1.0, 1e-3, 1.0])
     inertia[0, 2] = inertia[2, 0] = 1 - 1e-6
     assert culprits(model, inertia) == ["j0", "j2"]
+
+
+def branched(parents):
+    model = pin.Model()
+    for number, parent in enumerate(parents, 1):
+        shift = pin.SE3(np.eye(3), np.array([0.1, 0.2, -0.3]))
+        model.addJoint(parent, pin.JointModelRY(), shift, f"j{number}")
+        model.appendBodyToJoint(number, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("parents", [(0, 1, 2, 1, 4, 0), (0, 0, 0), (0, 1, 1, 0, 4)])
+def test_branches_in_one_piece_are_taken(parents):
+    check_model(branched(parents))
+
+
+@pytest.mark.parametrize(("parents", "late"), [((0, 0, 1), "j3"), ((0, 1, 1, 2), "j4")])
+def test_branches_in_pieces_are_refused(parents, late):
+    """Pinocchio's crba answers these, wrongly."""
+    model = branched(parents)
+    q = np.full(len(parents), 0.4)
+    data, unit = model.createData(), np.eye(len(parents))
+    still, gravity = np.zeros(len(parents)), pin.Motion.Zero()
+    model.gravity = gravity
+    newton_euler = np.column_stack([pin.rnea(model, data, q, still, column) for column in unit])
+    assert np.abs(pin.crba(model, data, q) - newton_euler).max() > 1e-3
+    with pytest.raises(kd.InvalidInput, match=f"joint '{late}' comes after joints of another"):
+        check_model(model)

@@ -23,7 +23,7 @@ from kickdyn.accuracy.exact import (
     plus,
     turned,
 )
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 
 NUDGE = mp.mpf(10) ** -(DIGITS // 2)
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny

@@ -17,7 +17,8 @@ from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import KickdynError
-from kickdyn.impact.strike import Impact, strike
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike
 from kickdyn.leg import Leg
 
 FORWARD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)

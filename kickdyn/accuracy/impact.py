@@ -21,7 +21,8 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import collide
 from kickdyn.impact.engine import engine_strike
 from kickdyn.impact.problem import ContactProblem, contact_axes
-from kickdyn.impact.strike import Impact, strike
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike
 from kickdyn.leg import Leg
 
 FOOT_SPEED = 10.0  # m/s

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from kickdyn.checks import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 
 STIFFEST_CONSTRAINT = 0.9999
 """MuJoCo's largest impedance."""

@@ -12,7 +12,7 @@ import pinocchio as pin
 from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from kickdyn.impact.held import check_free
 from kickdyn.impact.sources import columns
 
 if TYPE_CHECKING:
-    from kickdyn.impact.strike import Impact
+    from kickdyn.impact.result import Impact
     from kickdyn.posture import Posture
 
 AT_BOUNDARY = 1e-9

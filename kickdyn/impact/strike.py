@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,147 +12,14 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError, NoImpact
-from kickdyn.impact.footing import judged
-from kickdyn.impact.held import named_impulses, residuals
-from kickdyn.impact.joint_impulses import joint_digits, joint_impulses, struck
+from kickdyn.impact.joint_impulses import joint_impulses, struck
 from kickdyn.impact.laws import LAWS, ContactProblem, Solution
 from kickdyn.impact.problem import cross
-from kickdyn.impact.sensitivity import Sensitivity, sensitivity
-from kickdyn.impact.uncertainty import Uncertainty, uncertainty
+from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
 MAX_SPEED = 1e140
-
-ENERGY_ROUNDING = 1e-12
-"""Share of impulse times contact speed below which energy gained is rounding."""
-
-
-@dataclass(frozen=True, eq=False)
-class Impact:
-    """What a strike does, with the residuals that prove it.
-
-    Attributes:
-        posture: the leg, as it struck; its contact point is that of the contact.
-        struck: the ball.
-        touch: the contact.
-        law: name of the impact law.
-        impulse: on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite.
-        effective_mass: of the leg along the normal [kg]; inf where it is immovable.
-        foot_velocity: of the contact point just before, shape `(3,)` [m/s, world frame].
-        approach_speed: of foot towards ball along the normal [m/s].
-        ball_before, ball: just before and just after.
-        v_before, v_after: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        joint_impulses: by the parent on the child, linear then angular, about the joint's origin
-            and in its frame, shape `(njoints, 6)` [N s, N m s], joints as in `leg.joint_names`.
-        energy_lost: by leg and ball together [J]; negative where the law creates energy.
-        sticking: whether friction could hold the contact points together: by `newton` and
-            `stronge` they then part without sliding; `paper` leaves the ball's turning out, so
-            that they slide all the same. False without friction.
-        restitution_residual: |u_n+ + e u_n-| / |u_n-|, from the velocities after. Law `paper`
-            restitutes along the attack direction and law `stronge` restitutes work: where that
-            makes a difference, this shows it.
-        constraint_impulses: of supports and loops, stacked as in `posture.hold.rows` [N s, N m s,
-            world axes], empty without; `support_impulses` and `loop_impulses` give them by name.
-        momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
-            the impulse times the Jacobian's norm.
-        condition: of the joint-space inertia, 1-norm; about log10 of it digits can be lost.
-    """
-
-    posture: Posture
-    struck: Ball
-    touch: Contact
-    law: str
-    impulse: Array
-    effective_mass: float
-    foot_velocity: Array
-    approach_speed: float
-    ball_before: BallState
-    ball: BallState
-    v_before: Array
-    v_after: Array
-    joint_impulses: Array
-    constraint_impulses: Array
-    energy_lost: float
-    sticking: bool
-    restitution_residual: float
-    momentum_residual: float
-    condition: float
-
-    @property
-    def speed_ratio(self) -> float:
-        """Ball speed just after over foot speed just before; inf where the foot was at rest."""
-        foot = math.hypot(*self.foot_velocity)
-        return float(self.ball.speed) / foot if foot else math.inf
-
-    @property
-    def creates_energy(self) -> bool:
-        """Whether the law gave leg and ball energy they did not have, beyond rounding.
-
-        Law `newton` can, with friction at an eccentric contact; law `paper` can, through the spin;
-        law `stronge` never does.
-        """
-        before, radius = self.ball_before, self.posture.contact_point - self.ball_before.position
-        speeds = (self.foot_velocity, before.velocity, np.abs(radius).max() * before.spin)
-        fastest = max(float(np.abs(speed).max()) for speed in speeds)
-        return self.energy_lost < -ENERGY_ROUNDING * float(np.abs(self.impulse).max()) * fastest
-
-    @property
-    def support_impulses(self) -> dict[str, Array]:
-        """What each support gives the robot, linear then angular, about its frame, world axes.
-
-        Shape `(6,)`, of a point foot `(3,)` [N s, N m s].
-        """
-        return named_impulses(self.posture.hold, self.constraint_impulses)[0]
-
-    @property
-    def loop_impulses(self) -> dict[tuple[str, str], Array]:
-        """What each loop gives its second frame, shape `(3,)` [N s, world axes].
-
-        The first frame takes the opposite.
-        """
-        return named_impulses(self.posture.hold, self.constraint_impulses)[1]
-
-    @property
-    def footing(self) -> dict[str, str]:
-        """What the ground, which only pushes, would let each support do; see `footing`.
-
-        `stands`, or `lifts off`, `slips`, `tips`: then `unilateral_strike` says what happens.
-        """
-        return judged(self.posture.hold, self.constraint_impulses, math.hypot(*self.impulse))
-
-    @property
-    def support_residual(self) -> float:
-        """The largest velocity of a held frame just after [m/s, rad/s]: 0 but for rounding."""
-        return residuals(self.posture.hold, self.v_after)[0]
-
-    @property
-    def loop_residual(self) -> float:
-        """The largest velocity at which a loop opens just after [m/s]: 0 but for rounding."""
-        return residuals(self.posture.hold, self.v_after)[1]
-
-    @property
-    def worst_joint(self) -> tuple[str, float]:
-        """The joint that transmits the largest linear impulse, and how much [N s]."""
-        sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
-        worst = int(np.argmax(sizes))
-        return self.posture.leg.joint_names[worst], float(sizes[worst])
-
-    @property
-    def joint_digits(self) -> Array:
-        """Digits that rounding leaves of each joint's linear impulse, at least, `(njoints,)`."""
-        return joint_digits(self.joint_impulses, self.impulse)
-
-    def sensitivity(self) -> Sensitivity:
-        """Return the derivatives of this strike, law `newton` only: see `Sensitivity`."""
-        return sensitivity(self)
-
-    def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
-        """Return covariances and the budget of what is not known exactly: see `uncertainty`.
-
-        `hit.uncertainty(q=0.02, v=0.1, restitution=0.03)` takes standard deviations by source.
-        """
-        return uncertainty(self, **spread)
 
 
 def strike(

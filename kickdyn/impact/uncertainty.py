@@ -18,7 +18,7 @@ from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.sources import UNITS, columns
 
 if TYPE_CHECKING:
-    from kickdyn.impact.strike import Impact
+    from kickdyn.impact.result import Impact
 
 MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""

@@ -19,7 +19,8 @@ from kickdyn.impact.cone_solver import solve_cones
 from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
-from kickdyn.impact.strike import Impact, strike
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.contact import Contact
-from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike_at
 from kickdyn.leg import Leg
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape

@@ -19,7 +19,8 @@ from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.flight.path import Flight
 from kickdyn.impact.held import check_free
 from kickdyn.impact.joint_impulses import joint_impulses
-from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike_at
 from kickdyn.leg import Leg
 from kickdyn.planning.answer import Launch, to_target
 from kickdyn.planning.goal import Goal

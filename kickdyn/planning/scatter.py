@@ -22,7 +22,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS
 from kickdyn.impact.problem import ContactProblem, cross
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.planning.shooting import Range
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}

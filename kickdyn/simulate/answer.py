@@ -12,7 +12,7 @@ from kickdyn.ball import BallState
 from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.collide import Collision
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.scene.scene import Scene
 
 

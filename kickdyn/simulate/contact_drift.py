@@ -10,7 +10,8 @@ import pinocchio as pin
 from kickdyn.contact import Contact
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import GRAVITY
-from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike_at
 from kickdyn.scene.scene import Scene
 from kickdyn.simulate.envelope import Jump
 

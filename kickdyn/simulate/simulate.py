@@ -18,7 +18,8 @@ from kickdyn.flight.forces import is_ballistic
 from kickdyn.flight.path import Flight
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.held import check_free
-from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike_at
 from kickdyn.scene.scene import Scene
 from kickdyn.simulate.answer import Simulation, Verdict
 from kickdyn.simulate.coarse import Way, coarse_end

@@ -14,7 +14,8 @@ from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.flight.fly import fly
-from kickdyn.impact.strike import Impact, strike_at
+from kickdyn.impact.result import Impact
+from kickdyn.impact.strike import strike_at
 from kickdyn.posture import Posture
 
 Status = Literal["ok", "too fast", "out of reach"]

@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 
 from kickdyn.flight.path import Flight
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.view.kick_scene import Drawn
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.motion import Pace

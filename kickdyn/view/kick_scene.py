@@ -13,7 +13,7 @@ from meshcat.animation import Animation
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.flight.path import Flight
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.view import motion
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera

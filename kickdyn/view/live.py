@@ -15,7 +15,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.path import Flight
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.document import live_document
 from kickdyn.view.kick_scene import draw_kick

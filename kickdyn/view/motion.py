@@ -11,7 +11,7 @@ import pinocchio as pin
 from kickdyn.ball import BallState
 from kickdyn.checks import Array
 from kickdyn.flight.path import Flight
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""

@@ -7,7 +7,7 @@ from os import PathLike
 from kickdyn.ball import Ball
 from kickdyn.files import replacing
 from kickdyn.flight.path import Flight
-from kickdyn.impact.strike import Impact
+from kickdyn.impact.result import Impact
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.document import static_document
 from kickdyn.view.kick_scene import draw_kick

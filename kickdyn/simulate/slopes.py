@@ -19,7 +19,7 @@ STEP = 1e-2
 
 CONTACT_SAFETY = 20.0
 """Error of a contact's launch, relative to its size, over the integrator's tolerance, at most; the
-largest of 200 random kicks was 13."""
+largest of some 140 random kicks was 13."""
 
 
 def slopes(launch: BallState, way: Way) -> tuple[Array, Array] | None:

@@ -4,7 +4,10 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep extremes test lint browser clean
+.PHONY: sweep extremes test test-all package lint browser clean
+
+# what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them
+PYTHONS ?= 3.11 3.12 3.13
 
 ## sweep: the main job; the table on the screen, dataset, plot and 3-D page in build/
 sweep: $(VENV)/.run
@@ -18,6 +21,23 @@ extremes: $(VENV)/.run
 ## test: the whole suite
 test: $(VENV)/.dev browser
 	$(BIN)/python -m pytest -n auto
+
+## test-all: the whole suite with every Python that kickdyn takes, and what users install
+test-all: package
+	@for version in $(PYTHONS); do command -v python$$version >/dev/null || \
+		{ echo "no python$$version: install it, or name those that are here: make test-all PYTHONS='3.11'"; exit 1; }; done
+	set -e; for version in $(PYTHONS); do \
+		$(MAKE) test PYTHON=python$$version VENV=.venv-$$version; done
+
+## package: wheel and sdist in dist/, each installed into an empty environment and run from elsewhere
+package: $(VENV)/.dev
+	rm -rf dist build/package
+	$(BIN)/hatchling build
+	set -e; for built in dist/*.whl dist/*.tar.gz; do \
+		$(PYTHON) -m venv --clear build/package; \
+		build/package/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt $$built; \
+		(cd / && $(CURDIR)/build/package/bin/kickdyn posture-sweep --json - >/dev/null); \
+		echo "$$built: installs and runs"; done
 
 ## lint: format, style, types, layers
 lint: $(VENV)/.dev
@@ -47,4 +67,4 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	touch $@ $(VENV)/.run
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .venv-* build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,59 @@
+"""What users install holds all that kickdyn needs, and runs from any folder."""
+
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+KICK = """
+import kickdyn as kd
+print(kd.__file__)
+for leg in (kd.Leg.human(), kd.Leg.testbed()):
+    print(leg.model.nv)
+"""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    (sdist,) = folder.glob("*.tar.gz")
+    return wheel, sdist
+
+
+def test_the_wheel_runs_from_any_folder(built, tmp_path):
+    installed = tmp_path / "installed"
+    with zipfile.ZipFile(built[0]) as wheel:
+        wheel.extractall(installed)
+    ended = subprocess.run(
+        [sys.executable, "-c", KICK],
+        cwd=tmp_path,
+        env={"PYTHONPATH": str(installed)},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.stderr == ""
+    module, *degrees_of_freedom = ended.stdout.split()
+    assert Path(module).is_relative_to(installed)
+    assert degrees_of_freedom == ["3", "3"]
+
+
+def test_the_wheel_holds_the_package_and_nothing_else(built):
+    with zipfile.ZipFile(built[0]) as wheel:
+        names = wheel.namelist()
+    assert {name.split("/")[0].split("-")[0] for name in names} == {"kickdyn"}
+    assert "kickdyn/urdf/leg_fourbar.urdf" in names
+    assert not [name for name in names if Path(name).name.startswith("test")]
+
+
+def test_the_sdist_can_test_itself(built):
+    with tarfile.open(built[1]) as sdist:
+        rooms = {Path(*Path(name).parts[1:2]) for name in sdist.getnames()}
+    wanted = "Makefile constraints.txt kickdyn urdf tests scenes notebooks benchmarks docs README.md"
+    assert {Path(name) for name in wanted.split()} <= rooms

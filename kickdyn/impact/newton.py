@@ -40,7 +40,7 @@ def newton(problem: ContactProblem) -> Solution:
         return Solution(axes.dot(stick), True, _lost(stick, before, np.zeros(2), e))
 
     best: tuple[Array, float] | None = None
-    for angle in _slip_angles(g_matrix, free, mu):
+    for angle in slip_angles(g_matrix, free, mu):
         along = np.array([mu * math.cos(angle), mu * math.sin(angle), 1.0])
         resistance = float(g_matrix[2] @ along)
         if resistance <= 0.0:
@@ -66,7 +66,7 @@ def _lost(impulse: Array, before: Array, sliding: Array, e: float) -> float:
     return 0.5 * float(normal - impulse[:2] @ (before[:2] + sliding))
 
 
-def _slip_angles(g: Array, free: Array, mu: float) -> list[float]:
+def slip_angles(g: Array, free: Array, mu: float) -> list[float]:
     """Return every direction in which friction and sliding can be opposite.
 
     With the impulse p (mu cos, mu sin, 1) and p from the normal row, "sliding is parallel to

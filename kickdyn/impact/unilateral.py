@@ -25,6 +25,12 @@ from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 
 MAX_RESIDUAL = 1e-9
+WHY_NOT = {
+    "paper": "it needs one effective mass of the leg",
+    "stronge": "it follows one impulse as it grows, and here several grow at once",
+}
+"""What keeps the other laws from many contacts."""
+
 STILL = 1e-9
 """Share of the approach speed below which a point of the sole counts as at rest."""
 
@@ -41,7 +47,8 @@ class UnilateralImpact(Impact):
             shape `(k, 3)` [N s, world axes]. More than three corners of a stiff sole leave their
             split open: sum and moment are certain, and the split is one of many.
         point_velocities: of the same points just after, shape `(k, 3)` [m/s, world axes].
-        cone_residual: how far the contact laws are missed, relative to the largest impulse.
+        cone_residual: how far the contact laws are missed, relative to the largest impulse or
+            velocity.
     """
 
     point_impulses: dict[str, Array]
@@ -75,6 +82,7 @@ def unilateral_strike(
     v: ArrayLike,
     ball: Ball,
     touch: Contact,
+    law: str = "newton",
     *,
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
@@ -82,13 +90,23 @@ def unilateral_strike(
     """Strike a ball from supports that are not held, but stand on points of the ground.
 
     Newton's restitution at the ball, none at the ground, where all is at rest, and Coulomb's cone
-    at every point: one nonlinear complementarity problem. Arguments and errors as for `strike`, and
+    at every point: one nonlinear complementarity problem. Law `newton` is the only one: law `paper`
+    finds the impulse along the attack direction from the leg's effective mass there, and feet that
+    may let go leave the leg none; law `stronge` follows the impulse as it grows at one point, but
+    of several that press at once, nobody knows which grows how fast unless their stiffness is
+    named. Arguments and errors as for `strike`, and
 
     Raises:
-        InvalidInput: the leg has no supports, one lacks its friction, a flat one its sole, or
-            a sole is not level.
-        KickdynError: no solution was found, as can happen for friction above about 10.
+        InvalidInput: another law, the leg has no supports, one lacks its friction, a flat one its
+            sole, or a sole is not level.
+        KickdynError: no solution was found; the message says how far the best misses the laws.
     """
+    if isinstance(law, str) and law in WHY_NOT:
+        raise InvalidInput(
+            f"impact law {law!r} is no law for feet that may let go: {WHY_NOT[law]}; choose newton"
+        )
+    if law != "newton":
+        raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
     held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
     free = leg.standing_on().posture(held.posture.q)
@@ -104,8 +122,8 @@ def unilateral_strike(
     impulses, residual = solve_cones(contacts.delassus, bounced, np.array(frictions))
     if not residual <= MAX_RESIDUAL:
         raise KickdynError(
-            f"no impulses found for the supports (residual {residual:.1g}, friction up to "
-            f"{max(frictions):g}: above about 10 the solver may not converge)"
+            f"no impulses found for the supports: the best miss the contact laws by {residual:.1g} "
+            f"(at most {MAX_RESIDUAL:g}; friction up to {max(frictions):g}) in {held.posture!r}"
         )
     return _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
 

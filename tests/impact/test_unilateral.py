@@ -154,8 +154,41 @@ def test_what_cannot_be_solved_is_refused(leg, said):
 
 def test_an_answer_that_misses_the_laws_is_refused(monkeypatch):
     monkeypatch.setattr("kickdyn.impact.unilateral.MAX_RESIDUAL", 0.0)
-    with pytest.raises(kd.KickdynError, match=r"no impulses found for the supports \(residual"):
+    with pytest.raises(kd.KickdynError, match=r"no impulses found for the supports: the best miss"):
         kd.unilateral_strike(*KICKS["forward"])
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        ("paper", "'paper' is no law for feet that may let go: it needs one effective mass"),
+        ("stronge", "'stronge' is no law for feet that may let go: it follows one impulse"),
+        ("poisson", "'poisson' is unknown: choose newton"),
+        (3, "3 is unknown: choose newton"),
+    ],
+)
+def test_other_laws_are_refused(law, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.unilateral_strike(*KICKS["forward"], law)
+
+
+@pytest.mark.parametrize("friction", [10.0, 1e3, 1e6])
+@pytest.mark.parametrize("name", ["forward", "down", "sideways", "point foot"])
+def test_friction_as_strong_as_you_like(name, friction):
+    """Above about 10 nothing slides any more that is pressed, and the answer hardly changes."""
+    leg, q, v, ball, touch = KICKS[name]
+    (support,) = leg.constraints.supports
+    for at_ball in (0.3, friction):
+        rough = kd.Contact(touch.normal, touch.restitution, at_ball)
+        hits = []
+        for mu in (friction, 2 * friction):
+            foot = kd.Support(FOOT, friction=mu, sole=support.sole, point=support.point)
+            leg = ROBOT.standing_on(foot)
+            hits.append(kd.unilateral_strike(leg, q, v, ball, rough, **OPTIONS))
+        assert hits[0].cone_residual <= 1e-10
+        assert hits[0].restitution_residual <= 1e-9
+        apart = np.abs(hits[1].v_after - hits[0].v_after).max()
+        assert apart <= 2.0 / friction * np.abs(hits[0].v_after).max()
 
 
 def test_a_tilted_sole_is_refused():

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
+from kickdyn.card import shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 
@@ -70,7 +71,7 @@ class Ball:
         return 4.0 / 3.0 * math.pi * self.radius**3
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class BallState:
     """Where a ball is and how it moves, at one time or at many.
 
@@ -125,6 +126,16 @@ class BallState:
             array.setflags(write=False)
         state.__dict__.update(position=position, velocity=velocity, spin=spin, time=0.0)
         return state
+
+    def __repr__(self) -> str:
+        """Return one state in words, or how many there are."""
+        if np.ndim(self.time):
+            times = np.asarray(self.time)
+            span = f", {shown(times[0])} to {shown(times[-1])} s" if times.size else ""
+            return f"BallState({times.size} times{span})"
+        parts = (("position", "m"), ("velocity", "m/s"), ("spin", "rad/s"), ("time", "s"))
+        said = (f"{name}={shown(getattr(self, name))} {unit}" for name, unit in parts)
+        return f"BallState({', '.join(said)})"
 
     @property
     def speed(self) -> float | Array:

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.closing import close_loops
 from kickdyn.constraints import Constraints, Support
@@ -24,7 +25,7 @@ from kickdyn.urdf_model import build_model
 from kickdyn.workspace import Workspace
 
 
-class Leg:
+class Leg(Card):
     """A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_armature`, `standing_on` and `with_loops` return another.
@@ -68,6 +69,7 @@ class Leg:
         self.effort_limit: Array = self._model.effortLimit.copy()
         for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
             limit.setflags(write=False)
+        self._held = {"supports": supports, "loops": loops}
         self.constraints: Constraints | None = None
         if supports or loops:
             self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
@@ -208,27 +210,25 @@ class Leg:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         return self._with(self.model, loops=tuple((a, b) for a, b in loops))
 
-    def _with(
-        self,
-        model: Any,
-        supports: tuple[Support, ...] | None = None,
-        loops: tuple[tuple[str, str], ...] | None = None,
-    ) -> Leg:
-        held = self.constraints
-        if supports is None:
-            supports = held.supports if held else ()
-        if loops is None:
-            loops = held.loops if held else ()
-        return Leg(model, self.frame, self.urdf, supports, loops)
+    def _with(self, model: Any, **changed: Any) -> Leg:
+        return Leg(model, self.frame, self.urdf, **(self._held | changed))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model with the frame's name; the workspace is made anew."""
-        held = (self.constraints.supports, self.constraints.loops) if self.constraints else ()
-        return (Leg, (self.model, self.frame, self.urdf, *held))
+        return (Leg, (self.model, self.frame, self.urdf, *self._held.values()))
 
     def __repr__(self) -> str:
         """Name the leg, its joints and its contact frame."""
         return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "robot", self.name, ""
+        yield "contact frame", self.frame, ""
+        yield "mass", float(pin.computeTotalMass(self._model)), "kg"
+        for name in self.joint_names:
+            if self._model.nvs[1 + self.joint_names.index(name)] == 1:
+                low, high = (shown(end) for end in self.joint_range(name))
+                yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
 
     @property
     def model(self) -> Any:

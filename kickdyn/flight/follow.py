@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.bounce import bounce
 from kickdyn.flight.fly import check_scene, fly, wall_of
-from kickdyn.flight.path import Flight
+from kickdyn.flight.path import Flight, profile
 from kickdyn.flight.roll import Glide, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -25,8 +26,8 @@ LEAST_REBOUND = 0.15
 MOST_BOUNCES = 200
 
 
-@dataclass(frozen=True, eq=False)
-class Course:
+@dataclass(frozen=True, eq=False, repr=False)
+class Course(Card):
     """All a ball does until it rests or meets a plane; times count from the launch.
 
     Attributes:
@@ -44,6 +45,17 @@ class Course:
     bounces: tuple[BallState, ...]
     glides: tuple[Glide, ...]
     rest: BallState
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        yield "launch", self.flights[0].launch.velocity, "m/s"
+        yield "bounces", len(self.bounces), ""
+        yield "distance", self.distance, "m"
+        yield "duration", self.duration, "s"
+        yield "end", self.rest.position, "m"
+
+    def _picture(self) -> str:
+        return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
 
     @property
     def distance(self) -> float:

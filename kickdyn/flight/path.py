@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row, side_view
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import brakes
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-@dataclass(frozen=True, eq=False)
-class Flight:
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(Card):
     """A ball's way through the air; all times count from the launch.
 
     Attributes:
@@ -56,6 +57,22 @@ class Flight:
     evaluations: int
     _trajectory: Callable[[Array], Array] = field(repr=False)
     _again: Callable[..., Flight] = field(repr=False)
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        yield "launch", self.launch.velocity, "m/s"
+        yield "spin", self.launch.spin, "rad/s"
+        yield "range", self.range, "m"
+        yield "height", self.height, "m"
+        yield "duration", self.duration, "s"
+        yield "landing", self.landing.position, "m"
+        yield "landing speed", self.landing.speed, "m/s"
+        yield "method", f"{self.method}, {self.evaluations} evaluations", ""
+        for line in self.warnings:
+            yield "warning", line, ""
+
+    def _picture(self) -> str:
+        return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))
 
     @property
     def duration(self) -> float:
@@ -167,3 +184,21 @@ class Flight:
         times = checks.times(t, self.duration, "the flight")
         moved = self._trajectory(np.atleast_1d(times))
         return times, moved.reshape(*times.shape, moved.shape[-1])
+
+
+def profile(way: BallState, marked: tuple[BallState, ...]) -> str:
+    """Draw a ball's way as an SVG: height over the distance ahead, where it was launched to.
+
+    Args:
+        way: states along it, the first the launch.
+        marked: states to put a dot on.
+    """
+    start = way.position[0]
+    ahead = next((v[:2] for v in way.velocity if np.any(v[:2])), np.array([1.0, 0.0]))
+    ahead = ahead / math.hypot(*ahead)
+
+    def seen(position: Array) -> Array:
+        return np.stack([(position - start)[..., :2] @ ahead, position[..., 2]], axis=-1)
+
+    dots = np.array([seen(state.position) for state in marked])
+    return side_view(seen(way.position), dots=dots)

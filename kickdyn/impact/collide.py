@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from kickdyn import checks
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
@@ -60,8 +61,8 @@ class ContactSample(NamedTuple):
     deflection: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Collision:
+@dataclass(frozen=True, eq=False, repr=False)
+class Collision(Card):
     """What a contact of finite stiffness does, from touch to separation.
 
     Attributes:
@@ -103,6 +104,16 @@ class Collision:
     tol: float
     _sample: Sample = field(repr=False)
     _again: partial[Collision] = field(repr=False)
+
+    def _rows(self) -> Iterable[Row]:
+        yield "contact time", 1e3 * self.contact_time, "ms"
+        yield "peak force", self.peak_force, "N"
+        yield "deflection", 1e3 * self.deflection, "mm"
+        yield "impulse on the ball", self.impulse, "N s"
+        yield "ball after", self.ball.velocity, "m/s"
+        yield "spin after", self.ball.spin, "rad/s"
+        yield "energy lost", self.energy_lost, "J"
+        yield "energy residual", self.energy_residual, ""
 
     def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
         """Pickle what it was asked; unpickled, it runs again, to the same digits."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.impact.footing import judged
@@ -22,8 +24,8 @@ ENERGY_ROUNDING = 1e-12
 """Share of impulse times contact speed below which energy gained is rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class Impact:
+@dataclass(frozen=True, eq=False, repr=False)
+class Impact(Card):
     """What a strike does, with the residuals that prove it.
 
     Attributes:
@@ -72,6 +74,20 @@ class Impact:
     restitution_residual: float
     momentum_residual: float
     condition: float
+
+    def _rows(self) -> Iterable[Row]:
+        joint, most = self.worst_joint
+        yield "law", self.law + (", sticks" if self.sticking else ""), ""
+        yield "impulse on the ball", self.impulse, "N s"
+        yield "effective mass", self.effective_mass, "kg"
+        yield "foot before", self.foot_velocity, "m/s"
+        yield "ball after", self.ball.velocity, "m/s"
+        yield "spin after", self.ball.spin, "rad/s"
+        yield "ball over foot speed", self.speed_ratio, ""
+        yield f"worst joint, {joint}", most, "N s"
+        yield "energy lost", self.energy_lost, "J"
+        yield "residuals", np.array([self.restitution_residual, self.momentum_residual]), ""
+        yield "condition", self.condition, ""
 
     @property
     def speed_ratio(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.held import check_free
-from kickdyn.impact.sources import columns
+from kickdyn.impact.sources import UNITS, columns
 
 if TYPE_CHECKING:
     from kickdyn.impact.result import Impact
@@ -26,8 +27,8 @@ AT_BOUNDARY = 1e-9
 Jacobians = Mapping[str, Array]
 
 
-@dataclass(frozen=True, eq=False)
-class Sensitivity:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Card):
     """Derivatives of a strike's results, one Jacobian per source.
 
     Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
@@ -55,6 +56,13 @@ class Sensitivity:
     margin: float
     margin_slope: Jacobians
     at_boundary: bool
+
+    def _rows(self) -> Iterable[Row]:
+        yield "branch", self.branch, "at its end" if self.at_boundary else ""
+        yield "margin", self.margin, ""
+        for source, rows in self.impulse.items():
+            gain = float(np.linalg.norm(rows, 2))
+            yield f"impulse by {source}, at most", gain, f"N s per {UNITS[source]}"
 
 
 def sensitivity(hit: Impact) -> Sensitivity:

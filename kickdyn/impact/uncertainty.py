@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
+from kickdyn.card import Printed
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
@@ -26,8 +27,8 @@ MAX_SPREAD = 1e100
 RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
 
 
-@dataclass(frozen=True, eq=False)
-class Uncertainty:
+@dataclass(frozen=True, eq=False, repr=False)
+class Uncertainty(Printed):
     """Covariances of a strike's results, and the budget: which source makes which part.
 
     `print` shows the budget as a table.

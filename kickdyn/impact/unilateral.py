@@ -35,7 +35,7 @@ STILL = 1e-9
 """Share of the approach speed below which a point of the sole counts as at rest."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class UnilateralImpact(Impact):
     """An `Impact` in which supports rest on points that can push and rub, but not pull.
 

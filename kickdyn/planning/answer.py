@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
@@ -20,8 +22,8 @@ from kickdyn.plane import Plane
 from kickdyn.planning.goal import Goal
 
 
-@dataclass(frozen=True, eq=False)
-class Launch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Launch(Card):
     """A launch that meets a goal.
 
     Attributes:
@@ -43,6 +45,14 @@ class Launch:
     steps: int
     ball: Ball
     air: Air | None
+
+    def _rows(self) -> Iterable[Row]:
+        yield "speed", self.speed, "m/s"
+        yield "elevation", math.degrees(self.elevation), "deg"
+        yield "azimuth", math.degrees(self.azimuth), "deg"
+        yield "spin", self.spin, "rad/s"
+        yield "time", self.time, "s"
+        yield "largest error", float(abs(self.errors).max()), ""
 
     @property
     def speed(self) -> float:
@@ -76,8 +86,8 @@ class Launch:
         return to_target(state, self.goal, self.ball, self.air, self.time, tol)
 
 
-@dataclass(frozen=True, eq=False)
-class Launches:
+@dataclass(frozen=True, eq=False, repr=False)
+class Launches(Card):
     """What `plan_launches` found.
 
     Attributes:
@@ -95,11 +105,18 @@ class Launches:
     limit: str = ""
     nearest: Launch | None = None
 
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.said, ""
+        for launch in self.solutions:
+            spin = f", spin {shown(launch.spin)} rad/s" if launch.spin.any() else ""
+            yield f"in {launch.time:.4g} s", f"{shown(launch.velocity)} m/s{spin}", ""
+
     @property
     def said(self) -> str:
         """A line that says what the answer is."""
         if self.status == "met":
-            return f"{len(self.solutions)} launches meet the goal"
+            count = len(self.solutions)
+            return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"
         near = "nothing near is known" if self.nearest is None else f"nearest {_said(self.nearest)}"
         return f"out of reach by the {self.limit}: {near}"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, NoImpact
@@ -37,8 +38,8 @@ SMOOTH = 12
 """Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""
 
 
-@dataclass(frozen=True, eq=False)
-class KickPlan:
+@dataclass(frozen=True, eq=False, repr=False)
+class KickPlan(Card):
     """A kick, planned and then carried out by `strike` and `fly`.
 
     Attributes:
@@ -68,6 +69,20 @@ class KickPlan:
     landing_error: float
     speed_use: float
     effort_use: float
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        yield "posture", self.q, "rad"
+        yield "joint velocity", self.v, "rad/s"
+        yield "impulse on the ball", self.hit.impulse, "N s"
+        yield "launch", self.hit.ball.velocity, "m/s"
+        yield "landing error", self.landing_error, "m"
+        yield self.objective, self.value, ""
+        yield "of the speed limit", self.speed_use, ""
+        yield "of the torque limit", self.effort_use, ""
+
+    def _picture(self) -> str:
+        return self.path._picture()
 
     @property
     def q(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
@@ -46,8 +47,8 @@ class Round:
     time_error: float
 
 
-@dataclass(frozen=True, eq=False)
-class LaunchPlan:
+@dataclass(frozen=True, eq=False, repr=False)
+class LaunchPlan(Card):
     """A launch, and how it was found.
 
     Attributes:
@@ -64,6 +65,18 @@ class LaunchPlan:
     flight: Flight
     best: Round
     history: tuple[Round, ...]
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        yield "speed", self.speed, "m/s"
+        yield "angle", math.degrees(self.angle), "deg"
+        yield "spin", self.launch.spin, "rad/s"
+        yield "distance error", self.best.distance_error, "m"
+        yield "time error", self.best.time_error, "s"
+        yield "method", f"{self.method}, {self.iterations} corrections", ""
+
+    def _picture(self) -> str:
+        return self.flight._picture()
 
     @property
     def launch(self) -> BallState:

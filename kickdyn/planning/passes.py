@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
@@ -28,8 +29,8 @@ SLOWEST = 1e-3
 """Least launch speed that is tried, over the limit."""
 
 
-@dataclass(frozen=True, eq=False)
-class Pass:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pass(Card):
     """A launch that brings the ball to a place along the ground.
 
     Attributes:
@@ -48,6 +49,16 @@ class Pass:
     course: Course
     time: float
     aside: float
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
+        yield "launch", self.velocity, "m/s"
+        yield "time", self.time, "s"
+        yield "aside", self.aside, "m"
+        yield "bounces", len(self.course.bounces), ""
+
+    def _picture(self) -> str:
+        return self.course._picture()
 
 
 def plan_pass(

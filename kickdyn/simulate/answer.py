@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from kickdyn.ball import BallState
+from kickdyn.card import Printed
 from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.collide import Collision
@@ -33,8 +34,8 @@ class Verdict(NamedTuple):
     why: str
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Printed):
     """The answer to a scene. `print` shows the budget as a table.
 
     Attributes:

@@ -1,0 +1,91 @@
+"""How an answer shows itself: a few lines in a terminal, a small table in Jupyter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+Row = tuple[str, object, str]
+"""A line of a card: what it is, its value, its unit."""
+
+WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
+"""Of a picture [px]."""
+
+
+class Card:
+    """Something that shows itself by the rows that `_rows` gives; all are rounded to 4 digits."""
+
+    def _rows(self) -> Iterable[Row]:
+        raise NotImplementedError
+
+    def _picture(self) -> str:
+        """Return an SVG that goes under the table in Jupyter, or nothing."""
+        return ""
+
+    def __repr__(self) -> str:
+        """Return the class's name and, below it, a line for each row."""
+        rows = [(name, f"{shown(value)} {unit}".rstrip()) for name, value, unit in self._rows()]
+        width = max(len(name) for name, _ in rows)
+        return "\n".join([type(self).__name__, *(f"  {n:{width}}  {v}" for n, v in rows)])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f'<tr><th style="text-align:left">{escape(name)}</th>'
+            f'<td style="text-align:left">{escape(shown(value))}</td>'
+            f'<td style="text-align:left">{escape(unit)}</td></tr>'
+            for name, value, unit in self._rows()
+        )
+        title = f"<caption><b>{escape(type(self).__name__)}</b></caption>"
+        return f"<table>{title}{rows}</table>{self._picture()}"
+
+
+class Printed:
+    """Something whose `str` is its table already."""
+
+    def __repr__(self) -> str:
+        """Return the table."""
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+def shown(value: object) -> str:
+    """Return a value as a card shows it: 4 digits, vectors in brackets."""
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, float | np.floating):
+        return f"{float(value) + 0.0:.4g}"  # no -0
+    if isinstance(value, np.ndarray):
+        return f"({', '.join(shown(part) for part in value.tolist())})"
+    return str(value)
+
+
+def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
+    """Draw a way through a vertical plane, both axes to one scale, as an SVG.
+
+    Args:
+        line: the way, shape `(n, 2)`: forward and up [m].
+        dots: points on it to mark, shape `(k, 2)` [m].
+    """
+    low, high = line.min(axis=0), line.max(axis=0)
+    span = np.maximum(high - low, 1e-9 * np.abs(line).max() + 1e-300)
+    scale = min((WIDTH - 2 * MARGIN) / span[0], (HEIGHT - 2 * MARGIN) / span[1])
+
+    def placed(points: NDArray[np.float64]) -> list[str]:
+        right, up = ((points - low) * scale).T
+        rows = zip(MARGIN + right, HEIGHT - MARGIN - up, strict=True)
+        return [f"{x:.1f},{y:.1f}" for x, y in rows]
+
+    marks = "".join(
+        f'<circle cx="{x}" cy="{y}" r="3" fill="#c0392b"/>'
+        for x, y in (point.split(",") for point in placed(dots))
+    )
+    return (
+        f'<svg width="{WIDTH:.0f}" height="{HEIGHT:.0f}" xmlns="http://www.w3.org/2000/svg">'
+        f'<polyline points="{" ".join(placed(line))}" fill="none" stroke="#2c5f8a" '
+        f'stroke-width="2"/>{marks}</svg>'
+    )

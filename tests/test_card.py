@@ -1,0 +1,120 @@
+"""What answers show of themselves, in a terminal and in Jupyter."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.card import Card, shown, side_view
+
+
+class Named(Card):
+    def __init__(self, *rows):
+        self._all = rows
+
+    def _rows(self):
+        return self._all
+
+
+SCENE = Path(__file__).resolve().parent.parent / "scenes" / "paper_kick.toml"
+POSTURE = kd.Leg.human().posture(np.radians([5, 10, -5]))
+TOUCH = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+HIT = kd.strike(POSTURE.leg, POSTURE.q, POSTURE.joint_velocity([10, 0, 5]), kd.Ball(), TOUCH)
+LAUNCH = kd.BallState((0, 0, 0.11), (12, 9, 8))
+COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet grass"))
+GOAL = kd.Goal((20, 0, 0), time=1.5)
+ANSWERS = {
+    "Leg": POSTURE.leg,
+    "Impact": HIT,
+    "Sensitivity": HIT.sensitivity(),
+    "Collision": kd.collide(POSTURE.leg, POSTURE.q, HIT.v_before, kd.Ball(), TOUCH, tol=1e-6),
+    "Flight": kd.fly(LAUNCH, kd.Ball()),
+    "Course": COURSE,
+    "LaunchPlan": kd.plan_launch(20, 1.5, kd.Ball()),
+    "Launches": kd.plan_launches(GOAL, kd.Ball()),
+    "Launch": kd.plan_launches(GOAL, kd.Ball()).solutions[0],
+    "KickPlan": kd.plan_kick(POSTURE.leg, GOAL, kd.Ball()),
+    "Pass": kd.plan_pass((8, 0), 2.0, kd.Ball()),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_every_answer_shows_a_small_table(name):
+    page = ElementTree.fromstring(f"<p>{ANSWERS[name]._repr_html_()}</p>")
+    assert page.findtext("table/caption/b") == name
+    rows = [["".join(cell.itertext()) for cell in row] for row in page.iter("tr")]
+    assert 2 <= len(rows) <= 15
+    assert all(label for label, _, _ in rows)
+    text = repr(ANSWERS[name])
+    assert text.startswith(name)
+    assert "array(" not in text
+    assert max(map(len, text.splitlines())) < 100
+
+
+@pytest.mark.parametrize("name", ["Uncertainty", "Simulation"])
+def test_budgets_show_what_they_print(name):
+    budget = {
+        "Uncertainty": lambda: HIT.uncertainty(v=0.1),
+        "Simulation": lambda: kd.simulate(kd.load_scene(SCENE), tolerance=1.0),
+    }[name]()
+    assert repr(budget) == str(budget)
+    assert "<script" not in budget._repr_html_()
+    assert ElementTree.fromstring(budget._repr_html_()).text == str(budget)
+
+
+def test_the_numbers_are_the_answers_own():
+    text = repr(HIT)
+    assert f"{HIT.effective_mass:.4g} kg" in text
+    assert f"({HIT.impulse[0]:.4g}, 0, {HIT.impulse[2]:.4g}) N s" in text
+    assert "worst joint, ankle" in text
+
+
+def test_names_are_escaped():
+    page = Named(("<script>alert(1)</script>", "<b>&", "m"))._repr_html_()
+    assert "<script>" not in page
+    assert "<b>&" not in page
+    assert "&lt;script&gt;" in page
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (-0.0, "0"),
+        (np.float64(1 / 3), "0.3333"),
+        (np.array([1.0, -0.0, 2.5e-7]), "(1, 0, 2.5e-07)"),
+        (True, "yes"),
+        (np.False_, "no"),
+        (7, "7"),
+        (float("inf"), "inf"),
+    ],
+)
+def test_values(value, text):
+    assert shown(value) == text
+
+
+def test_states_of_a_ball():
+    assert repr(kd.BallState((1, 2, 3), time=0.5)) == (
+        "BallState(position=(1, 2, 3) m, velocity=(0, 0, 0) m/s, spin=(0, 0, 0) rad/s, time=0.5 s)"
+    )
+    many = ANSWERS["Flight"].sample([0.0, 0.25])
+    assert repr(many) == "BallState(2 times, 0 to 0.25 s)"
+
+
+def test_the_side_view_is_drawn_to_scale_and_stays_inside():
+    line = np.array([[0.0, 0.0], [10.0, 5.0], [20.0, 0.0]])
+    picture = ElementTree.fromstring(side_view(line, dots=line[1:2]))
+    space = "{http://www.w3.org/2000/svg}"
+    points = picture.find(f"{space}polyline").get("points").split()
+    xy = np.array([point.split(",") for point in points], dtype=float)
+    rise, run = xy[0, 1] - xy[1, 1], xy[1, 0] - xy[0, 0]
+    assert rise / run == pytest.approx(0.5, abs=0.01)
+    assert xy.min() >= 0
+    assert (xy.max(axis=0) <= (360, 140)).all()
+    dot = picture.find(f"{space}circle")
+    assert (float(dot.get("cx")), float(dot.get("cy"))) == tuple(xy[1])
+
+
+def test_a_still_ball_has_a_picture_too():
+    assert "nan" not in side_view(np.zeros((5, 2)), dots=np.zeros((1, 2)))

@@ -58,9 +58,13 @@ from kickdyn.version import __version__ as __version__
 
 
 def __getattr__(name: str) -> object:
-    """Load `fly_many` when it is asked for: it brings numba and xarray."""
+    """Load what brings numba and xarray when it is asked for."""
     if name == "fly_many":
         from kickdyn.flight.batch import fly_many
 
         return fly_many
+    if name == "open_sweep":
+        from kickdyn.sweep.opened import open_sweep
+
+        return open_sweep
     raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")

@@ -30,6 +30,7 @@ from kickdyn.leg import Leg
 from kickdyn.robots import ROBOTS
 from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
 from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.opened import Sweep
 from kickdyn.sweep.report import as_json, table, text
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
@@ -181,7 +182,7 @@ def _check_outputs(
     if out is not None:
         check_name(out)
     if plot is not None:
-        from kickdyn.view.sweep_plot import check_name as check_plot
+        from kickdyn.sweep.picture import check_name as check_plot
 
         check_plot(plot)
     check_distinct(out, json_file, plot, view)
@@ -248,9 +249,9 @@ def _writers(
 
         writers.append(partial(write_page, view, kick_page(*shown)))
     if data is not None and plot is not None:
-        from kickdyn.view.sweep_plot import save_figure, sweep_figure
+        from kickdyn.sweep.picture import save_figure, sweep_figure
 
-        writers.append(partial(save_figure, sweep_figure(data, lines), plot))
+        writers.append(partial(save_figure, sweep_figure(Sweep(data), lines), plot))
     if data is not None and out is not None:
         writers.append(partial(save, data, out))
     return writers

@@ -43,7 +43,7 @@ def tradeoff(
     from kickdyn.accuracy.impact import measure_impact
     from kickdyn.accuracy.models import show
     from kickdyn.accuracy.picture import picture
-    from kickdyn.view.sweep_plot import check_name, save_figure
+    from kickdyn.sweep.picture import check_name, save_figure
 
     if scene is not None:
         if impact or flight or plot is not None:

@@ -9,17 +9,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.held import check_free
+from kickdyn.impact.leg_slopes import leg_slopes, per_mass, response, skew
 from kickdyn.impact.sources import UNITS, columns
+from kickdyn.posture import HELD_TOLERANCE
 
 if TYPE_CHECKING:
     from kickdyn.impact.result import Impact
-    from kickdyn.posture import Posture
 
 AT_BOUNDARY = 1e-9
 """Share of the friction cone, or of the approach, below which stick and slip meet."""
@@ -70,17 +69,18 @@ def sensitivity(hit: Impact) -> Sensitivity:
 
     The impulse p solves R(p, x) = 0: restitution and no sliding, or restitution and Coulomb's cone
     against the sliding; so dp = -R_p^-1 R_x dx. What x does to the leg comes from Pinocchio's
-    derivatives of Newton-Euler and of kinematics, and from its regressor.
+    derivatives of Newton-Euler and of kinematics, and from its regressor; supports and loops bound
+    it (`kickdyn.impact.leg_slopes`).
 
     Args:
         hit: from `strike` or `strike_at`.
 
     Raises:
-        InvalidInput: another law, or a leg that supports or loops hold.
+        InvalidInput: another law, or a support that moves, after `unilateral_strike`.
     """
     if hit.law != "newton":
         raise InvalidInput(f"impact law {hit.law!r} has no sensitivities: choose newton")
-    check_free(hit.posture.leg, "sensitivities are")
+    _check_stays(hit)
     at = columns(hit.posture.leg)
     answer = _at_fixed_impulse(hit, at)
     residual_p, residual_x, tangent = _residual(hit, answer, at)
@@ -88,8 +88,8 @@ def sensitivity(hit: Impact) -> Sensitivity:
 
     ball, posture = hit.struck, hit.posture
     velocity = answer.velocity + impulse / ball.mass
-    spin = answer.spin - ball.radius / ball.inertia * _skew(hit.touch.normal) @ impulse
-    v_after = answer.v_after - posture.solve(posture.jacobian.T) @ impulse
+    spin = answer.spin - ball.radius / ball.inertia * skew(hit.touch.normal) @ impulse
+    v_after = answer.v_after - response(posture) @ posture.jacobian.T @ impulse
     sliding = answer.after + _give(hit) @ impulse
     branch, margin, slope, scale = _margin(hit, answer, impulse, sliding, tangent, at)
 
@@ -107,6 +107,19 @@ def sensitivity(hit: Impact) -> Sensitivity:
         margin_slope=named(slope.reshape(1, -1)),
         at_boundary=margin <= AT_BOUNDARY * scale,
     )
+
+
+def _check_stays(hit: Impact) -> None:
+    """Raise `InvalidInput` if what the supports hold moves after the impact."""
+    hold = hit.posture.hold
+    if hold is None:
+        return
+    rounding = HELD_TOLERANCE * float((np.abs(hold.rows) @ np.abs(hit.v_after)).max())
+    if hit.support_residual > rounding:
+        raise InvalidInput(
+            f"a support moves at {hit.support_residual:.3g} after the impact (footing "
+            f"{hit.footing}): sensitivities are for supports that hold"
+        )
 
 
 @dataclass(frozen=True)
@@ -132,7 +145,7 @@ class _Answer:
 
 def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     posture, ball, n, p = hit.posture, hit.struck, hit.touch.normal, hit.impulse
-    kic, turned = posture.jacobian, _skew(n)
+    kic, turned = posture.jacobian, skew(n)
     r, gain = ball.radius, ball.radius / ball.inertia  # gain is 3 / (2 m r)
     width = max(place.stop for place in at.values())
     across = np.eye(3) - np.outer(n, n)
@@ -147,71 +160,30 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     spin[:, at["ball_spin"]] = np.eye(3)
     spin[:, at["ball_mass"]] = moment / ball.mass
     spin[:, at["ball_radius"]] = moment / r
-    spin[:, at["normal"]] = gain * _skew(p) @ across
+    spin[:, at["normal"]] = gain * skew(p) @ across
 
-    foot_q, foot_q_after, left_over, regressor = _leg(posture, hit.v_before, hit.v_after, p)
-    v_after[:, at["v"]] = np.eye(posture.leg.nv)
-    v_after[:, at["q"]] = -posture.solve(left_over)
-    v_after[:, at["link_inertia"]] = -posture.solve(regressor)
-    v_after[:, at["link_mass"]] = v_after[:, at["link_inertia"]] @ _per_mass(posture)
+    leg = leg_slopes(posture, hit.v_before, hit.v_after, p, hit.constraint_impulses)
+    v_after[:, at["v"]] = leg.let
+    v_after[:, at["q"]] = leg.v_after_q
+    v_after[:, at["link_inertia"]] = leg.v_after_inertia
+    v_after[:, at["link_mass"]] = leg.v_after_inertia @ per_mass(posture)
 
     omega, omega_after = hit.ball_before.spin, hit.ball.spin
     before[:, at["ball_velocity"]] = np.eye(3)
-    before[:, at["v"]] = -kic
-    before[:, at["q"]] = -foot_q
+    before[:, at["v"]] = -kic @ leg.let
+    before[:, at["q"]] = -leg.foot_q
     before[:, at["ball_spin"]] = r * turned
     before[:, at["ball_radius"]] = (turned @ omega)[:, None]
-    before[:, at["normal"]] = -r * _skew(omega) @ across
+    before[:, at["normal"]] = -r * skew(omega) @ across
 
     after = velocity - kic @ v_after + r * turned @ spin
-    after[:, at["q"]] -= foot_q_after
+    after[:, at["q"]] -= leg.foot_q_after
     after[:, at["ball_radius"]] += (turned @ omega_after)[:, None]
-    after[:, at["normal"]] -= r * _skew(omega_after) @ across
+    after[:, at["normal"]] -= r * skew(omega_after) @ across
 
     u_before = hit.ball_before.velocity - kic @ hit.v_before + r * turned @ omega
     u_after = hit.ball.velocity - kic @ hit.v_after + r * turned @ omega_after
     return _Answer(velocity, spin, v_after, before, after, normal, u_before, u_after)
-
-
-def _leg(
-    posture: Posture, v: Array, v_after: Array, impulse: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return d(J v)/dq, d(J v_after)/dq, d(M jump + J^T impulse)/dq and d(M jump)/d(inertias)."""
-    leg, space = posture.leg, posture.leg.workspace
-    model, data, nv, still = space.model, space.data, leg.nv, np.zeros(leg.nv)
-    axes, joint = posture.joint_rotation, leg.contact_joint
-    turning = axes @ pin.computeJointJacobian(model, data, posture.q, joint).reshape(6, nv)[3:]
-    pin.forwardKinematics(model, data, posture.q)
-    lever = data.oMi[joint].actInv(posture.contact_point)
-    point = pin.SE3(np.eye(3), lever)
-
-    def foot(velocity: Array) -> Array:
-        # In the joint's axes, then turned with them: Pinocchio's answer in aligned axes is another.
-        pin.computeForwardKinematicsDerivatives(model, data, posture.q, velocity, still)
-        by_q, _ = pin.getFrameVelocityDerivatives(model, data, joint, point, pin.LOCAL)
-        turned = _skew(posture.jacobian @ velocity) @ turning
-        return np.asarray(axes @ by_q.reshape(6, nv)[:3] - turned)
-
-    foot_q, foot_q_after = foot(v), foot(v_after)
-    jump = v_after - v
-    push = -(posture.joint_rotation.T @ impulse)
-    space.external[leg.contact_joint] = pin.Force(push, np.cross(lever, push))
-    by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
-    # Pinocchio turns the impulse with the foot; ours stays as it is in the world.
-    held = posture.jacobian.T @ _skew(impulse) @ turning
-    left_over = np.reshape(by_q, (nv, nv)) + held
-    regressor = pin.computeJointTorqueRegressor(model, data, posture.q, still, jump)
-    return foot_q, foot_q_after, left_over, np.reshape(regressor, (nv, -1))
-
-
-def _per_mass(posture: Posture) -> Array:
-    """Return d(inertias)/d(mass) of each link, centre of mass and radii of gyration held."""
-    inertias = list(posture.leg.workspace.model.inertias)[1:]
-    matrix = np.zeros((10 * len(inertias), len(inertias)))
-    for i, inertia in enumerate(inertias):
-        if inertia.mass > 0.0:  # a virtual link between joints has none to scale
-            matrix[10 * i : 10 * i + 10, i] = inertia.toDynamicParameters() / inertia.mass
-    return matrix
 
 
 def _residual(hit: Impact, answer: _Answer, at: Mapping[str, slice]) -> tuple[Array, Array, Array]:
@@ -228,7 +200,7 @@ def _residual(hit: Impact, answer: _Answer, at: Mapping[str, slice]) -> tuple[Ar
     across = np.eye(3) - np.outer(n, n)
     pressing, mass = float(n @ p), 1.0 / float(n @ give @ n)
     tangent, speed = _slide(n, p, across @ u_after, mu, math.hypot(*u_before))
-    aside = _skew(n) @ tangent
+    aside = skew(n) @ tangent
     # The row along `aside`, times speed / (speed + mu p / mass): finite where the sliding dies out.
     firm = speed + mu * pressing / mass
     bend = mu * pressing / firm * np.outer(aside, aside) if mu else np.zeros((3, 3))
@@ -288,8 +260,3 @@ def _give(hit: Impact) -> Array:
     turn = ball.radius**2 / ball.inertia
     shell = (1.0 / ball.mass + turn) * np.eye(3) - turn * np.outer(n, n)
     return np.asarray(hit.posture.delassus() + shell)
-
-
-def _skew(a: Array) -> Array:
-    """Return the matrix that takes b to a x b."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])

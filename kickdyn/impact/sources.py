@@ -19,6 +19,9 @@ UNITS = {
 }
 """Every source and its unit; of prismatic joints, q is in m and v in m/s.
 
+Of a leg that supports or loops hold, v and q count as far as they let: v without what would move
+them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
+of angles is taken off), whereas supports hold wherever q puts them.
 `normal` is the direction of the contact normal as a unit vector: what is along it has no effect.
 `ball_mass` takes the shell's inertia along. `link_mass` scales a link as a whole: centre of mass
 and radii of gyration stay; massless links do not count. `link_inertia`

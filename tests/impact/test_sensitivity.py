@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from chains import floating_kick, random_kick, random_leg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from nudges import RESULTS, by_differences, margin
 
 import kickdyn as kd
 from kickdyn.impact.sources import UNITS
@@ -15,64 +15,7 @@ from kickdyn.impact.sources import UNITS
 seeds = st.integers(0, 2**32 - 1)
 
 
-def nudged(kick, options, name, step):
-    """The same strike with one source moved by `step`, shape `(n,)`."""
-    (leg, q, v, ball, touch), options = kick, dict(options)
-    normal, e, mu, mass, radius = touch.normal, touch.restitution, touch.friction, *vars_of(ball)
-    if name == "q":
-        q = pin.integrate(leg.model, q, step)
-    elif name == "v":
-        v = v + step
-    elif name == "restitution":
-        e += float(step[0])
-    elif name == "friction":
-        mu += float(step[0])
-    elif name == "normal":
-        normal = normal + step
-    elif name == "ball_mass":
-        mass += float(step[0])
-    elif name == "ball_radius":
-        radius += float(step[0])
-    elif name in options:
-        options[name] = options[name] + step
-    else:
-        model = leg.model
-        for i in range(1, model.njoints):
-            numbers = model.inertias[i].toDynamicParameters()
-            if name == "link_mass":
-                numbers *= 1 + step[i - 1] / model.inertias[i].mass
-            else:
-                numbers += step[10 * i - 10 : 10 * i]
-            model.inertias[i] = pin.Inertia.FromDynamicParameters(numbers)
-        leg = kd.Leg(model, leg.frame)
-    return kd.strike(leg, q, v, kd.Ball(mass, radius), kd.Contact(normal, e, mu), **options)
-
-
-def vars_of(ball):
-    return ball.mass, ball.radius
-
-
-def margin(hit):
-    n, p, mu = hit.touch.normal, hit.impulse, hit.touch.friction
-    if mu == 0:
-        return 0.0
-    if hit.sticking:
-        return mu * float(n @ p) - np.linalg.norm(p - (n @ p) * n)
-    foot = hit.posture.jacobian @ hit.v_after
-    after = hit.ball.velocity - hit.struck.radius * np.cross(hit.ball.spin, n) - foot
-    return np.linalg.norm(after - (n @ after) * n)
-
-
-RESULTS = {
-    "impulse": lambda hit: hit.impulse,
-    "velocity": lambda hit: hit.ball.velocity,
-    "spin": lambda hit: hit.ball.spin,
-    "v_after": lambda hit: hit.v_after,
-    "margin_slope": lambda hit: np.array([margin(hit)]),
-}
-
-
-def check(kick, options, rng, h=1e-4):
+def check(kick, options, rng):
     """Along one random direction of each source."""
     hit = kd.strike(*kick, **options)
     slopes = hit.sensitivity()
@@ -82,13 +25,11 @@ def check(kick, options, rng, h=1e-4):
             continue
         way = rng.normal(size=slopes.impulse[name].shape[1])
         way /= np.linalg.norm(way)
-        hits = [nudged(kick, options, name, k * h * way) for k in (-2, -1, 1, 2)]
+        differences, hits = by_differences(kick, options, name, way)
         assume(all(near.sticking == hit.sticking for near in hits))
-        for result, read in RESULTS.items():
-            far, near, then, beyond = (read(one) for one in hits)
-            expected = (far - 8 * near + 8 * then - beyond) / (12 * h)
+        for result, expected in differences.items():
             ours = getattr(slopes, result)[name] @ way
-            size = max(np.abs(expected).max(), np.abs(read(hit)).max())
+            size = max(np.abs(expected).max(), np.abs(RESULTS[result](hit)).max())
             assert np.abs(ours - expected).max() <= 1e-7 * size, (name, result)
     return slopes.branch
 
@@ -193,6 +134,19 @@ def test_other_laws_are_refused():
     hit = kd.strike(*kick, "paper", **options)
     with pytest.raises(kd.InvalidInput, match="impact law 'paper' has no sensitivities"):
         hit.sensitivity()
+
+
+def test_a_foot_that_let_go_is_refused():
+    sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+    foot = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
+    leg = kd.Leg.from_robot("g1", base="floating").standing_on(foot)
+    v = leg.posture(leg.configuration()).joint_velocity((3, 0, 2))
+    kick = leg, leg.configuration(), v, kd.Ball(), kd.Contact((3, 0, 2), 0.7, 0.3)
+    assert np.isfinite(kd.strike(*kick).sensitivity().margin)
+    loose = kd.unilateral_strike(*kick)
+    assert loose.footing != {"left_ankle_roll_link": "stands"}
+    with pytest.raises(kd.InvalidInput, match=r"a support moves at .* for supports that hold"):
+        loose.sensitivity()
 
 
 def test_links_without_mass_have_no_mass_to_scale():

@@ -208,6 +208,8 @@ def text(planned: KickPlan, leg: Leg) -> str:
         for name in angles
         if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
     ]
+    turned = math.degrees(planned.heading)
+    aside = [f"base    turned {turned:.2f} deg to the left"] if turned else []
     return "\n".join(
         [
             _verdict(planned),
@@ -219,6 +221,7 @@ def text(planned: KickPlan, leg: Leg) -> str:
             f"leg     {planned.objective} {planned.value:.4g}; speed {planned.speed_use:.0%} and "
             f"effort {planned.effort_use:.0%} of their limits; worst joint impulse "
             f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
+            *aside,
             *joints,
         ]
     )
@@ -248,6 +251,7 @@ def as_json(planned: KickPlan, leg: Leg) -> dict[str, Any]:
         },
         "leg": {
             "name": leg.name,
+            "heading_deg": math.degrees(planned.heading),
             "q_deg": leg.angles_deg(planned.q),
             "v": planned.v.tolist(),
             "objective": planned.objective,

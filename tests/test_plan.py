@@ -46,6 +46,12 @@ def test_json_on_stdout_is_a_kick_that_can_be_done_again():
     assert path.arrival(start[0] + 9.15).position[2] - start[2] == pytest.approx(2.15, abs=1e-6)
 
 
+def test_a_planar_leg_is_turned_and_says_so():
+    ended = door("--distance", "20", "--left", "3.4", "--time", "1.1")
+    assert ended.returncode == 0
+    assert "base    turned 9.6" in ended.stdout
+
+
 def test_a_robot_and_a_goal_beyond_its_limits():
     ended = door("--distance", "60", "--time", "2", "--leg", "g1", "--json", "-")
     report = json.loads(ended.stdout)
@@ -67,7 +73,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--spin", "1,2"], "spin is '1,2': it must be 3"),
         (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),
         (["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"], "without air"),
-        (["--distance", "30", "--time", "1", "--left", "3"], "in a plane only"),
+        (["--distance", "15", "--time", "1", "--spin", "0,0,9"], "cannot give this spin"),
         (
             ["--distance", "30", "--time", "1", "--leg", "dog"],
             "leg 'dog' is neither human, testbed",

@@ -55,6 +55,8 @@ class KickPlan(Card):
         landing_error: distance of its end from the target [m].
         speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
             torque is what keeps the joints' speed, gravity included.
+        heading: how far `leg` is turned to the left about the vertical [rad]; 0 but for a leg
+            whose foot moves in a plane, and a goal aside of it.
     """
 
     status: Literal["met", "beyond limits"]
@@ -69,6 +71,12 @@ class KickPlan(Card):
     landing_error: float
     speed_use: float
     effort_use: float
+    heading: float
+
+    @property
+    def leg(self) -> Leg:
+        """That kicks: as it was given, or turned by `heading`."""
+        return self.hit.posture.leg
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
@@ -109,6 +117,7 @@ def plan_kick(
     ball_height: float | None = None,
     limits: bool = True,
     arc: Literal["low", "high"] = "low",
+    turn: bool = True,
     spread: Mapping[str, float] | None = None,
 ) -> KickPlan:
     """Find posture and joint velocity that strike a ball at rest so that it meets a goal.
@@ -132,6 +141,8 @@ def plan_kick(
         ball_height: of the ball's centre [m, world frame]; free when not named.
         limits: whether velocity and effort limits hold; those of the joints' range always do.
         arc: `low` or `high`, where two launches meet the goal.
+        turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
+            vertical towards the launch; the plan says by how much.
         spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
 
     Raises:
@@ -154,7 +165,7 @@ def plan_kick(
     turning = checks.vector("spin", spin, 3, unit="rad/s")
     launch = _launch(goal, ball, air, turning, arc)
     touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
-    search = Search(leg, touch, ball_height, limits)
+    search = Search(leg, touch, ball_height, limits, turn)
     cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
     found = search.run(cost, STARTS)
     if found is not None and spread is not None:
@@ -211,6 +222,7 @@ def _carried_out(
         landing_error=error,
         speed_use=float(np.abs(found.v[search.vs] / search.speed).max()),
         effort_use=float(used.max()),
+        heading=search.heading,
     )
 
 

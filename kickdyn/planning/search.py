@@ -13,6 +13,7 @@ from scipy.optimize import minimize
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.leg import Leg
+from kickdyn.planning.heading import heading_for, turned
 from kickdyn.planning.touch import Touch
 from kickdyn.posture import Posture
 
@@ -52,10 +53,18 @@ class Search:
         touch: what the foot must do.
         ball_height: of the ball's centre [m, world frame]; None leaves it free.
         limits: whether velocity and effort limits hold.
+        turn: whether a leg whose foot moves in a plane may be turned towards the launch.
+
+    Attributes:
+        leg: the leg, turned by `heading` [rad].
+        basis: directions that its foot can move in at all, orthonormal rows.
     """
 
-    def __init__(self, leg: Leg, touch: Touch, ball_height: float | None, limits: bool) -> None:
+    def __init__(
+        self, leg: Leg, touch: Touch, ball_height: float | None, limits: bool, turn: bool = True
+    ) -> None:
         self.leg, self.touch, self.height, self.limits = leg, touch, ball_height, limits
+        self.heading = 0.0
         model = leg.model
         self._model, self._data = model, model.createData()
         joints = [int(j) for j in model.supports[leg.contact_joint] if j > 0]
@@ -75,20 +84,37 @@ class Search:
         self.effort = leg.effort_limit[self.vs]
         self._draw = np.random.default_rng(0)
         self.basis = self._directions()
+        if turn and self._leaves(touch.impulse):
+            heading = heading_for(self.basis, touch.impulse)
+            if heading is not None:
+                self.leg, self.heading = turned(leg, heading), heading
+                self._model = self.leg.model
+                self._data = self._model.createData()
+                self.basis = self._directions()
+        self._check_directions()
 
     def _directions(self) -> Array:
-        """Return directions that the foot can move in at all, orthonormal rows."""
         stacked = np.hstack([self.posture(self._any()).jacobian for _ in range(8)])
         left, gains, _ = np.linalg.svd(stacked)
-        found = left[:, gains > 1e-9 * gains[0]].T
-        wish = self.touch.impulse
-        lost = wish - found.T @ (found @ wish)
-        if np.linalg.norm(lost) > 1e-6 * np.linalg.norm(wish):
+        return np.asarray(left[:, gains > 1e-9 * gains[0]].T)
+
+    def _leaves(self, wish: Array) -> bool:
+        """Return whether a direction leaves those of the foot."""
+        lost = wish - self.basis.T @ (self.basis @ wish)
+        return bool(np.linalg.norm(lost) > 1e-6 * np.linalg.norm(wish))
+
+    def _check_directions(self) -> None:
+        wish, normal = self.touch.impulse, self.touch.contact.normal
+        if self._leaves(wish):
             raise InvalidInput(
                 f"{self.leg.name} cannot kick so: its foot moves in a plane only, and the launch "
                 f"{(wish / self.touch.ball.mass).round(4).tolist()} m/s leaves that"
             )
-        return np.asarray(found)
+        if self._leaves(normal):
+            raise InvalidInput(
+                f"{self.leg.name} cannot give this spin: its foot moves in a plane only, and side "
+                "spin takes a foot that moves aside (a robot's leg, such as g1, does)"
+            )
 
     def _any(self) -> Array:
         return np.asarray(self._draw.uniform(self.low, self.high))

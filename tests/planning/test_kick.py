@@ -67,6 +67,17 @@ def test_spin_is_given_as_asked():
     check(HUMAN, plan)
 
 
+def test_a_planar_leg_is_turned_towards_a_goal_aside():
+    goal = kd.Goal((20, 3.4, 2.2), over=(9.15, 2.05))
+    plan = kd.plan_kick(HUMAN, goal, BALL, AIR)
+    assert plan.heading == pytest.approx(plan.launch.azimuth)
+    assert plan.heading > 0.1
+    check(plan.leg, plan)
+    straight = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR)
+    assert straight.heading == 0
+    assert straight.leg is HUMAN
+
+
 def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     goal = kd.Goal(100, time=3)
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR)
@@ -95,7 +106,8 @@ def test_the_same_plan_again():
             "choose joint speed, joint impulse, effort",
         ),
         (kd.Goal(30, time=1.5), {"arc": "middle"}, "arc is 'middle'"),
-        (kd.Goal((20, 2, 0), time=1), {}, "its foot moves in a plane only"),
+        (kd.Goal((20, 2, 0), time=1), {"turn": False}, "its foot moves in a plane only"),
+        (kd.Goal(15, time=1), {"spin": (0, 0, 20)}, "cannot give this spin"),
         (kd.Goal(15, time=1), {"ball_height": -2}, "no posture that touches a ball at -2 m"),
         (kd.Goal((10, 0, 3), apex=1), {}, "out of reach by the lowest way: nearest"),
         (kd.Goal(15, time=1), {"spin": (0, -900, 0)}, "with friction 0.4"),

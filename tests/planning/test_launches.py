@@ -55,6 +55,14 @@ def test_what_was_flown_is_found_again(kind):
     assert np.median(steps) <= (6 if kind == "speed" else 4)
 
 
+@pytest.mark.parametrize("air", [kd.Air(), kd.Air.paper()])
+def test_the_papers_goals_take_few_steps(air):
+    goals = [kd.Goal(distance, time=time) for distance, time in ((30, 1.5), (50, 2), (100, 3))]
+    found = [kd.plan_launches(goal, BALL, air).solutions[0] for goal in goals]
+    assert [launch.steps for launch in found] == [3, 3, 4]
+    assert all(np.abs(launch.errors).max() <= 1e-9 for launch in found)
+
+
 @pytest.mark.parametrize(("distance", "time"), [(30, 1.5), (50, 2), (100, 3)])
 def test_it_agrees_with_plan_launch(distance, time):
     ball, air = kd.Ball.paper(), kd.Air.paper(lift=None)

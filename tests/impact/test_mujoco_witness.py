@@ -8,7 +8,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the witness is MuJoCo")
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "mujoco_witness.py"
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / "benchmarks" / "mujoco_witness.py"
 spec = importlib.util.spec_from_file_location("mujoco_witness", SCRIPT)
 witness = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(witness)
@@ -28,3 +29,38 @@ def test_friction_matters_in_the_kicks_that_have_it():
         change = np.linalg.norm(hit.impulse - smooth.impulse) / np.linalg.norm(hit.impulse)
         assert hit.sticking == (kick.friction > 0)
         assert change > 0.1 if kick.friction else change == 0
+
+
+@pytest.mark.parametrize("kick", witness.KICKS, ids=lambda kick: kick.name)
+def test_the_limit_of_mujocos_law_is_ours_where_nothing_slides_under_friction(kick):
+    assert witness.apart(witness.relaxed(kick), witness.ours(kick).impulse) <= 1e-6
+
+
+@pytest.mark.parametrize(("friction", "restitution"), [(0.05, 0.8), (0.05, 1.0), (0.07, 0.9)])
+def test_sliding_it_approaches_its_own_limit(friction, restitution):
+    kick = witness.SLIDING._replace(friction=friction, restitution=restitution)
+    limit, hit = witness.relaxed(kick), witness.ours(kick)
+    assert not hit.sticking
+    assert witness.apart(limit, hit.impulse) > 0.02
+    apart = [
+        witness.apart(witness.simulated(hit, stiffness, 2e-6), limit)
+        for stiffness in witness.STIFFNESSES
+    ]
+    assert apart[0] > apart[1] > apart[2]
+    assert apart[2] <= 0.01
+    assert apart[0] / apart[2] > 5  # with the root of the stiffness: 10
+
+
+def test_the_page_has_the_scripts_table():
+    lines = (ROOT / "docs" / "impact.md").read_text().splitlines()
+    start = lines.index("| kick | 1e5 N/m | 1e6 N/m | 1e7 N/m |")
+    said = {}
+    for line in lines[start + 2 :]:
+        if not line.startswith("|"):
+            break
+        name, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+        said[name] = [float(cell.removesuffix(" %")) for cell in cells]
+    found = witness.table()
+    assert list(said) == list(found)
+    for name, cells in found.items():
+        assert said[name] == pytest.approx(cells, abs=0.02), name

@@ -52,8 +52,8 @@ from kickdyn.planning.passes import plan_pass as plan_pass
 from kickdyn.posture import Posture as Posture
 from kickdyn.scene.read import load_scene as load_scene
 from kickdyn.scene.scene import Scene as Scene
-from kickdyn.simulate.answer import Simulation as Simulation
-from kickdyn.simulate.simulate import simulate as simulate
+from kickdyn.simulation.answer import Simulation as Simulation
+from kickdyn.simulation.simulate import simulate as simulate
 from kickdyn.version import __version__ as __version__
 
 

@@ -1,12 +1,16 @@
 """What users install holds all that kickdyn needs, and runs from any folder."""
 
+import importlib.util
 import subprocess
 import sys
 import tarfile
+import types
 import zipfile
 from pathlib import Path
 
 import pytest
+
+import kickdyn as kd
 
 ROOT = Path(__file__).resolve().parent.parent
 KICK = """
@@ -57,3 +61,9 @@ def test_the_sdist_can_test_itself(built):
         rooms = {Path(*Path(name).parts[1:2]) for name in sdist.getnames()}
     wanted = "Makefile constraints.txt kickdyn urdf tests scenes notebooks benchmarks docs"
     assert {Path(name) for name in wanted.split()} <= rooms
+
+
+def test_no_public_name_hides_a_module():
+    for name in dir(kd):
+        if not name.startswith("_") and importlib.util.find_spec(f"kickdyn.{name}"):
+            assert isinstance(getattr(kd, name), types.ModuleType), name

@@ -19,9 +19,9 @@ from kickdyn.errors import KickdynError
 from kickdyn.files import check_writable, replacing
 from kickdyn.scene.read import load_scene
 from kickdyn.scene.scene import Scene
-from kickdyn.simulate.answer import Simulation
-from kickdyn.simulate.effects import EFFECTS
-from kickdyn.simulate.simulate import simulate
+from kickdyn.simulation.answer import Simulation
+from kickdyn.simulation.effects import EFFECTS
+from kickdyn.simulation.simulate import simulate
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.simulate.coarse import Way, coarse_end, coarse_path
+from kickdyn.simulation.coarse import Way, coarse_end, coarse_path
 
 BALL = kd.Ball()
 LAUNCH = kd.BallState((0, 0, 0.5), (18, 2, 7), (3, -30, 15))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.simulate.effects import EFFECTS
+from kickdyn.simulation.effects import EFFECTS
 
 LEG = kd.Leg.human().with_armature({"hip": 0.1})
 

@@ -10,7 +10,7 @@ import numpy as np
 from kickdyn.ball import BallState
 from kickdyn.checks import Array
 from kickdyn.impact.uncertainty import Uncertainty
-from kickdyn.simulate.coarse import Way, coarse_end
+from kickdyn.simulation.coarse import Way, coarse_end
 
 STEPS = 4
 

@@ -6,8 +6,8 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.accuracy.random_scenes import random_scene
-from kickdyn.simulate.contact_drift import contact_drift
-from kickdyn.simulate.slopes import CONTACT_SAFETY
+from kickdyn.simulation.contact_drift import contact_drift
+from kickdyn.simulation.slopes import CONTACT_SAFETY
 
 
 def struck(scene):

@@ -21,12 +21,12 @@ from kickdyn.impact.held import check_free
 from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import strike_at
 from kickdyn.scene.scene import Scene
-from kickdyn.simulate.answer import Simulation, Verdict
-from kickdyn.simulate.coarse import Way, coarse_end
-from kickdyn.simulate.contact_drift import contact_drift
-from kickdyn.simulate.effects import EFFECTS, Effect
-from kickdyn.simulate.envelope import Envelope, Jump
-from kickdyn.simulate.slopes import contact_error, end_spread
+from kickdyn.simulation.answer import Simulation, Verdict
+from kickdyn.simulation.coarse import Way, coarse_end
+from kickdyn.simulation.contact_drift import contact_drift
+from kickdyn.simulation.effects import EFFECTS, Effect
+from kickdyn.simulation.envelope import Envelope, Jump
+from kickdyn.simulation.slopes import contact_error, end_spread
 
 FINEST = 1e-9
 """Relative tolerance with which everything is modelled."""

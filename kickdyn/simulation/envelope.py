@@ -12,7 +12,7 @@ from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.forces import GRAVITY
-from kickdyn.simulate.coarse import State, Way, coarse_path, drop_of
+from kickdyn.simulation.coarse import State, Way, coarse_path, drop_of
 
 STEPS = 4
 

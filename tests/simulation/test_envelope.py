@@ -7,9 +7,9 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.accuracy.random_scenes import random_scene
-from kickdyn.simulate.coarse import Way
-from kickdyn.simulate.effects import EFFECTS
-from kickdyn.simulate.envelope import Envelope, Jump
+from kickdyn.simulation.coarse import Way
+from kickdyn.simulation.effects import EFFECTS
+from kickdyn.simulation.envelope import Envelope, Jump
 
 FLOWN = [effect for effect in EFFECTS if effect.bound is not None and effect.name != "compliance"]
 

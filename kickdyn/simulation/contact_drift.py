@@ -13,7 +13,7 @@ from kickdyn.flight.forces import GRAVITY
 from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import strike_at
 from kickdyn.scene.scene import Scene
-from kickdyn.simulate.envelope import Jump
+from kickdyn.simulation.envelope import Jump
 
 LONGER = 1.5
 """Contact time that comes out over the one asked for, at most, while the leg's inertia changes."""

@@ -15,7 +15,7 @@ from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.contact import Contact
 from kickdyn.scene.scene import Scene
-from kickdyn.simulate.envelope import Envelope
+from kickdyn.simulation.envelope import Envelope
 
 Bound = Callable[[Envelope], float]
 

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep extremes test test-all package lint browser clean
+.PHONY: sweep extremes test test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them
 PYTHONS ?= 3.11 3.12 3.13
@@ -38,6 +38,11 @@ package: $(VENV)/.dev
 		build/package/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt $$built; \
 		(cd / && $(CURDIR)/build/package/bin/kickdyn posture-sweep --json - >/dev/null); \
 		echo "$$built: installs and runs"; done
+
+## docs: the pages as a site in build/site, notebooks run; a warning is an error
+docs: $(VENV)/.dev
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/trees docs build/site
+	@echo "build/site/index.html"
 
 ## lint: format, style, types, layers
 lint: $(VENV)/.dev

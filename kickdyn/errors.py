@@ -47,6 +47,10 @@ class SceneError(InvalidInput):
         return (SceneError, (self.source, self.faults))
 
 
+class Unfinished(KickdynError):
+    """Stopped before the end; what is done stays, and can be gone on with."""
+
+
 class NoImpact(KickdynError):
     """The foot does not move towards the ball along the contact normal: nothing is struck."""
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,22 +16,24 @@ from typing import Any
 import click
 import xarray as xr
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import run
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
 from kickdyn.robots import ROBOTS
+from kickdyn.sweep.block import Space
+from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
 from kickdyn.sweep.kick import Kick
-from kickdyn.sweep.opened import Sweep
+from kickdyn.sweep.opened import Sweep, open_sweep
+from kickdyn.sweep.progress import progress
 from kickdyn.sweep.report import as_json, table, text
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
@@ -55,7 +58,16 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
 
 
-@click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
+class _Typed(click.Command):
+    """A command that knows what was typed, to say how to go on."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Keep the arguments beside reading them."""
+        ctx.meta["typed"] = list(args)
+        return super().parse_args(ctx, args)
+
+
+@click.command("posture-sweep", _Typed, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
               show_default=True,
               help="The leg: one of ours, a URDF file, or the leg of a robot of kickdyn[robots] on "
@@ -80,6 +92,9 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--resume", is_flag=True, help="Go on with what is in DIR.zarr.")
 @click.option("--workers", default=1, show_default=True, type=click.IntRange(1, 1024),
               help="Threads that fill DIR.zarr.")  # fmt: skip
+@click.option("--where", metavar="CONDITION",
+              help="Best, worst, plot and page are of postures that fulfil it, such as "
+              "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and results.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the table; - is stdout.")
 @click.option("--plot", metavar="FILE.png", help="Draw the sweep (.png, .svg, .pdf).")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the best kick.")
@@ -96,6 +111,7 @@ def posture_sweep(
     out: str | None,
     resume: bool,
     workers: int,
+    where: str | None,
     json_file: str | None,
     plot: str | None,
     view: str | None,
@@ -118,7 +134,11 @@ def posture_sweep(
     streams = out is not None and Path(out).suffix == ".zarr"
     most = MOST_POSTURES if streams else MAX_POSTURES
     postures = grid(leg, joints or (KICKING if leg_name in SHIPPED else ()), most)
-    _check_streams(streams, resume, plot)
+    space = Space.of_grid(leg, postures)
+    if where is not None:
+        Expression(where, space.units)
+    if resume and not streams:
+        raise InvalidInput("--resume goes on with a Zarr store: name it with --out DIR.zarr")
     _check_outputs(None if streams else out, json_file, plot, view)
 
     data = None
@@ -130,27 +150,31 @@ def posture_sweep(
             _extremes(leg, postures, kick, told),
         )
     else:
-        data = _swept(leg, postures, kick)
-        counted, residual, lines = (
-            counts(data),
-            worst_residual(data),
-            best_and_worst(leg, data, kick),
-        )
+        with progress(space) as done:
+            data = sweep(leg, postures, kick, done)
+        counted, residual = counts(data), worst_residual(data)
+    found = chosen = None
+    if data is not None or where is not None or plot is not None:
+        found = open_sweep(str(out)) if data is None else Sweep(data)
+        found = found if where is None else found.where(where)
+    if found is not None and (data is not None or where is not None):
+        lines = best_and_worst(leg, found, kick)
+        chosen = None if where is None else (where, found.count())
     shown = _shown(lines, kick) if live or view is not None else None
     if leg_name == "human":
         lines = [*paper_lines(leg, kick), *lines]
     writers = _writers(
-        data, lines, shown, None if streams else out, plot, view
+        data, found, lines, shown, None if streams else out, plot, view
     )  # all made before any is written
     for write in writers:
         write()
     files = [file for file in (out, plot, view) if file is not None]
     if json_file is not None:
-        _write_json(json_file, as_json(leg, kick, counted, lines))
+        _write_json(json_file, as_json(leg, kick, counted, lines, chosen))
         files += [json_file]
     if json_file != "-":
         Console(highlight=False, width=200).print(table(leg, kick, lines))  # cuts no number off
-        click.echo(text(counted, residual, lines))
+        click.echo(text(counted, residual, lines, chosen))
         for file in files:
             click.echo(f"wrote {file}")
     if live and shown:
@@ -191,36 +215,23 @@ def _check_outputs(
             check_writable(file)
 
 
-def _check_streams(streams: bool, resume: bool, plot: str | None) -> None:
-    if resume and not streams:
-        raise InvalidInput("--resume goes on with a Zarr store: name it with --out DIR.zarr")
-    if streams and plot is not None:
-        raise InvalidInput("--plot draws sweeps that are in memory: write the dataset as .nc")
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[int], None]]:
-    """Show a bar while in a terminal; give what moves it."""
-    console = Console(stderr=True)
-    columns = (TextColumn("postures"), *Progress.get_default_columns()[1:3], MofNCompleteColumn())
-    with Progress(
-        *columns,
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as bar:
-        task = bar.add_task("sweep", total=total)
-        yield lambda done: bar.advance(task, done)
-
-
 def _streamed(
     out: str, leg: Leg, postures: Grid, kick: Kick, resume: bool, workers: int
 ) -> dict[str, Any]:
     from kickdyn.sweep.stream import stream
 
-    with _progress(postures.size) as done:
-        return stream(out, leg, postures, kick, resume=resume, workers=workers, progress=done)
+    try:
+        with progress(Space.of_grid(leg, postures), Path(out)) as done:
+            return stream(out, leg, postures, kick, resume=resume, workers=workers, progress=done)
+    except Unfinished as error:
+        raise Unfinished(f"{error}: {_command('--resume')}") from None
+
+
+def _command(more: str) -> str:
+    """Return what was typed, and more."""
+    context = click.get_current_context()
+    typed = [each for each in context.meta["typed"] if each != more]
+    return f"{context.command_path} {shlex.join([*typed, more])}"
 
 
 def _extremes(leg: Leg, postures: Grid, kick: Kick, told: dict[str, Any]) -> list[Line]:
@@ -230,13 +241,9 @@ def _extremes(leg: Leg, postures: Grid, kick: Kick, told: dict[str, Any]) -> lis
     return extremes(leg, kick, best, worst)
 
 
-def _swept(leg: Leg, postures: Grid, kick: Kick) -> xr.Dataset:
-    with _progress(postures.size) as done:
-        return sweep(leg, postures, kick, lambda: done(1))
-
-
 def _writers(
     data: xr.Dataset | None,
+    found: Sweep | None,
     lines: Sequence[Line],
     shown: Shown | None,
     out: str | None,
@@ -248,10 +255,10 @@ def _writers(
         from kickdyn.view.page import kick_page, write_page
 
         writers.append(partial(write_page, view, kick_page(*shown)))
-    if data is not None and plot is not None:
-        from kickdyn.sweep.picture import save_figure, sweep_figure
+    if found is not None and plot is not None:
+        from kickdyn.sweep.picture import save_figure
 
-        writers.append(partial(save_figure, sweep_figure(Sweep(data), lines), plot))
+        writers.append(partial(save_figure, found.plot(lines=lines), plot))
     if data is not None and out is not None:
         writers.append(partial(save, data, out))
     return writers

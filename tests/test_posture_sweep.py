@@ -1,9 +1,12 @@
 """The main door, as a user opens it."""
 
 import json
+import os
+import re
 import signal
 import subprocess
 import sys
+import time
 import urllib.request
 from pathlib import Path
 
@@ -50,11 +53,50 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
     for arguments, words in (
         (("--out", "s.zarr"), "s.zarr exists: --resume goes on with it"),
         (("--out", "t.nc", "--resume"), "--resume goes on with a Zarr store"),
-        (("--out", "t.zarr", "--plot", "p.png"), "--plot draws sweeps that are in memory"),
     ):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
         assert words in ended.stderr
+
+
+def test_conditions_choose_best_and_worst(tmp_path):
+    asked = ("--where", "hip < 30 and ankle == 0", "--json", "j.json")
+    told = []
+    for out in ("s.nc", "s.zarr"):
+        ended = door(*SMALL, *asked, "--out", out, "--plot", "p.png", cwd=tmp_path)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert "of the 2 that are ok where hip < 30 and ankle == 0." in ended.stdout
+        assert (tmp_path / "p.png").stat().st_size > 10_000
+        told.append(json.loads((tmp_path / "j.json").read_text()))
+    for report in told:
+        assert (report["where"], report["chosen"], report["postures"]) == (asked[1], 2, 3)
+        best = report["lines"][-2]
+        assert best["posture"] == "best"
+        assert best["angles"]["hip"] in (0, 20)
+    assert told[0]["lines"][-2]["ball_speed"] == pytest.approx(told[1]["lines"][-2]["ball_speed"])
+    ended = door(*SMALL, "--where", "hip > 90")
+    assert ended.returncode == 0
+    assert "of the 0 that are ok where hip > 90." in ended.stdout
+    assert "best (" not in ended.stdout
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path):
+    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:1"]
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
+    quiet = {**os.environ, "FORCE_COLOR": "1"}
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=quiet,
+                          stdout=subprocess.PIPE) as stopped:  # fmt: skip
+        until = time.monotonic() + 100
+        while not list(tmp_path.glob("*/progress/*.json")) and time.monotonic() < until:
+            time.sleep(0.05)
+        stopped.send_signal(signal.SIGINT)
+        out, said = stopped.communicate(timeout=60)
+    assert (stopped.returncode, out) == (1, "")
+    assert said.count("\n") == 1
+    assert re.search(r"interrupted: \d+ of \d+ chunks are in my s\.zarr", said)
+    assert said.strip().endswith(
+        f"python -m kickdyn.posture_sweep {' '.join(large)} --out 'my s.zarr' --resume"
+    )
 
 
 def test_json_on_stdout_stands_alone():
@@ -85,6 +127,14 @@ def test_any_urdf(tmp_path):
         (["--joint", "hip=0:200:10"], "its range is -15 to 125 deg"),
         (["--restitution", "1.2"], "restitution is 1.2"),
         (["--friction", "-0.1"], "friction is -0.1"),
+        (["--joint", "hip=5"], "joint 'hip' is given twice"),
+        (["--where", "kne<30"], "names 'kne', which is unknown: there are hip [deg], knee [deg]"),
+        (["--where", "knee=30"], "'knee=30' cannot be read: it is made of names, numbers"),
+        (["--where", "knee"], "is a number, a condition is wanted"),
+        (["--out", "file.zarr"], "file.zarr exists: --resume goes on with it"),
+        (["--out", "file.zarr", "--resume"], "file.zarr is no sweep: there is nothing to resume"),
+        (["--out", "no/where.zarr"], "no/where.zarr cannot be written"),
+        (["--out", "s.zarr", "--plot", "p.exe"], "plots are written as .png"),
         (["--speed", "nan"], "foot speed is nan"),
         (["--speed", "fast"], "'fast' is not a valid float"),
         (["--attack", "120"], "attack is 120"),
@@ -99,6 +149,7 @@ def test_any_urdf(tmp_path):
 )
 def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
     (tmp_path / "page.html").write_text("<html><body/></html>")
+    (tmp_path / "file.zarr").write_text("no store")
     ended = (
         door(*SMALL, *arguments, "--json", "out.json", cwd=tmp_path)
         if ("--json" not in arguments)
@@ -108,7 +159,7 @@ def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
     assert ended.stdout == ""
     assert words in ended.stderr
     assert ended.stderr.count("\n") == 1
-    assert [f.name for f in tmp_path.iterdir()] == ["page.html"]
+    assert {f.name for f in tmp_path.iterdir()} == {"page.html", "file.zarr"}
 
 
 def test_help_shows_an_example():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -22,7 +23,12 @@ MOST_POSTURES = 10**10
 BYTES = 105
 """Per posture: thirteen numbers and the status."""
 
+RATE = 2e5
+"""Postures per second that one core strikes and flies, about (`benchmarks/sweep.py`)."""
+
 DEFAULT_STEP_DEG = 10.0
+
+_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|degrees|°|rad|m|cm|mm)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +89,11 @@ def grid(leg: Leg, joints: Iterable[str] = (), most: int = MAX_POSTURES) -> Grid
     result = Grid(axes)
     if result.size > most:
         raise InvalidInput(
-            f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): "
-            f"and would fill {result.size * BYTES / 1e9:,.1f} GB: at most {most:,} are swept "
-            + ("with this output (--out FILE.zarr takes more)" if most == MAX_POSTURES else "")
+            f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): they "
+            f"would fill {_bytes(result.size)} and take about {_time(result.size)} of one core; "
+            f"at most {most:,} are swept"
+            + (" without a store: name one, --out DIR.zarr" if most < MOST_POSTURES else "")
+            + ", or take larger steps"
         )
     for name in _joints(leg):
         if name not in axes:
@@ -102,12 +110,16 @@ def _axis(leg: Leg, text: str) -> tuple[str, Array]:
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
-        raise InvalidInput(f"joint {text!r} cannot be read: {span!r} are not numbers") from None
+        raise InvalidInput(f"joint {text!r} cannot be read: {_no_numbers(parts)}") from None
     for number in numbers:
         checks.number(f"joint {name}", number)
     low, high, step = numbers if len(numbers) == 3 else (numbers[0], numbers[0], 1.0)
-    if step <= 0 or low > high:
-        raise InvalidInput(f"joint {text!r}: LOW must not exceed HIGH, and STEP must be above 0")
+    if step <= 0:
+        raise InvalidInput(f"joint {text!r}: STEP must be above 0, not {step:g}")
+    if low > high:
+        raise InvalidInput(
+            f"joint {text!r}: LOW must not exceed HIGH: {name}={high:g}:{low:g}:{step:g}, perhaps"
+        )
     intervals = (high - low) / step * (1 + 1e-12) + 1e-9  # so that 0:1:0.1 ends at 1
     if intervals >= MAX_POSTURES:
         raise InvalidInput(f"joint {text!r} has over {MAX_POSTURES:,} values: take a larger step")
@@ -115,6 +127,33 @@ def _axis(leg: Leg, text: str) -> tuple[str, Array]:
     values = values if leg.joint_unit(name) == "m" else np.radians(values)
     _inside(leg, name, values, "swept")
     return name, values
+
+
+def _no_numbers(parts: list[str]) -> str:
+    """Return what is wrong with the parts of a span, one of which is no number."""
+    for part in parts:
+        if found := _UNIT.fullmatch(part.strip()):
+            said = f"{part!r} has a unit: write plain numbers, in deg (in m for a prismatic joint)"
+            return said + (
+                f"; {part} are {math.degrees(float(found[1])):.6g} deg" if found[2] == "rad" else ""
+            )
+    return f"{':'.join(parts)!r} are not numbers"
+
+
+def _bytes(postures: int) -> str:
+    size = postures * BYTES
+    for unit, scale in (("TB", 1e12), ("GB", 1e9)):
+        if size >= scale:
+            return f"{size / scale:,.3g} {unit}"
+    return f"{size / 1e6:,.3g} MB"
+
+
+def _time(postures: int) -> str:
+    seconds = postures / RATE
+    for unit, scale, least in (("days", 86400, 2 * 86400), ("hours", 3600, 3600)):
+        if seconds >= least:
+            return f"{seconds / scale:,.3g} {unit}"
+    return f"{seconds:,.3g} s"
 
 
 def _joints(leg: Leg) -> list[str]:

@@ -76,19 +76,27 @@ def _numbers(line: Line) -> list[str]:
     ]
 
 
-def text(counted: dict[str, int], residual: float, lines: Sequence[Line]) -> str:
+def text(
+    counted: dict[str, int],
+    residual: float,
+    lines: Sequence[Line],
+    chosen: tuple[str, int] | None = None,
+) -> str:
     """Return what is to be said below the table: why, how many, how exact.
 
     Args:
         counted: postures by status.
         residual: the largest of restitution and momentum.
         lines: of the summary.
+        chosen: a condition, and how many postures that are ok fulfil it.
     """
     said = [
         fill(f"{line.label} ({line.posture()}): {line.why}.", 100) for line in lines if line.why
     ]
     parts = ", ".join(f"{number} {name}" for name, number in counted.items() if number)
     said.append(f"{sum(counted.values())} postures: {parts}.")
+    if chosen is not None:
+        said.append(f"Best and worst are of the {chosen[1]} that are ok where {chosen[0]}.")
     if math.isfinite(residual):
         power = math.ceil(math.log10(max(residual, 1e-17))) + 1
         said.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
@@ -96,12 +104,17 @@ def text(counted: dict[str, int], residual: float, lines: Sequence[Line]) -> str
 
 
 def as_json(
-    leg: Leg, kick: Kick, counted: dict[str, int], lines: Sequence[Line]
+    leg: Leg,
+    kick: Kick,
+    counted: dict[str, int],
+    lines: Sequence[Line],
+    chosen: tuple[str, int] | None = None,
 ) -> dict[str, object]:
     """Return the summary as plain values."""
     return {
         **provenance(leg, kick),
         "postures": sum(counted.values()),
         "status": counted,
+        **({} if chosen is None else {"where": chosen[0], "chosen": chosen[1]}),
         "lines": [line.as_json() for line in lines],
     }

@@ -36,9 +36,14 @@ VARIABLES = {
 }
 """Name of every number a sweep gives for a posture, with unit and meaning."""
 
+_SPEED, _OK = list(VARIABLES).index("ball_speed"), STATUSES.index("ok")
+
 
 def sweep(
-    leg: Leg, grid: Grid, kick: Kick, progress: Callable[[], None] | None = None
+    leg: Leg,
+    grid: Grid,
+    kick: Kick,
+    progress: Callable[[int, tuple[float, int] | None], None] | None = None,
 ) -> xr.Dataset:
     """Kick from every posture of a grid.
 
@@ -46,7 +51,7 @@ def sweep(
         leg: the leg.
         grid: the postures.
         kick: what they share.
-        progress: called once per posture.
+        progress: told 1 posture, and its ball speed [m/s] and number if it is possible.
 
     Returns:
         A dataset with one dimension per joint of the grid [rad or m], the variables of
@@ -61,7 +66,8 @@ def sweep(
         status[i] = STATUSES.index(outcome.status)
         rows[i] = _row(outcome, kick)
         if progress is not None:
-            progress()
+            best = (float(rows[i, _SPEED]), i) if status[i] == _OK else None
+            progress(1, best)
     return _dataset(leg, grid, kick, rows, status)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.checks import Array
-from kickdyn.errors import KickdynError
+from kickdyn.errors import Unfinished
 from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick
@@ -57,7 +57,7 @@ def stream(
 
     Raises:
         InvalidInput: as `Store`, and as `kick_from`.
-        KickdynError: interrupted, or the disk is full; what is done stays.
+        Unfinished: interrupted, or the disk is full; what is done stays.
     """
     store = Store(path, leg, grid, kick, resume=resume)
     if store.summary is not None:
@@ -78,7 +78,7 @@ def stream(
     except (KeyboardInterrupt, OSError) as error:
         why = "interrupted" if isinstance(error, KeyboardInterrupt) else error.strerror or error
         done = store.chunks - len(store.missing())
-        raise KickdynError(
+        raise Unfinished(
             f"{why}: {done} of {store.chunks} chunks are in {path}, --resume goes on from there"
         ) from None
     return store.finish(merged(store.told()))

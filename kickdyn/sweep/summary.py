@@ -10,8 +10,11 @@ import xarray as xr
 
 from kickdyn.checks import Array
 from kickdyn.leg import Leg
+from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
+from kickdyn.sweep.opened import Sweep
 from kickdyn.sweep.run import numbers
+from kickdyn.sweep.top import Top
 
 PAPER_POSTURES = {
     "paper a": ((5.0, 10.0, -5.0), 1.554),
@@ -81,16 +84,15 @@ def paper_lines(leg: Leg, kick: Kick) -> list[Line]:
     ]
 
 
-def best_and_worst(leg: Leg, data: xr.Dataset, kick: Kick) -> list[Line]:
-    """Return the postures of highest and lowest ball speed that the leg can kick from, if any."""
-    possible = data.ball_speed.where(data.status == STATUSES.index("ok"))
-    if possible.isnull().all():
+def best_and_worst(leg: Leg, found: Sweep, kick: Kick) -> list[Line]:
+    """Return the postures of highest and lowest ball speed among those of a sweep, if any."""
+    best, worst = (Top(1, found.value(of)) for of in ("ball_speed", "-ball_speed"))
+    found.reduce(best, worst)
+    if not best.numbers.size:
         return []
-    found = []
-    for index in (possible.argmax(...), possible.argmin(...)):
-        values = {str(name): float(data[name][i]) for name, i in index.items()}
-        found.append(leg.configuration(values))
-    return extremes(leg, kick, *found)
+    joints = Grid({name: found.data[name].values for name in found.space.axes})
+    ends = (joints.configuration(leg, int(each.numbers[0])) for each in (best, worst))
+    return extremes(leg, kick, *ends)
 
 
 def extremes(leg: Leg, kick: Kick, best: Array, worst: Array) -> list[Line]:

@@ -49,7 +49,13 @@ def test_configurations_run_the_last_axis_fastest():
         (["toe=1"], "joint 'toe' is unknown: leg_human has hip, knee, ankle"),
         (["hip=0:10:0"], "STEP must be above 0"),
         (["hip=0:10:-1"], "STEP must be above 0"),
-        (["hip=10:0:1"], "LOW must not exceed HIGH"),
+        (["hip=10:0:1"], "LOW must not exceed HIGH: hip=0:10:1, perhaps"),
+        (["hip=0:10:nan"], "joint hip is nan"),
+        (["hip=-0.5:1.5rad:0.1"], r"'1\.5rad' has a unit: write plain numbers.*are 85\.9437 deg"),
+        (["knee=30 deg"], "'30 deg' has a unit: write plain numbers, in deg"),
+        (["knee=0.1m"], r"'0\.1m' has a unit: write plain numbers, in deg"),
+        (["=1"], "joint '' is unknown"),
+        ([""], "joint '' cannot be read"),
         (["hip=-40:20:10"], "joint hip is swept -40 deg: its range is -15 to 125 deg"),
         (["knee=-1"], "its range is 0 to 130 deg"),
         (["hip=1", "hip=2"], "'hip' is given twice"),
@@ -119,3 +125,17 @@ def test_an_endless_range_must_be_narrowed(kind, far):
 
 def test_a_range_of_one_value_is_one_posture():
     assert grid(chain(pin.JointModelPX(), 0.2, 0.2)).axes["only"] == pytest.approx([0.2])
+
+
+@pytest.mark.parametrize(
+    ("most", "step", "words"),
+    [
+        (10**6, 0.1, r"2,004,002 postures \(1001 x 1001 x 2\): they would fill 210 MB and take "
+         r"about 10 s of one core; at most 1,000,000 .* name one, --out DIR\.zarr, or take"),
+        (10**10, 0.001, r"would fill 2\.1 TB and take about 27.8 hours .* at most 10,000,000,000 "
+         r"are swept, or take larger steps"),
+    ],
+)  # fmt: skip
+def test_too_many_postures_say_what_they_would_need(most, step, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        grid(LEG, [f"hip=0:100:{step}", f"knee=0:100:{step}", "ankle=0:1:1"], most)

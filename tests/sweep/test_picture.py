@@ -16,7 +16,7 @@ LEG, KICK = kd.Leg.human(), Kick()
 
 def drawn(*joints):
     data = sweep(LEG, grid(LEG, joints), KICK)
-    lines = best_and_worst(LEG, data, KICK)
+    lines = best_and_worst(LEG, Sweep(data), KICK)
     return data, lines, sweep_figure(Sweep(data), lines)
 
 

@@ -60,8 +60,9 @@ def test_residuals_stay_at_rounding(swept):
 
 def test_progress_is_told_each_posture():
     told = []
-    sweep(LEG, grid(LEG, ["knee=0:20:10"]), KICK, lambda: told.append(1))
-    assert len(told) == 3
+    sweep(LEG, grid(LEG, ["knee=0:20:10"]), KICK, lambda *one: told.append(one))
+    assert [count for count, _ in told] == [1, 1, 1]
+    assert told[2][1][1] == 2
 
 
 def test_netcdf_keeps_everything(swept, tmp_path):

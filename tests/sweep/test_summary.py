@@ -4,6 +4,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.sweep.grid import grid
 from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.opened import Sweep
 from kickdyn.sweep.report import table
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.summary import best_and_worst, counts, paper_lines
@@ -15,7 +16,7 @@ def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
     kick = Kick(speed=7.0)
     data = sweep(LEG, grid(LEG, ["hip=0:60:20", "knee=0:60:20"]), kick)
     assert counts(data)["too fast"] > 0
-    best, worst = best_and_worst(LEG, data, kick)
+    best, worst = best_and_worst(LEG, Sweep(data), kick)
     possible = data.ball_speed.values[data.status.values == 0]
     assert best.numbers["ball_speed"] == possible.max()
     assert worst.numbers["ball_speed"] == possible.min()
@@ -28,7 +29,7 @@ def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
 def test_none_where_nothing_is_possible():
     kick = Kick(speed=500.0)
     data = sweep(LEG, grid(LEG, ["knee=0:20:10"]), kick)
-    assert best_and_worst(LEG, data, kick) == []
+    assert best_and_worst(LEG, Sweep(data), kick) == []
     assert counts(data) == {"ok": 0, "too fast": 3, "out of reach": 0}
 
 
@@ -50,6 +51,6 @@ def test_a_whole_robot_is_swept_by_its_named_joints():
     kick = Kick(speed=2.0)
     data = sweep(leg, grid(leg, ["FR_HFE=-30:30:30", "FR_KFE=-60:0:30"]), kick)
     assert data.ball_speed.shape == (3, 3)
-    lines = best_and_worst(leg, data, kick)
+    lines = best_and_worst(leg, Sweep(data), kick)
     assert list(lines[0].angles) == list(leg.joint_names[1:])
     assert str(table(leg, kick, lines).columns[1].header).startswith("FL_HAA /\nFL_HFE")

@@ -1,0 +1,108 @@
+"""How far a sweep is: speed, time left and the best so far, for who sits at a terminal."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Protocol
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from kickdyn.sweep.block import Space
+
+Best = tuple[float, int]
+"""Ball speed [m/s] and number of a posture."""
+
+
+class Done(Protocol):
+    """What moves the bar."""
+
+    def __call__(self, count: int, best: Best | None = None) -> None:
+        """Take postures done since the last call, and the best of them, if known."""
+
+
+class Rate(ProgressColumn):
+    """Postures per second, lately; what was there before a resumed sweep does not count."""
+
+    def render(self, task: Task) -> Text:
+        """Return the speed as text."""
+        return Text("" if task.speed is None else f"{task.speed:,.0f}/s")
+
+
+class Watch:
+    """What the chunks of a store under way say is best.
+
+    Whoever computes a chunk, thread, process or cluster, leaves a note in the store.
+    """
+
+    def __init__(self, store: Path) -> None:
+        self._notes, self._read = store / "progress", set[str]()
+        self.best: Best | None = None
+
+    def look(self) -> Best | None:
+        """Read new notes; return the best so far."""
+        for note in self._notes.glob("*.json"):
+            if note.name in self._read:
+                continue
+            self._read.add(note.name)
+            with suppress(OSError):  # the store is finished, and tidied up
+                found = json.loads(note.read_text())["best"]
+                if found is not None:
+                    self.best = better(self.best, (found[0], found[1]))
+        return self.best
+
+
+def better(one: Best | None, other: Best | None) -> Best | None:
+    """Return the faster of two, of equals the first posture."""
+    found = [each for each in (one, other) if each is not None]
+    return max(found, key=lambda each: (each[0], -each[1]), default=None)
+
+
+@contextmanager
+def progress(
+    space: Space, store: Path | None = None, *, console: Console | None = None
+) -> Iterator[Done]:
+    """Show a bar while stderr is a terminal, else nothing; `NO_COLOR` is heeded (rich).
+
+    Args:
+        space: the joints.
+        store: where chunks leave notes.
+        console: where to show it.
+
+    Yields:
+        What moves it.
+    """
+    quiet = console is None and not sys.stderr.isatty()
+    console = console or Console(stderr=True)
+    columns = (
+        TextColumn("postures"), BarColumn(20), MofNCompleteColumn(), Rate(),
+        TimeRemainingColumn(compact=True), TextColumn("{task.fields[best]}"),
+    )  # fmt: skip
+    watch = Watch(store) if store is not None else None
+    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
+        task = bar.add_task("sweep", total=space.size, best="")
+        top: Best | None = None
+
+        def done(count: int, best: Best | None = None) -> None:
+            nonlocal top
+            if quiet:
+                return
+            top = better(top, watch.look() if watch is not None else best)
+            said = "" if top is None else f"best {top[0]:.4g} m/s at {space.text(top[1])}"
+            bar.update(task, advance=count, best=escape(said))
+
+        yield done

@@ -1,0 +1,64 @@
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from kickdyn.sweep.block import Space
+from kickdyn.sweep.progress import Watch, better, progress
+
+SPACE = Space.of({"hip": np.radians([0.0, 10.0, 20.0])}, {"hip": "rad"})
+
+
+def terminal(**options):
+    return Console(file=io.StringIO(), force_terminal=True, width=120, **options)
+
+
+def test_a_terminal_sees_how_many_and_the_best():
+    console = terminal()
+    with progress(SPACE, console=console) as done:
+        done(1, (3.25, 1))
+        done(1, (2.0, 0))
+        done(0)
+    said = console.file.getvalue()
+    assert "2/3" in said
+    assert "best 3.25 m/s at hip 10 deg" in said
+    assert "\x1b[3" in said
+
+
+def test_no_color_is_heeded(monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    console = terminal()
+    with progress(SPACE, console=console) as done:
+        done(3, (3.25, 1))
+    assert "\x1b[3" not in console.file.getvalue()
+    assert "3/3" in console.file.getvalue()
+
+
+@pytest.mark.parametrize("forced", [None, "1"])
+def test_what_is_no_terminal_sees_nothing(monkeypatch, capsys, forced):
+    if forced:
+        monkeypatch.setenv("FORCE_COLOR", forced)
+    with progress(SPACE) as done:
+        done(3, (3.25, 1))
+    assert capsys.readouterr() == ("", "")
+
+
+def test_notes_of_chunks_say_what_is_best(tmp_path):
+    (tmp_path / "progress").mkdir()
+    watch = Watch(tmp_path)
+    assert watch.look() is None
+    for k, best in enumerate(([2.0, 7], None, [4.0, 9], [4.0, 8])):
+        (tmp_path / "progress" / f"{k}.json").write_text(json.dumps({"best": best}))
+        watch.look()
+    assert watch.look() == (4.0, 8)
+    (tmp_path / "progress" / "5.draft").write_text("{")
+    assert watch.look() == (4.0, 8)
+
+
+def test_of_equals_the_first_posture():
+    assert better((1.0, 5), (1.0, 3)) == (1.0, 3)
+    assert better(None, (0.5, 3)) == (0.5, 3)
+    assert better((1.0, 5), None) == (1.0, 5)
+    assert better(None, None) is None

@@ -6,7 +6,6 @@ import json
 import math
 import sys
 from dataclasses import replace
-from typing import Any
 
 import click
 import numpy as np
@@ -17,9 +16,12 @@ from kickdyn.ball import Ball
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
-from kickdyn.leg import Leg
+from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import OBJECTIVES, KickPlan, plan_kick
+from kickdyn.planning.kick import KickPlan, plan_kick
+from kickdyn.planning.match import OVER, Wall, scored
+from kickdyn.planning.objectives import OBJECTIVES
+from kickdyn.planning.report import as_json, text, verdict
 from kickdyn.posture_sweep import AIRS, load_leg
 
 
@@ -33,6 +35,17 @@ from kickdyn.posture_sweep import AIRS, load_leg
 @click.option("--launch-speed", type=float, help="Of the ball [m/s].")
 @click.option("--over", metavar="DISTANCE:HEIGHT",
               help="A point on the way for the ball's centre, as over a wall [m].")  # fmt: skip
+@click.option("--beside", metavar="DISTANCE:LEFT",
+              help="Where a curved way passes, left of the line to the target [m]: the ball gets "
+              "the spin for it.")  # fmt: skip
+@click.option("--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
+              help="A wall across the line to the target, 2.5 m wide if not named [m]. The ball "
+              "goes over it, or beside it; with nothing else named, 0.1 m over it.")  # fmt: skip
+@click.option("--goal", "mouth", is_flag=True,
+              help="Draw a goal 7.32 m wide and 2.44 m high, straight ahead at the target's "
+              "distance, and say whether the ball goes in.")  # fmt: skip
+@click.option("--pass", "surface", metavar="SURFACE", type=click.Choice(list(SURFACES)),
+              help="Play the ball along the ground in --time, on turf, carpet...")  # fmt: skip
 @click.option("--arc", default="low", show_default=True, type=click.Choice(["low", "high"]),
               help="Which, where two launches meet the goal.")  # fmt: skip
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
@@ -65,6 +78,10 @@ def plan(
     apex: float | None,
     launch_speed: float | None,
     over: str | None,
+    beside: str | None,
+    wall: str | None,
+    mouth: bool,
+    surface: str | None,
     arc: str,
     leg_name: str,
     frame: str | None,
@@ -86,13 +103,17 @@ def plan(
     Example: python -m kickdyn.plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     checks.number("distance", distance, above=0, unit="m")
-    way = None if over is None else _numbers("over", over, ":", 2)
+    players = None if wall is None else Wall.read(wall)
+    way = None if over is None else _pair("over", over)
+    if players is not None and not any((time, apex, launch_speed, way, surface)):
+        way = (players.distance, players.height + OVER)
     goal = Goal(
         (distance, left, height),
         time=time,
         apex=apex,
         speed=launch_speed,
-        over=None if way is None else (way[0], way[1]),
+        over=way,
+        beside=None if beside is None else _pair("beside", beside),
     )
     leg = load_leg(leg_name, frame)
     ball = Ball()
@@ -121,8 +142,14 @@ def plan(
         ball_height=ball_height,
         limits=not no_limits,
         arc="high" if arc == "high" else "low",
+        surface=surface,
     )
-    _write(planned, leg, ball, json_file, view)
+    said = [verdict(planned)]
+    if players is not None:
+        said.append(players.passed(planned))
+    if mouth:
+        said.append(scored(planned))
+    _write(planned, said, players, mouth, json_file, view)
 
 
 def _blown(air: Air | None, wind: str | None) -> Air | None:
@@ -132,6 +159,11 @@ def _blown(air: Air | None, wind: str | None) -> Air | None:
         raise InvalidInput(f"wind is {wind!r}: without air there is none")
     blowing = np.array(_numbers("wind", wind, ",", 3))
     return replace(air, wind=blowing)
+
+
+def _pair(name: str, text: str) -> tuple[float, float]:
+    first, second = _numbers(name, text, ":", 2)
+    return first, second
 
 
 def _numbers(name: str, text: str, between: str, count: int) -> list[float]:
@@ -158,113 +190,38 @@ def _spread(text: str) -> dict[str, float]:
 
 
 def _shape(name: str) -> str:
-    return "DISTANCE:HEIGHT" if name == "over" else "X,Y,Z"
+    return {"over": "DISTANCE:HEIGHT", "beside": "DISTANCE:LEFT"}.get(name, "X,Y,Z")
 
 
 def _write(
-    planned: KickPlan, leg: Leg, ball: Ball, json_file: str | None, view: str | None
+    planned: KickPlan,
+    said: list[str],
+    wall: Wall | None,
+    mouth: bool,
+    json_file: str | None,
+    view: str | None,
 ) -> None:
-    html = None
     if view is not None:
         from kickdyn.view.page import kick_page, write_page
+        from kickdyn.view.scenery import goal_boxes, wall_boxes
 
-        html = kick_page(planned.hit, ball, planned.path, caption=_verdict(planned))
+        ball, goal = planned.hit.struck, planned.goal
+        foot = planned.path.launch.position - np.array([0.0, 0.0, ball.radius])
+        boxes = [] if wall is None else wall_boxes(foot, goal.ahead, *wall)
+        boxes += goal_boxes(foot, float(goal.target[0])) if mouth else []
+        html = kick_page(planned.hit, ball, planned.path, caption=" ".join(said), scenery=boxes)
         write_page(view, html)
     if json_file is not None:
-        written = json.dumps(as_json(planned, leg), indent=2, allow_nan=False) + "\n"
+        written = json.dumps(as_json(planned), indent=2, allow_nan=False) + "\n"
         if json_file == "-":
             sys.stdout.write(written)
             return
         with replacing(json_file) as draft:
             draft.write_text(written, encoding="utf-8")
-    click.echo(text(planned, leg))
+    click.echo("\n".join([*said, *text(planned)]))
     for file in (json_file, view):
         if file is not None:
             click.echo(f"wrote {file}")
-
-
-def _verdict(planned: KickPlan) -> str:
-    """Return the answer in a line."""
-    where = ", ".join(f"{part:.4g}" for part in planned.goal.target)
-    if planned.status == "met":
-        return (
-            f"The ball comes to ({where}) m after {planned.path.duration:.4g} s; strike and flight "
-            f"miss it by {planned.landing_error:.1e} m."
-        )
-    return (
-        f"Beyond the leg's limits: it gives the ball {planned.share:.0%} of the speed that "
-        f"({where}) m takes, and misses by {planned.landing_error:.3g} m."
-    )
-
-
-def text(planned: KickPlan, leg: Leg) -> str:
-    """Return a plan as lines of text."""
-    launch, hit = planned.launch, planned.hit
-    up, left = planned.touch.place
-    angles = leg.angles_deg(planned.q)
-    joints = [
-        f"  {name:24} {angles[name]:9.2f} {leg.joint_unit(name).replace('rad', 'deg')}  "
-        f"{planned.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
-        for name in angles
-        if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
-    ]
-    turned = math.degrees(planned.heading)
-    aside = [f"base    turned {turned:.2f} deg to the left"] if turned else []
-    return "\n".join(
-        [
-            _verdict(planned),
-            f"launch  {launch.speed:.4f} m/s, {math.degrees(launch.elevation):.3f} deg up, "
-            f"{math.degrees(launch.azimuth):.3f} deg left; {launch.steps} Newton steps",
-            f"touch   {1e3 * up:.1f} mm up and {1e3 * left:.1f} mm left of the ball's centre, "
-            f"impulse {math.hypot(*hit.impulse):.4f} N s, "
-            f"foot {math.hypot(*hit.foot_velocity):.4f} m/s",
-            f"leg     {planned.objective} {planned.value:.4g}; speed {planned.speed_use:.0%} and "
-            f"effort {planned.effort_use:.0%} of their limits; worst joint impulse "
-            f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
-            *aside,
-            *joints,
-        ]
-    )
-
-
-def as_json(planned: KickPlan, leg: Leg) -> dict[str, Any]:
-    """Return a plan as what JSON can hold: SI units, degrees where a name says so."""
-    launch, hit, goal = planned.launch, planned.hit, planned.goal
-    return {
-        "status": planned.status,
-        "goal": {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind)},
-        "launch": {
-            "speed": launch.speed,
-            "elevation_deg": math.degrees(launch.elevation),
-            "azimuth_deg": math.degrees(launch.azimuth),
-            "velocity": launch.velocity.tolist(),
-            "spin": launch.spin.tolist(),
-            "time": launch.time,
-            "newton_steps": launch.steps,
-        },
-        "touch": {
-            "impulse": hit.impulse.tolist(),
-            "normal": hit.touch.normal.tolist(),
-            "up_m": planned.touch.place[0],
-            "left_m": planned.touch.place[1],
-            "foot_velocity": hit.foot_velocity.tolist(),
-        },
-        "leg": {
-            "name": leg.name,
-            "heading_deg": math.degrees(planned.heading),
-            "q_deg": leg.angles_deg(planned.q),
-            "v": planned.v.tolist(),
-            "objective": planned.objective,
-            "value": planned.value,
-            "speed_use": planned.speed_use,
-            "effort_use": planned.effort_use,
-            "worst_joint": hit.worst_joint[0],
-            "worst_joint_impulse": hit.worst_joint[1],
-        },
-        "share": planned.share,
-        "time": planned.path.duration,
-        "landing_error": planned.landing_error,
-    }
 
 
 if __name__ == "__main__":

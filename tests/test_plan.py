@@ -52,6 +52,22 @@ def test_a_planar_leg_is_turned_and_says_so():
     assert "base    turned 9.6" in ended.stdout
 
 
+def test_a_free_kick_over_a_wall_into_the_corner(tmp_path):
+    where = ["--distance", "20", "--left", "3.4", "--height", "2.1", "--wall", "9.15:1.9", "--goal"]
+    ended = door(*where, "--view", "free.html", "--json", "free.json", cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "Its lower edge clears the wall by 0.1 m." in ended.stdout
+    assert "It goes in" in (tmp_path / "free.html").read_text()
+    assert json.loads((tmp_path / "free.json").read_text())["goal"]["over"] == [9.15, 2.0]
+
+
+def test_a_pass_of_a_robot_has_a_page(tmp_path):
+    where = ["--distance", "4", "--left", "1", "--time", "2", "--pass", "carpet", "--leg", "g1"]
+    ended = door(*where, "--view", "pass.html", cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "m along the ground" in (tmp_path / "pass.html").read_text()
+
+
 def test_a_robot_and_a_goal_beyond_its_limits():
     ended = door("--distance", "60", "--time", "2", "--leg", "g1", "--json", "-")
     report = json.loads(ended.stdout)
@@ -69,6 +85,13 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),
         (["--distance", "30", "--apex", "1", "--height", "3"], "by the lowest way: nearest"),
+        (
+            ["--distance", "20", "--time", "0.7", "--height", "2", "--wall", "9.15:1.9"],
+            "the ball hits the wall",
+        ),
+        (["--distance", "20", "--wall", "9.15"], "wall is '9.15'"),
+        (["--distance", "20", "--time", "1", "--beside", "9"], "beside is '9': it must be 2"),
+        (["--distance", "4", "--apex", "1", "--pass", "turf"], "along the ground is given a time"),
         (["--distance", "30", "--over", "3"], "over is '3': it must be 2 numbers"),
         (["--distance", "30", "--time", "1", "--spin", "1,2"], "spin is '1,2': it must be 3"),
         (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),

@@ -58,6 +58,11 @@ class Course(Card):
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
 
     @property
+    def launch(self) -> BallState:
+        """The start."""
+        return self.flights[0].launch
+
+    @property
     def distance(self) -> float:
         """Horizontal distance from launch to rest [m]."""
         return float(np.hypot(*(self.rest.position - self.flights[0].launch.position)[:2]))

@@ -150,4 +150,6 @@ def _said(near: Launch) -> str:
     value = getattr(near.goal, near.goal.kind)
     shown = f"{value[1]:.4g} m at {value[0]:.4g} m" if near.goal.kind == "over" else f"{value:.4g}"
     where = ", ".join(f"{part:.4g}" for part in near.goal.target)
+    if near.goal.beside is not None:
+        shown += f", {near.goal.beside[1]:.4g} m left of the line at {near.goal.beside[0]:.4g} m"
     return f"({where}) m, {near.goal.kind} {shown}, at {near.speed:.4g} m/s"

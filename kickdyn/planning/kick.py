@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,27 +15,25 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
-from kickdyn.contact import Contact
-from kickdyn.errors import InvalidInput, NoImpact
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.follow import Course, follow
 from kickdyn.flight.path import Flight
+from kickdyn.ground import Ground, Surface
 from kickdyn.impact.held import check_free
-from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import strike_at
 from kickdyn.leg import Leg
+from kickdyn.plane import Plane
 from kickdyn.planning.answer import Launch, to_target
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
-from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
-from kickdyn.planning.search import Found, Objective, Search
+from kickdyn.planning.objectives import OBJECTIVES, least_scatter
+from kickdyn.planning.passes import plan_pass
+from kickdyn.planning.search import FEASIBLE, Found, Objective, Search
 from kickdyn.planning.touch import Touch, touch_for
-from kickdyn.posture import Posture
 
 STARTS = 4
 """Of the search, drawn with a fixed seed."""
-
-SMOOTH = 12
-"""Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,10 +49,11 @@ class KickPlan(Card):
         share: of the launch speed that is reached; 1 where `status` is `met`.
         touch: impulse, normal and place on the ball.
         hit: the strike, from the planned posture and joint velocity.
-        path: the flight from there, to the target's plane.
+        path: the flight from there, to the target's plane; of a pass, the course.
         landing_error: distance of its end from the target [m].
         speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
             torque is what keeps the joints' speed, gravity included.
+        binding: limits that are reached, such as `speed of knee`.
         heading: how far `leg` is turned to the left about the vertical [rad]; 0 but for a leg
             whose foot moves in a plane, and a goal aside of it.
     """
@@ -67,10 +66,11 @@ class KickPlan(Card):
     share: float
     touch: Touch
     hit: Impact
-    path: Flight
+    path: Flight | Course
     landing_error: float
     speed_use: float
     effort_use: float
+    binding: tuple[str, ...]
     heading: float
 
     @property
@@ -118,6 +118,7 @@ def plan_kick(
     limits: bool = True,
     arc: Literal["low", "high"] = "low",
     turn: bool = True,
+    surface: str | Surface | None = None,
     spread: Mapping[str, float] | None = None,
 ) -> KickPlan:
     """Find posture and joint velocity that strike a ball at rest so that it meets a goal.
@@ -143,6 +144,8 @@ def plan_kick(
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
+        surface: of the ground, where the ball is to be played along it, as `plan_pass` does; the
+            goal is then a time and a target as high as the ball.
         spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
 
     Raises:
@@ -163,18 +166,22 @@ def plan_kick(
         ball_height = checks.number("ball height", ball_height, unit="m")
     place = None if offset is None else checks.vector("contact offset", offset, 3, unit="m")
     turning = checks.vector("spin", spin, 3, unit="rad/s")
-    launch = _launch(goal, ball, air, turning, arc)
+    ground = None if surface is None else Ground(surface=surface)
+    if ground is None:
+        launch = _launch(goal, ball, air, turning, arc)
+    else:
+        launch = _pass(goal, ball, air, turning, ground)
     touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
     search = Search(leg, touch, ball_height, limits, turn)
     cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
     found = search.run(cost, STARTS)
     if found is not None and spread is not None:
-        cost = _scatter(touch, launch, air, spread)
+        cost = least_scatter(touch, launch, air, spread)
         found = search.improve(found, cost)
     if found is None:
         where = "" if ball_height is None else f" that touches a ball at {ball_height:g} m"
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
-    return _carried_out(search, found, goal, launch, objective, air, cost)
+    return _carried_out(search, found, goal, launch, objective, air, cost, ground)
 
 
 def _launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
@@ -193,6 +200,28 @@ def _launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> L
     return launch
 
 
+def _pass(goal: Goal, ball: Ball, air: Air | None, spin: Array, ground: Ground) -> Launch:
+    """Return the launch of a pass, which ends at the goal's time."""
+    if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
+        raise InvalidInput(
+            "a ball along the ground is given a time, and a target as high as it lies: name no "
+            "apex, speed, over or beside"
+        )
+    found = plan_pass(goal.target[:2], goal.time, ball, air, ground, spin=spin)
+    if found.status != "met":
+        raise InvalidInput(
+            f"the pass is out of reach by the {found.limit}: the ball comes nearest after "
+            f"{found.time:.4g} s, {found.course.distance:.4g} m away"
+        )
+    along = abs(float(spin @ found.velocity)) / math.hypot(*found.velocity)
+    if along > 1e-9 * math.hypot(*spin):
+        raise InvalidInput(
+            f"spin has {along:g} rad/s along the pass: a ball at rest takes it across its way only"
+        )
+    missed = np.array([0.0, 0.0, 0.0, found.time - goal.time])
+    return Launch(goal, found.velocity, spin, found.time, missed, -1, ball, air)
+
+
 def _carried_out(
     search: Search,
     found: Found,
@@ -201,14 +230,25 @@ def _carried_out(
     objective: str,
     air: Air | None,
     cost: Objective,
+    ground: Ground | None,
 ) -> KickPlan:
     touch = search.touch
     plain = search.leg.posture(found.posture.q)
     hit = strike_at(plain, found.v, touch.ball, touch.contact)
     start = hit.ball
-    path = to_target(start, goal, touch.ball, air, launch.time, orientation=True)
-    error = float(np.linalg.norm(path.landing.position - start.position - goal.target))
+    path: Flight | Course
+    if ground is None:
+        path = to_target(start, goal, touch.ball, air, launch.time, orientation=True)
+        end = path.landing
+    else:
+        ground = Ground(float(start.position[2]) - touch.ball.radius, ground.surface)
+        plane = Plane(start.position + goal.target, -goal.ahead, "centre")
+        path = follow(start, touch.ball, air, ground, plane=plane)
+        end = path.rest
+    error = float(np.linalg.norm(end.position - start.position - goal.target))
+    fast = np.abs(found.v[search.vs]) / search.speed
     used = np.abs(search.torque(found.posture.q, found.v)) / search.effort
+    uses = {"speed of": fast, "effort of": used}
     return KickPlan(
         status="met" if found.share == 1.0 else "beyond limits",
         goal=goal,
@@ -220,55 +260,13 @@ def _carried_out(
         hit=hit,
         path=path,
         landing_error=error,
-        speed_use=float(np.abs(found.v[search.vs] / search.speed).max()),
+        speed_use=float(fast.max()),
         effort_use=float(used.max()),
+        binding=tuple(
+            f"{what} {name}"
+            for what, use in uses.items()
+            for name, share in zip(search.names, use.tolist(), strict=True)
+            if share > 1.0 - 10 * FEASIBLE
+        ),
         heading=search.heading,
     )
-
-
-def _joint_speed(search: Search, touch: Touch) -> Objective:
-    return lambda posture, v: float(np.mean((v[search.vs] / search.speed) ** 2))
-
-
-def _effort(search: Search, touch: Touch) -> Objective:
-    return lambda posture, v: 0.5 * float(v @ posture.inertia @ v)
-
-
-def _joint_impulse(search: Search, touch: Touch) -> Objective:
-    def worst(posture: Posture, v: Array) -> float:
-        jump, held = posture.respond(-touch.impulse.dot(posture.jacobian))
-        through, _ = joint_impulses(posture, jump, -touch.impulse, held)
-        sizes = np.linalg.norm(through[:, :3], axis=1)
-        top = float(sizes.max())
-        return top * math.pow(float(np.sum((sizes / top) ** SMOOTH)), 1 / SMOOTH)
-
-    return worst
-
-
-def _scatter(
-    touch: Touch, launch: Launch, air: Air | None, spread: Mapping[str, float]
-) -> Objective:
-    sizes = checked_spread(spread)
-    _, slopes = landing_slopes(launch.state, touch.ball, air)  # the launch stays
-
-    def radius(posture: Posture, v: Array) -> float:
-        plain = Contact(touch.contact.normal, touch.contact.restitution, touch.contact.friction)
-        try:
-            hit = strike_at(posture, v, touch.ball, plain)
-        except NoImpact:  # far from feasible
-            return NEVER
-        parts = of_launch(hit, slopes, sizes)
-        return math.sqrt(sum(float(np.trace(part)) for part in parts.values()))
-
-    return radius
-
-
-NEVER = 1e6
-"""Scatter of a foot that does not meet the ball [m]."""
-
-OBJECTIVES: dict[str, Callable[[Search, Touch], Objective]] = {
-    "joint speed": _joint_speed,
-    "joint impulse": _joint_impulse,
-    "effort": _effort,
-}
-"""What can be made least, by name; `scatter` besides."""

@@ -29,6 +29,9 @@ LOWEST = 0.1
 TURNS = np.radians(np.arange(15, 86, 5))
 """From the side to behind the leg, in the order they are tried."""
 
+BEHIND = math.radians(72)
+"""Least turn that counts as looking along the flight."""
+
 TILTS = np.radians((14, 8, 2, -4))
 """How far the camera looks down, likewise: a high flight is seen from below."""
 
@@ -50,7 +53,7 @@ class Camera:
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
 
 
-def camera_for(near: Array, far: Array, forward: Array) -> Camera:
+def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:
     """Place the camera so that all is in the picture and what is near stays recognisable.
 
     A kick of some metres is seen from the right side. The longer the flight, the further the
@@ -60,10 +63,11 @@ def camera_for(near: Array, far: Array, forward: Array) -> Camera:
         near: points of leg and ball, shape `(n, 3)` [m, world frame].
         far: points of the flight, likewise.
         forward: horizontal unit vector of the flight, shape `(3,)`.
+        behind: whether to look along the flight in any case, at what stands across it.
     """
     floor = min(near[:, 2].min(), far[:, 2].min())
     shots = []
-    for turn, tilt in product(TURNS, TILTS):
+    for turn, tilt in product(TURNS[TURNS > BEHIND] if behind else TURNS, TILTS):
         axes = _axes(forward, turn, tilt)
         position = _fitted(np.vstack([near, far]) @ axes.T)
         seen = near @ axes.T - position

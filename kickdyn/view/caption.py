@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 
+from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
 from kickdyn.view.kick_scene import Drawn
@@ -14,7 +15,7 @@ from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.motion import Pace
 
 
-def caption_panel(hit: Impact, path: Flight, drawn: Drawn, caption: str) -> str:
+def caption_panel(hit: Impact, path: Flight | Course, drawn: Drawn, caption: str) -> str:
     """Return the caption as HTML; every name in it is escaped."""
     rows = [*_joints(hit), *_numbers(hit, path, drawn)]
     said = f"<p>{escape(caption)}</p>\n" if caption else ""
@@ -36,21 +37,37 @@ def _joints(hit: Impact) -> list[tuple[str, str]]:
     ]
 
 
-def _numbers(hit: Impact, path: Flight, drawn: Drawn) -> list[tuple[str, str]]:
-    aloft = " (still aloft)" if path.status == "aloft" else ""
+def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[tuple[str, str]]:
+    if isinstance(path, Course):
+        way = [
+            (f"way {_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
+            ("time", f"{path.duration:.4g} s"),
+            ("speed there", f"{float(path.rest.speed):.4g} m/s"),
+        ]
+    else:
+        aloft = " (still aloft)" if path.status == "aloft" else ""
+        way = [
+            (f"carry {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+            ("flight time", f"{path.duration:.4g} s"),
+            ("flight", escape(path.method)),
+        ]
     return [
         (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(hit.impulse)):.4g} N s"),
         ("foot speed", f"{float(np.linalg.norm(hit.foot_velocity)):.4g} m/s"),
         ("ball speed", f"{float(hit.ball.speed):.4g} m/s"),
         *((("ball / foot", f"{hit.speed_ratio:.4g}"),) if hit.foot_velocity.any() else ()),
-        ("launch angle", f"{math.degrees(float(hit.ball.elevation)):.1f}°"),
-        ("spin", f"{float(np.linalg.norm(hit.ball.spin)):.4g} rad/s"),
-        (f"carry {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
-        ("flight time", f"{path.duration:.4g} s"),
-        ("flight", escape(path.method)),
+        ("launch angle", f"{round(math.degrees(float(hit.ball.elevation)), 1) + 0.0:.1f}°"),
+        ("spin", _spin(hit)),
+        *way,
         ("shown", _pace(drawn.pace)),
         ("stripes", f"{drawn.stripe:g} m"),
     ]
+
+
+def _spin(hit: Impact) -> str:
+    spin = float(np.linalg.norm(hit.ball.spin))
+    rounding = 1e-12 * float(hit.ball.speed) / hit.struck.radius
+    return f"{0.0 if spin < rounding else spin:.4g} rad/s"
 
 
 def _key(colour: int) -> str:

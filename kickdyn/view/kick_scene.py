@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from meshcat.animation import Animation
 
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
+from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
 from kickdyn.view import motion
@@ -19,6 +21,7 @@ from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.leg_figure import draw_leg, joint_places
 from kickdyn.view.marks import draw_arrow, draw_curve, draw_ground, draw_landing, draw_shadow
+from kickdyn.view.scenery import Box, draw_box
 
 SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
 LIGHTS = {
@@ -46,7 +49,13 @@ class Drawn:
     stripe: float
 
 
-def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
+def draw_kick(
+    viewer: Any,
+    hit: Impact,
+    ball: Ball,
+    path: Flight | Course,
+    scenery: Sequence[Box] = (),
+) -> Drawn:
     """Draw a kick, from the swing to the landing, over and over.
 
     Args:
@@ -54,6 +63,7 @@ def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
         hit: the impact; its posture's leg is drawn.
         ball: what was struck.
         path: of the ball.
+        scenery: what stands around.
 
     Raises:
         InvalidInput: the leg cannot be drawn, as `leg_figure.leg_parts` says.
@@ -65,7 +75,8 @@ def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
     floor = min(before.position[2], curve[-1, 2]) - ball.radius
     joints = np.array([place[:3, 3] for place in joint_places(hit.posture.leg, hit.posture.q)[1:]])
     near = np.vstack([around(joints, ball.radius), around(hit.ball.position[None], ball.radius)])
-    camera = camera_for(near, around(curve, ball.radius), forward)
+    far = np.vstack([around(curve, ball.radius), *(box.corners() for box in scenery)])
+    camera = camera_for(near, far, forward, behind=bool(scenery))
     width = THIN * camera.distance(curve)
 
     prepare(viewer, camera)
@@ -82,7 +93,9 @@ def draw_kick(viewer: Any, hit: Impact, ball: Ball, path: Flight) -> Drawn:
         draw_arrow(viewer["arrow"], contact, hit.impulse / impulse, length)
     foot = np.array([*before.position[:2], floor])
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
-    stripe = stripe_width(path.range + size)
+    stripe = stripe_width(float(np.hypot(*(curve[-1] - curve[0])[:2])) + size)
+    for number, box in enumerate(scenery):
+        draw_box(viewer[f"scenery/{number}"], box)
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
     end = np.array([*curve[-1, :2], floor])
     draw_landing(viewer["landing"], end, max(0.4 * ball.radius, 6 * float(width[-1])))
@@ -126,7 +139,7 @@ def around(points: Array, radius: float) -> Array:
 
 
 def _animation(
-    viewer: Any, hit: Impact, ball: Ball, path: Flight, pace: motion.Pace, floor: float
+    viewer: Any, hit: Impact, ball: Ball, path: Flight | Course, pace: motion.Pace, floor: float
 ) -> Animation:
     film = Animation(default_framerate=motion.RATE)
     before = hit.ball_before

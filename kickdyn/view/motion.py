@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from kickdyn.ball import BallState
 from kickdyn.checks import Array
+from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
 
@@ -92,14 +93,25 @@ def leg_configuration(hit: Impact, time: float) -> Array:
     return np.where(single, within, moved)
 
 
-def ball_place(before: BallState, path: Flight, time: float) -> Array:
+def ball_place(before: BallState, path: Flight | Course, time: float) -> Array:
     """Return the ball's placement at a time from the impact, shape `(4, 4)` [m, world frame]."""
     state = before if time < 0 else path.launch
     place = np.eye(4)
     seen = time if time < 0 else min(time, path.duration)
-    known = time >= 0 and path.turning
-    place[:3, :3] = path.orientation(seen).as_matrix() if known else pin.exp3(state.spin * seen)
+    if isinstance(path, Course):
+        place[:3, :3] = pin.exp3(state.spin * seen if time < 0 else _rolled(path, seen))
+    elif time >= 0 and path.turning:
+        place[:3, :3] = path.orientation(seen).as_matrix()
+    else:
+        place[:3, :3] = pin.exp3(state.spin * seen)
     place[:3, 3] = (
         before.position + before.velocity * time if time < 0 else path.sample(seen).position
     )
     return place
+
+
+def _rolled(path: Course, time: float) -> Array:
+    """Return how far a ball on the ground has turned `(3,)` [rad], as if about one axis."""
+    times = np.linspace(0.0, time, 65)
+    spin = path.sample(times).spin
+    return np.asarray(np.trapezoid(spin, times, axis=0))

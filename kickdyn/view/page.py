@@ -2,33 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 
 from kickdyn.ball import Ball
 from kickdyn.files import replacing
+from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.document import static_document
 from kickdyn.view.kick_scene import draw_kick
 from kickdyn.view.recorder import recorder
+from kickdyn.view.scenery import Box
 
 
-def kick_page(hit: Impact, ball: Ball, path: Flight, *, caption: str = "") -> str:
+def kick_page(
+    hit: Impact,
+    ball: Ball,
+    path: Flight | Course,
+    *,
+    caption: str = "",
+    scenery: Sequence[Box] = (),
+) -> str:
     """Return a kick as HTML, animated, with its numbers.
 
     Args:
         hit: the impact.
         ball: what was struck.
-        path: the ball's flight from there.
+        path: the ball's flight from there, or its course along the ground.
         caption: a line of plain text above the numbers.
+        scenery: what stands around, such as a wall or a goal.
 
     Raises:
         InvalidInput: the leg cannot be drawn: a visual of its URDF cannot be read, or names a
             mesh that is missing or lies outside the URDF's folder.
     """
     viewer = recorder()
-    drawn = draw_kick(viewer, hit, ball, path)
+    drawn = draw_kick(viewer, hit, ball, path, scenery)
     return static_document(
         viewer.window.commands(),
         title=page_title(hit),

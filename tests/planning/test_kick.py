@@ -78,6 +78,32 @@ def test_a_planar_leg_is_turned_towards_a_goal_aside():
     assert straight.leg is HUMAN
 
 
+def test_a_pass_is_struck_and_rolls_to_its_target():
+    goal = kd.Goal((4, 1, 0), time=2)
+    plan = kd.plan_kick(G1, goal, BALL, AIR, surface="carpet")
+    assert plan.status == "met"
+    assert plan.landing_error < 1e-3
+    ground = kd.Ground(plan.hit.ball.position[2] - BALL.radius, "carpet")
+    course = kd.follow(plan.hit.ball, BALL, AIR, ground, time_limit=10)
+    where = course.sample(2.0).position - plan.hit.ball.position
+    assert where == pytest.approx(goal.target, abs=1e-5)
+    assert plan.path.launch.velocity == pytest.approx(plan.launch.velocity, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("goal", "spin", "words"),
+    [
+        (kd.Goal(4, speed=5), (0, 0, 0), "name no apex, speed, over or beside"),
+        (kd.Goal((4, 0, 1), time=1), (0, 0, 0), "a target as high as it lies"),
+        (kd.Goal(4, time=60), (0, 0, 0), "out of reach by the rolling: the ball comes nearest"),
+        (kd.Goal(4, time=1), (5, 0, 0), r"spin has 4.995\d* rad/s along the pass"),
+    ],
+)
+def test_a_pass_that_cannot_be(goal, spin, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        kd.plan_kick(G1, goal, BALL, AIR, surface="carpet", spin=spin)
+
+
 def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     goal = kd.Goal(100, time=3)
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR)

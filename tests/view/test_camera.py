@@ -65,3 +65,14 @@ def test_meshcat_sees_the_same():
     np.testing.assert_allclose(-shift, camera.target)
     assert values["fov"] == FIELD
     assert values["near"] < math.hypot(x, y, z) < values["far"]
+
+
+def test_from_behind_when_asked():
+    def across(camera):
+        return abs((camera.target - camera.position)[1]) / np.linalg.norm(
+            (camera.target - camera.position)[:2]
+        )
+
+    curve = parabola(6, 1)
+    assert across(camera_for(LEG, curve, X)) > 0.8
+    assert across(camera_for(LEG, curve, X, behind=True)) < 0.32

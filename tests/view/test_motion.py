@@ -129,3 +129,14 @@ def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):
     np.testing.assert_allclose(end, path.orientation(path.duration).as_matrix())
     turned = path.orientation(path.duration).magnitude()
     assert 0 < turned < 0.9 * 3 * path.duration < math.pi
+
+
+def test_a_ball_on_the_ground_turns_as_it_rolls():
+    ball = kd.Ball()
+    start = kd.BallState((0, 0, ball.radius), (2.0, 0, 0), (0, 2.0 / ball.radius, 0))
+    course = kd.follow(start, ball, None, kd.Ground(surface="turf"))
+    way = course.sample(0.5).position[0]
+    place = motion.ball_place(start, course, 0.5)
+    angle = math.remainder(way / ball.radius, 2 * math.pi)
+    assert place[:3, :3] == pytest.approx(pin.rpy.rpyToMatrix(0, angle, 0), abs=1e-3)
+    assert place[0, 3] == pytest.approx(way)

@@ -1,0 +1,108 @@
+"""A planned kick in words and in JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from kickdyn.flight.fly import fly
+from kickdyn.planning.kick import KickPlan
+
+
+def verdict(planned: KickPlan) -> str:
+    """Return the answer in a line."""
+    where = ", ".join(f"{part:.4g}" for part in planned.goal.target)
+    if planned.status == "met":
+        return (
+            f"The ball comes to ({where}) m after {planned.path.duration:.4g} s; strike and flight "
+            f"miss it by {planned.landing_error:.2g} m."
+        )
+    limits = f" ({', '.join(planned.binding)})" if planned.binding else ""
+    said = (
+        f"Beyond the leg's limits{limits}: it gives the ball {planned.share:.0%} of the speed that "
+        f"({where}) m takes, and misses by {planned.landing_error:.3g} m."
+    )
+    hit = planned.hit
+    path = fly(hit.ball, hit.struck, planned.launch.air)
+    if planned.launch.elevation > 0.0 and path.status == "landed":
+        said += (
+            f" Its kick that way comes down {path.range:.4g} m away after {path.duration:.4g} s."
+        )
+    return said
+
+
+def _deg(angle: float) -> str:
+    return f"{round(math.degrees(angle), 3) + 0.0:.3f}"  # no -0
+
+
+def _mm(length: float) -> str:
+    return f"{round(1e3 * length, 1) + 0.0:.1f}"
+
+
+def text(planned: KickPlan) -> list[str]:
+    """Return a plan's numbers as lines of text."""
+    launch, hit, leg = planned.launch, planned.hit, planned.leg
+    up, left = planned.touch.place
+    angles = leg.angles_deg(planned.q)
+    joints = [
+        f"  {name:24} {angles[name]:9.2f} {leg.joint_unit(name).replace('rad', 'deg')}  "
+        f"{planned.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
+        for name in angles
+        if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
+    ]
+    how = f"{launch.steps} Newton steps" if launch.steps >= 0 else "found by search"
+    turned = math.degrees(planned.heading)
+    aside = [f"base    turned {turned:.2f} deg to the left"] if turned else []
+    return [
+        f"launch  {launch.speed:.4f} m/s, {_deg(launch.elevation)} deg up, "
+        f"{_deg(launch.azimuth)} deg left; {how}",
+        f"touch   {_mm(up)} mm up and {_mm(left)} mm left of the ball's centre, "
+        f"impulse {math.hypot(*hit.impulse):.4f} N s, "
+        f"foot {math.hypot(*hit.foot_velocity):.4f} m/s",
+        f"leg     {planned.objective} {planned.value:.4g}; speed {planned.speed_use:.0%} and "
+        f"effort {planned.effort_use:.0%} of their limits; worst joint impulse "
+        f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
+        *aside,
+        *joints,
+    ]
+
+
+def as_json(planned: KickPlan) -> dict[str, Any]:
+    """Return a plan as what JSON can hold: SI units, degrees where a name says so."""
+    launch, hit, goal, leg = planned.launch, planned.hit, planned.goal, planned.leg
+    return {
+        "status": planned.status,
+        "goal": {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind)},
+        "launch": {
+            "speed": launch.speed,
+            "elevation_deg": math.degrees(launch.elevation),
+            "azimuth_deg": math.degrees(launch.azimuth),
+            "velocity": launch.velocity.tolist(),
+            "spin": launch.spin.tolist(),
+            "time": launch.time,
+            "newton_steps": launch.steps,
+        },
+        "touch": {
+            "impulse": hit.impulse.tolist(),
+            "normal": hit.touch.normal.tolist(),
+            "up_m": planned.touch.place[0],
+            "left_m": planned.touch.place[1],
+            "foot_velocity": hit.foot_velocity.tolist(),
+        },
+        "leg": {
+            "name": leg.name,
+            "heading_deg": math.degrees(planned.heading),
+            "q_deg": leg.angles_deg(planned.q),
+            "v": planned.v.tolist(),
+            "objective": planned.objective,
+            "value": planned.value,
+            "binding": list(planned.binding),
+            "speed_use": planned.speed_use,
+            "effort_use": planned.effort_use,
+            "worst_joint": hit.worst_joint[0],
+            "worst_joint_impulse": hit.worst_joint[1],
+        },
+        "share": planned.share,
+        "time": planned.path.duration,
+        "landing_error": planned.landing_error,
+    }

@@ -1,0 +1,56 @@
+import pytest
+
+import kickdyn as kd
+from kickdyn.planning.match import Wall, scored
+
+LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
+CORNER = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
+FLAT = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), time=0.7), BALL, AIR, limits=False)
+
+
+def test_a_wall_is_cleared_by_what_the_goal_asked_for():
+    assert Wall(9.15, 1.9).passed(CORNER) == "Its lower edge clears the wall by 0.1 m."
+
+
+def test_a_wall_that_is_hit_says_how_to_go_round():
+    wall = Wall.read("9.15:1.9")
+    with pytest.raises(kd.InvalidInput, match=r"hits the wall.*--over 9.15:2\).*--beside 9.15:1.4"):
+        wall.passed(FLAT)
+
+
+def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
+    leg = kd.Leg.from_robot("g1", legs_only=True)
+    goal = kd.Goal((20, 0, 1), time=1.0, beside=(9.15, 0.6))
+    plan = kd.plan_kick(leg, goal, BALL, AIR, limits=False)
+    assert plan.landing_error < 1e-3
+    assert (
+        Wall(9.15, 5.0, 0.4).passed(plan)
+        == f"It passes {0.4 - BALL.radius:.3g} m left of the wall."
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("9.15", "it must be DISTANCE:HEIGHT"),
+        ("a:b", "it must be numbers"),
+        ("9.15:-1", "height of the wall is -1"),
+        ("nan:1", "distance of the wall is nan"),
+        ("30:1.9", "between the ball and the target"),
+    ],
+)
+def test_bad_walls(text, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        Wall.read(text).passed(CORNER)
+
+
+def test_the_goal():
+    post, bar = 3.66 - 3.4 - BALL.radius, 2.44 - 2.1 - 2 * BALL.radius
+    assert (
+        scored(CORNER) == f"It goes in, {post:.3g} m from the post and {bar:.3g} m under the bar."
+    )
+    for target in ((20, 3.6, 1), (20, 0, 2.3)):
+        wide = kd.plan_kick(LEG, kd.Goal(target, time=1.0), BALL, AIR, limits=False)
+        assert scored(wide) == "It goes past the goal."
+    weak = kd.plan_kick(LEG, kd.Goal(100, time=3), BALL, AIR)
+    assert scored(weak) == "It does not come to the goal."

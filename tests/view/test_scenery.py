@@ -1,0 +1,38 @@
+import math
+
+import numpy as np
+import pytest
+import umsgpack
+
+from kickdyn.view.recorder import recorder
+from kickdyn.view.scenery import GOAL, draw_box, goal_boxes, wall_boxes
+
+
+def test_a_wall_stands_across_the_way_on_the_ground():
+    ahead = np.array([math.cos(0.2), math.sin(0.2), 0.0])
+    foot = np.array([1.0, 2.0, -3.0])
+    corners = np.vstack([box.corners() for box in wall_boxes(foot, ahead, 9.0, 1.9, 2.5)]) - foot
+    assert corners[:, 2].min() == pytest.approx(0)
+    assert corners[:, 2].max() == pytest.approx(1.9)
+    left = np.array([-ahead[1], ahead[0], 0.0])
+    assert corners @ ahead == pytest.approx(np.full(len(corners), 9.0), abs=0.16)
+    assert np.abs(corners @ left).max() == pytest.approx(1.25, abs=0.05)
+
+
+def test_a_goal_is_open_where_it_should_be():
+    left, right, bar = goal_boxes(np.zeros(3), 20.0)
+    assert right.corners()[:, 1].min() - left.corners()[:, 1].max() == pytest.approx(GOAL[0])
+    assert bar.corners()[:, 2].min() == pytest.approx(GOAL[1])
+
+
+def test_a_box_is_drawn_where_its_corners_are():
+    box = wall_boxes(np.zeros(3), np.array([0.6, 0.8, 0.0]), 5.0, 2.0, 0.5)[0]
+    viewer = recorder()
+    draw_box(viewer["box"], box)
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    (shape,) = [c["object"]["geometries"][0] for c in said if c["type"] == "set_object"]
+    assert [shape["width"], shape["height"], shape["depth"]] == box.size.tolist()
+    (place,) = [c["matrix"] for c in said if c["type"] == "set_transform"]
+    matrix = np.reshape(place, (4, 4)).T
+    corner = matrix @ [*(box.size / 2), 1.0]
+    assert corner[:3] == pytest.approx(box.corners()[-1])

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 SMALL = 64
 """Entries below which Python's floats are quicker than a call of numpy."""
 
+FLOAT64 = np.dtype(np.float64)
+
 _NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, np.complexfloating, np.ma.MaskedArray)
 
 
@@ -46,6 +48,10 @@ def number(
 
 def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`."""
+    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):
+        usual: Array = value.copy()
+        if math.hypot(*usual.tolist()) < math.inf:  # neither NaN nor inf
+            return usual
     array = floats(name, value, unit=unit)
     if array.shape != (size,):
         raise InvalidInput(f"{name} has shape {array.shape}: it must be ({size},)")

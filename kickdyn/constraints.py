@@ -81,8 +81,7 @@ class Support:
         return 3 if self.point else 6
 
 
-@dataclass(frozen=True, eq=False)
-class Row:
+class Row(NamedTuple):
     """Where a block of constraint rows acts: its impulse is on `joint`, minus it on `other`.
 
     Attributes:
@@ -142,35 +141,22 @@ class Constraints:
         matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
         for support, place in zip(self.supports, self._supported, strict=True):
             at = slice(start, start + support.size)
-            jacobian, turn, _ = _motion(model, data, q, place)
-            matrix[at] = jacobian[: support.size]
-            blocks.append(
-                Row(
-                    at,
-                    place.joint,
-                    0,
-                    (turn, turn),
-                    turn.T @ place.turn,
-                    (place.lever, place.lever),
-                )
-            )
+            local, rotation, _ = _motion(model, data, q, place)
+            for row in range(0, support.size, 3):  # linear, then angular
+                matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
+            turn, lever = place.turn.dot(rotation.T), place.lever
+            blocks.append(Row(at, place.joint, 0, (turn, turn), rotation, (lever, lever)))
             start = at.stop
         for one, two in self._looped:
             at = slice(start, start + 3)
-            first, turn_1, from_ = _motion(model, data, q, one)
-            second, turn_2, to = _motion(model, data, q, two)
+            first, rotation_1, from_ = _motion(model, data, q, one)
+            second, rotation_2, to = _motion(model, data, q, two)
             # across a gap, both move as their bodies do at the second origin
-            matrix[at] = second[:3] - first[:3] + pin.skew(to - from_) @ first[3:]
-            blocks.append(
-                Row(
-                    at,
-                    two.joint,
-                    one.joint,
-                    (turn_2, turn_1),
-                    turn_1.T @ one.turn,
-                    (two.lever, one.lever),
-                )
-            )
+            carried = rotation_1 @ first[:3] - pin.skew(to - from_) @ (rotation_1 @ first[3:])
+            matrix[at] = rotation_2 @ second[:3] - carried
+            turns = (two.turn @ rotation_2.T, one.turn @ rotation_1.T)
+            levers = (two.lever, one.lever)
+            blocks.append(Row(at, two.joint, one.joint, turns, rotation_1, levers))
             start = at.stop
         return matrix, blocks
 
@@ -221,12 +207,11 @@ def _place(model: Any, name: str) -> _Place:
 
 
 def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Array, Array]:
-    """Return a frame's Jacobian in world axes, the turn from those to its joint's, its origin."""
+    """Return a frame's Jacobian in its own axes, the turn from those to the world's, its origin."""
     placement = pin.updateFramePlacement(model, data, place.frame)
-    rotation, origin = placement.rotation, placement.translation.copy()
+    rotation, origin = placement.rotation.copy(), placement.translation.copy()
     local = pin.computeFrameJacobian(model, data, q, place.frame, pin.LOCAL).reshape(6, model.nv)
-    jacobian = (rotation @ local.reshape(2, 3, -1)).reshape(6, -1)
-    return jacobian, place.turn @ rotation.T, origin
+    return local, rotation, origin
 
 
 def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None:

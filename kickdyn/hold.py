@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -39,12 +40,12 @@ class Hold:
     ) -> None:
         self.constraints, self.rows, self.blocks = constraints, rows, blocks
         self._weighed = weighed
-        length = np.sqrt(np.einsum("ij,ij->j", weighed, weighed))
-        largest = length.max()
-        self._length = np.where(length > INDEPENDENT * largest, length, np.inf)
+        lengths = [math.sqrt(square) for square in np.einsum("ij,ij->j", weighed, weighed).tolist()]
+        least = INDEPENDENT * max(lengths)
+        self._length = np.array([length if length > least else math.inf for length in lengths])
         packed, pivots, tau, _, _ = lapack.dgeqp3(weighed / self._length)
         steps = min(weighed.shape)
-        self.rank = int((np.abs(packed.diagonal()) > INDEPENDENT).sum())
+        self.rank = sum(abs(entry) > INDEPENDENT for entry in packed.diagonal().tolist())
         self.independent = pivots[: self.rank] - 1
         self._factor = packed[: self.rank, : self.rank]
         basis, _, _ = lapack.dorgqr(packed[:, :steps], tau)
@@ -60,11 +61,11 @@ class Hold:
 
     def freed(self, weighed: Array) -> Array:
         """Return L^-1 times an impulse, or several as columns, less what the constraints block."""
-        return np.asarray(weighed - self._basis @ (self._basis.T @ weighed))
+        return np.asarray(weighed - self._basis.dot(self._basis.T.dot(weighed)))
 
     def impulses(self, weighed: Array) -> Array:
         """Return the constraints' impulses that answer L^-1 times an impulse, shape `(size,)`."""
-        blocked = self._basis.T @ weighed
+        blocked = self._basis.T.dot(weighed)
         if self.rank == len(self.rows):
             scaled = blas.dtrsv(self._factor, -blocked)
             answer = np.empty(self.rank)

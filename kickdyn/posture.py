@@ -59,16 +59,17 @@ class Posture:
         pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
+        self._origin, self._turn = self.contact_point, placement.rotation.copy()
         self.contact_lever: Array = leg.contact_lever
         self.joint_rotation: Array = space.placements[leg.contact_joint].rotation.copy()
         # In local axes: about the world's origin, a leg far from it would lose its digits.
         self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
         local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
-        self._frame = placement.copy()
         self._frame_jacobian: Array = local.reshape(6, model.nv)
-        self.jacobian: Array = placement.rotation.dot(self._frame_jacobian[:3])
-        self._factor, self._scale, self.condition = _factored(self.inertia)
-        if not self.condition < MAX_CONDITION:
+        self.jacobian: Array = self._turn.dot(self._frame_jacobian[:3])
+        self._mobility: Array | None = None
+        self._factor, bound = _factored(self.inertia)
+        if not bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
             fault = (
                 "is not positive definite: a joint moves no inertia"
                 if self.condition == math.inf
@@ -79,10 +80,7 @@ class Posture:
                 f"fault: {listed(culprits(model, self.inertia))}; Leg.locked locks joints)"
             )
         self.hold = None if leg.constraints is None else self._held(leg.constraints, model, data)
-        for array in (
-            *(self.q, self.inertia, self.contact_point),
-            *(self.jacobian, self.joint_rotation, self._factor),
-        ):
+        for array in (self.q, self.inertia, self.contact_point, self.jacobian, self.joint_rotation):
             array.setflags(write=False)
 
     def __repr__(self) -> str:
@@ -98,7 +96,8 @@ class Posture:
     def _weighed(self, rows: Array) -> Array:
         """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
-        return np.asarray(blas.dtrsm(1.0, self._factor, (rows * self._scale).T, lower=1))
+        weighed: Array = blas.dtrsm(1.0, self._factor, rows.T, lower=1)
+        return weighed
 
     def touched_at(self, offset: ArrayLike) -> Posture:
         """Return this posture with its contact point elsewhere on the foot.
@@ -112,10 +111,10 @@ class Posture:
                 f"contact offset is {arm.tolist()} m: it must be on the foot, {MAX_OFFSET:g} m at "
                 "most"
             )
-        turn, frame = self._frame.rotation, self._frame_jacobian
+        turn, frame = self._turn, self._frame_jacobian
         moved = copy.copy(self)
-        moved.__dict__.pop("mobility", None)
-        moved.contact_point = self._frame.act(arm)
+        moved._mobility = None
+        moved.contact_point = self._origin + turn @ arm
         moved.contact_lever = self.leg.contact_lever + self.joint_rotation.T @ (turn @ arm)
         moved.jacobian = turn @ (frame[:3] - pin.skew(arm) @ frame[3:])
         for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
@@ -123,20 +122,28 @@ class Posture:
         return moved
 
     @cached_property
+    def condition(self) -> float:
+        """Condition number of the joint-space inertia; see the class."""
+        return _condition(self.inertia, self._factor)
+
+    @property
     def mobility(self) -> Array:
         """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix.
 
         Without the part that supports and loops block, if there are any.
         """
-        rows = self._weighed(self.jacobian)
-        if self.hold:
-            rows = self.hold.freed(rows)
-        rows.setflags(write=False)
-        return np.asarray(rows.T)
+        if self._mobility is None:
+            rows = self._weighed(self.jacobian)
+            if self.hold is not None:
+                rows = self.hold.freed(rows)
+            rows.setflags(write=False)
+            self._mobility = rows.T
+        return self._mobility
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        return np.asarray(self.mobility.dot(self.mobility.T))
+        give: Array = self.mobility.dot(self.mobility.T)
+        return give
 
     def effective_mass(self, normal: ArrayLike) -> float:
         """Return 1 / (n^T J M^-1 J^T n) [kg]; inf where the leg is immovable along the normal.
@@ -185,7 +192,7 @@ class Posture:
         left, gains, right = np.linalg.svd(self.mobility, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         part = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
-        v = self._scale * blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
+        v = blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
         missed = np.abs(self.jacobian @ v - wish).max()
         return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
 
@@ -204,11 +211,11 @@ class Posture:
         they are redundant, of all splits the smallest.
         """
         if self.hold is None:
-            v, _ = lapack.dpotrs(self._factor, (self._scale * joint_impulse.T).T, lower=1)
-            return np.asarray((self._scale * v.T).T), np.zeros(0)
-        weighed = blas.dtrsv(self._factor, self._scale * joint_impulse, lower=1)
+            v, _ = lapack.dpotrs(self._factor, joint_impulse, lower=1)
+            return np.asarray(v), np.zeros(0)
+        weighed = blas.dtrsv(self._factor, joint_impulse, lower=1)
         jump = blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1)
-        return np.asarray(self._scale * jump), self.hold.impulses(weighed)
+        return np.asarray(jump), self.hold.impulses(weighed)
 
     def admissible(self, v: ArrayLike) -> Array:
         """Return the joint velocity nearest to `v`, by kinetic energy, that supports and loops let.
@@ -220,17 +227,19 @@ class Posture:
         if self.hold is None:
             return v
         # M v = L L^T v: what L^T v loses is the constraints' share
-        weighed = blas.dtrmv(self._factor, v / self._scale, lower=1, trans=1)
-        part = blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1)
-        return np.asarray(self._scale * part)
+        weighed = blas.dtrmv(self._factor, v, lower=1, trans=1)
+        return np.asarray(blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
         """Raise `InvalidInput` if a joint velocity moves what a support or loop holds."""
         if self.hold is None:
             return
-        speeds = np.abs(self.hold.rows @ v)
-        if not (speeds <= HELD_TOLERANCE * (np.abs(self.hold.rows) @ np.abs(v))).all():
-            worst = int(np.argmax(speeds))
+        speeds = abs(self.hold.rows.dot(v)).tolist()
+        shares = abs(self.hold.rows).dot(abs(v)).tolist()
+        for k in range(0, len(speeds), 3):  # a velocity's three parts: one alone may be rounding
+            if max(speeds[k : k + 3]) <= HELD_TOLERANCE * max(shares[k : k + 3]):
+                continue
+            worst = speeds.index(max(speeds))
             raise InvalidInput(
                 f"v moves {self.hold.name_of(worst)}, which is held, at {speeds[worst]:.3g} "
                 f"{self.hold.unit_of(worst)} in {self!r}: Posture.admissible(v) gives the nearest "
@@ -249,20 +258,36 @@ def configuration(model: Any, q: ArrayLike) -> Array:
     return checked
 
 
-def _factored(inertia: Array) -> tuple[Array, Array, float]:
-    """Return the Cholesky factor of M scaled to unit diagonal, the scale, and the condition.
+def _factored(inertia: Array) -> tuple[Array, float]:
+    """Return the Cholesky factor of M, its upper triangle unused, and a bound on the condition.
 
-    Scaled, so that a light toe on a heavy leg, or metres beside radians, cost no digits and do not
-    count as ill-conditioned.
+    Where M is not positive definite, the factor is 0 and the bound inf. Scaled to unit diagonal, M
+    has eigenvalues that add up to n, so the smallest is above det / e (the others' product is
+    largest where they are equal), and the condition below n^1.5 e / det. Where many joints make
+    that too large: below n^2 tr M |M^-1| (van der Sluis 1969: no other scaling is n times better).
     """
-    diagonal = inertia.diagonal()
-    if not all(entry > 0.0 for entry in diagonal.tolist()):
-        return inertia, diagonal, math.inf
-    scale = 1.0 / np.sqrt(diagonal)
-    scaled = inertia * scale * scale[:, None]
-    factor, info = lapack.dpotrf(scaled, lower=1)
+    factor, info = lapack.dpotrf(inertia.T, lower=1, clean=0)
     if info:
-        return factor, scale, math.inf
-    norm = lapack.dlange("1", scaled)
-    reciprocal, _ = lapack.dpocon(factor, norm, uplo="L")
-    return factor, scale, 1.0 / float(reciprocal) if reciprocal else math.inf
+        return np.zeros_like(factor), math.inf
+    diagonal = inertia.diagonal().tolist()
+    roots = factor.diagonal().tolist()
+    determinant = math.prod([a * a / b for a, b in zip(roots, diagonal, strict=True)])
+    n = len(inertia)
+    if determinant > 1e-9:  # far below 1 it is rounding
+        return factor, n**1.5 * math.e / determinant
+    reciprocal, _ = lapack.dpocon(factor, sum(diagonal), uplo="L")
+    return factor, n * n / float(reciprocal) if reciprocal else math.inf
+
+
+def _condition(inertia: Array, factor: Array) -> float:
+    """Return the condition of M scaled to unit diagonal; inf where it is not positive definite.
+
+    Scaled, so that a light toe on a heavy leg, or metres beside radians, do not count as
+    ill-conditioned; they cost the Cholesky factor no digits.
+    """
+    if not all(root > 0.0 for root in factor.diagonal().tolist()):
+        return math.inf
+    scale = 1.0 / np.sqrt(inertia.diagonal())
+    scaled, root = inertia * scale * scale[:, None], factor * scale[:, None]
+    reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
+    return 1.0 / float(reciprocal) if reciprocal else math.inf

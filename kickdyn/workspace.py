@@ -5,7 +5,11 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
+from numpy.lib.stride_tricks import as_strided
+
+from kickdyn.checks import Array
 
 
 class Workspace(threading.local):
@@ -15,8 +19,10 @@ class Workspace(threading.local):
         model: the leg's model, without gravity; read only.
         data: `pin.Data` of that model.
         external: one zero `pin.Force` per joint.
+        pushes: view of `external`, shape `(njoints, 6)`, the universe included.
         placements: views of `data.oMi`, the universe included.
-        forces: views of linear and angular part of `data.f`, the universe left out.
+        forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
+        still: no velocity, shape `(nv,)`.
     """
 
     def __init__(self, model: Any) -> None:
@@ -24,5 +30,18 @@ class Workspace(threading.local):
         self.data = model.createData()
         self.external = pin.StdVec_Force()
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        self.pushes = _stacked(self.external)
         self.placements = list(self.data.oMi)  # taking one out of oMi costs a copy of what it is
-        self.forces = [force.vector for force in list(self.data.f)[1:]]
+        self.forces = _stacked(self.data.f)[1:]
+        self.still: Array = np.zeros(model.nv)
+
+
+def _stacked(forces: Any) -> Array:
+    """Return a view of a vector of `pin.Force`, one row each: one copy then takes all of them."""
+    rows = [force.vector for force in list(forces)]
+    first = rows[0].__array_interface__["data"][0]
+    step = 6 * rows[0].itemsize
+    for k, row in enumerate(rows):
+        if row.__array_interface__["data"][0] != first + k * step:
+            raise RuntimeError("Pinocchio no longer keeps forces side by side")
+    return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))

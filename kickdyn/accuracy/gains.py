@@ -13,7 +13,7 @@ from kickdyn.accuracy.exact_impact import Quantity, exact_impact, given
 from kickdyn.accuracy.extreme_impacts import BENT, USUAL, chain, grazes, sizes
 from kickdyn.checks import Array
 from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.impact.problem import cross
+from kickdyn.vectors import cross
 
 
 class Gain(NamedTuple):

@@ -7,6 +7,7 @@ import pinocchio as pin
 
 from kickdyn.checks import Array, length
 from kickdyn.posture import Posture
+from kickdyn.vectors import crossed
 
 
 def joint_impulses(
@@ -26,26 +27,17 @@ def joint_impulses(
         momentum left over, shape `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
-    outside = {
-        leg.contact_joint: at_joint(posture.joint_rotation.T, posture.contact_lever, impulse)
-    }
+    pushes = space.pushes
+    pushes[leg.contact_joint] = on_foot(posture, impulse)
     if posture.hold is not None and held is not None:
         for block in posture.hold.blocks:
-            for end, joint in enumerate((block.joint, block.other)):
-                if joint:
-                    given = held[block.at] if end == 0 else -held[block.at]
-                    force = at_joint(block.turns[end], block.levers[end], given)
-                    outside[joint] = outside[joint] + force if joint in outside else force
-    for joint, force in outside.items():
-        space.external[joint] = force
-    still = np.zeros(leg.nv)
-    left_over = pin.rnea(space.model, space.data, posture.q, still, jump, space.external)
-    for joint in outside:
-        space.external[joint] = NOTHING
-    return np.array(space.forces), left_over.copy()
-
-
-NOTHING = pin.Force.Zero()
+            given = held[block.at]
+            pushes[block.joint] += at_joint(block.turns[0], block.levers[0], given)
+            if block.other:
+                pushes[block.other] -= at_joint(block.turns[1], block.levers[1], given)
+    left_over = pin.rnea(space.model, space.data, posture.q, space.still, jump, space.external)
+    pushes.fill(0.0)
+    return space.forces.copy(), left_over.copy()
 
 
 def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
@@ -55,13 +47,12 @@ def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
     Cholesky factor of M loses digits with M's condition, five of them at 500 joints.
     """
     leg, space = posture.leg, posture.leg.workspace
-    model, data, joint = space.model, space.data, leg.contact_joint
-    space.external[joint] = at_joint(posture.joint_rotation.T, posture.contact_lever, impulse)
-    still = np.zeros(leg.nv)
+    model, data, still, push = space.model, space.data, space.still, space.pushes[leg.contact_joint]
+    push[:] = on_foot(posture, impulse)
     jump = pin.aba(model, data, posture.q, still, still, space.external).copy()
     left_over = pin.rnea(model, data, posture.q, still, jump, space.external)
-    space.external[joint] = NOTHING
-    return jump, np.array(space.forces), left_over.copy()
+    push.fill(0.0)
+    return jump, space.forces.copy(), left_over.copy()
 
 
 def joint_digits(transmitted: Array, impulse: Array) -> Array:
@@ -84,17 +75,25 @@ def joint_digits(transmitted: Array, impulse: Array) -> Array:
     return np.asarray(np.clip(np.log10(sizes / share), 0.0, 16.0))
 
 
-def at_joint(turn: Array, lever: Array, impulse: Array) -> pin.Force:
+def on_foot(posture: Posture, impulse: Array) -> tuple[float, ...]:
+    """Return what `at_joint` does, of an impulse at the contact point, shape `(3,)` [N s]."""
+    push = impulse.dot(posture.joint_rotation).tolist()
+    return (*push, *crossed(posture.contact_lever.tolist(), push))
+
+
+def at_joint(turn: Array, lever: Array, impulse: Array) -> Array:
     """Return an impulse at a point as Newton-Euler takes it: about the joint, in its axes.
 
     Args:
         turn: from world axes to the joint's, shape `(3, 3)`.
         lever: from the joint's origin to the point, in its axes, shape `(3,)` [m].
         impulse: shape `(3,)`, or with its moment about the point `(6,)` [world axes].
+
+    Returns:
+        Linear, then angular, shape `(6,)`.
     """
-    x, y, z = turn.dot(impulse[:3]).tolist()
-    a, b, c = lever.tolist()
-    moment = np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+    push = turn.dot(impulse[:3]).tolist()
+    there = np.array((*push, *crossed(lever.tolist(), push)))
     if len(impulse) == 6:
-        moment += turn @ impulse[3:]
-    return pin.Force(np.array([x, y, z]), moment)
+        there[3:] += turn.dot(impulse[3:])
+    return there

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from kickdyn.checks import Array
 from kickdyn.hold import INDEPENDENT
-from kickdyn.impact.joint_impulses import NOTHING, at_joint
+from kickdyn.impact.joint_impulses import at_joint
 from kickdyn.posture import Posture
 
 LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
@@ -66,23 +66,21 @@ def leg_slopes(
         held: impulses of supports and loops, as `Impact.constraint_impulses`.
     """
     leg, space = posture.leg, posture.leg.workspace
-    model, data, nv, still = space.model, space.data, leg.nv, np.zeros(leg.nv)
+    model, data, nv, still = space.model, space.data, leg.nv, space.still
     push = np.concatenate([-impulse, np.zeros(3)])
     foot = _Load(leg.contact_joint, posture.joint_rotation, posture.contact_lever, push)
     loads = [foot, *(load for _, load in _carried(posture, held))]
     jacobians = [_jacobian(posture, load) for load in loads]
     for load in loads:
-        force = at_joint(load.turn.T, load.lever, load.given)
-        space.external[load.joint] = space.external[load.joint] + force
+        space.pushes[load.joint] += at_joint(load.turn.T, load.lever, load.given)
     jump = v_after - v
     by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
     left_over = np.array(by_q).reshape(nv, nv)
-    for load in loads:
-        space.external[load.joint] = NOTHING
+    space.pushes.fill(0.0)
     for load, jacobian in zip(loads, jacobians, strict=True):
         # Pinocchio turns the impulse with the body; ours stays as it is in the world.
         for part in (LINEAR, ANGULAR):
-            left_over -= jacobian[part].T @ skew(load.given[part]) @ jacobian[ANGULAR]
+            left_over -= jacobian[part].T @ pin.skew(load.given[part]) @ jacobian[ANGULAR]
     regressor = pin.computeJointTorqueRegressor(model, data, posture.q, still, jump)
 
     answer, let, closed = response(posture), _let(posture), _closed(posture)
@@ -112,11 +110,6 @@ def per_mass(posture: Posture) -> Array:
     return matrix
 
 
-def skew(a: Array) -> Array:
-    """Return the matrix that takes b to a x b."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-
-
 def _carried(posture: Posture, held: Array) -> list[tuple[slice, _Load]]:
     """Return what supports and loops give to the bodies at their ends, with its rows of A."""
     loads = []
@@ -134,7 +127,7 @@ def _jacobian(posture: Posture, load: _Load) -> Array:
     """Return the Jacobian of a load's point, linear then angular, `(6, nv)` [world axes]."""
     model, data = posture.leg.workspace.model, posture.leg.workspace.data
     local = pin.computeJointJacobian(model, data, posture.q, load.joint).reshape(6, model.nv)
-    moving = local[LINEAR] - skew(load.lever) @ local[ANGULAR]
+    moving = local[LINEAR] - pin.skew(load.lever) @ local[ANGULAR]
     return np.vstack([load.turn @ moving, load.turn @ local[ANGULAR]])
 
 
@@ -148,7 +141,7 @@ def _moved(posture: Posture, load: _Load, jacobian: Array, velocity: Array) -> A
     by_q, speed = np.reshape(by_q, (6, model.nv)), jacobian @ velocity
     return np.vstack(
         [
-            load.turn @ by_q[part] - skew(speed[part]) @ jacobian[ANGULAR]
+            load.turn @ by_q[part] - pin.skew(speed[part]) @ jacobian[ANGULAR]
             for part in (LINEAR, ANGULAR)
         ]
     )

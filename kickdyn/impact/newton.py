@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.linalg import lapack
 
 from kickdyn.checks import Array
 from kickdyn.errors import KickdynError
@@ -34,22 +35,24 @@ def newton(problem: ContactProblem) -> Solution:
     before[2] = -approach
     free = before.copy()
     free[2] -= e * approach  # what an impulse must bring to rest
-    stick = -np.linalg.solve(g_matrix, free)
+    _, stick, singular = lapack.dposv(g_matrix, -free)
+    if singular:  # but for rounding
+        stick = -np.linalg.solve(g_matrix, free)
     p1, p2, pressing = stick.tolist()
     if math.hypot(p1, p2) <= mu * pressing:
-        return Solution(axes.dot(stick), True, _lost(stick, before, np.zeros(2), e))
+        return Solution(axes.dot(stick), True, _lost(stick, before, (0.0, 0.0), e))
 
     best: tuple[Array, float] | None = None
     for angle in slip_angles(g_matrix, free, mu):
         along = np.array([mu * math.cos(angle), mu * math.sin(angle), 1.0])
-        resistance = float(g_matrix[2] @ along)
+        resistance = float(g_matrix[2].dot(along))
         if resistance <= 0.0:
             continue
         slip = -free[2] / resistance * along
-        sliding = (g_matrix @ slip + free)[:2]
-        if float(sliding @ along[:2]) > 0.0:  # friction would push, not resist
+        x, y, _ = (g_matrix.dot(slip) + free).tolist()
+        if x * along[0] + y * along[1] > 0.0:  # friction would push, not resist
             continue
-        lost = _lost(slip, before, sliding, e)
+        lost = _lost(slip, before, (x, y), e)
         if best is None or lost > best[1]:
             best = slip, lost
     if best is None:
@@ -60,26 +63,27 @@ def newton(problem: ContactProblem) -> Solution:
     return Solution(axes @ best[0], False, best[1])
 
 
-def _lost(impulse: Array, before: Array, sliding: Array, e: float) -> float:
+def _lost(impulse: Array, before: Array, sliding: tuple[float, float], e: float) -> float:
     """Return the energy lost: minus the impulse times the mean velocity at the contact."""
-    normal = -impulse[2] * before[2] * (1.0 - e)
-    return 0.5 * float(normal - impulse[:2] @ (before[:2] + sliding))
+    p1, p2, pressing = impulse.tolist()
+    u1, u2, u3 = before.tolist()
+    across = p1 * (u1 + sliding[0]) + p2 * (u2 + sliding[1])
+    return 0.5 * float(-pressing * u3 * (1.0 - e) - across)
 
 
-def slip_angles(g: Array, free: Array, mu: float) -> list[float]:
+def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:
     """Return every direction in which friction and sliding can be opposite.
 
     With the impulse p (mu cos, mu sin, 1) and p from the normal row, "sliding is parallel to
     friction" is a trigonometric polynomial of degree 2, thus a quartic in exp(i angle).
     """
+    g, free = g_matrix.tolist(), velocity.tolist()
     x, y = (
-        np.array(
-            [
-                mu * (free[i] * g[2, 0] - free[2] * g[i, 0]),
-                mu * (free[i] * g[2, 1] - free[2] * g[i, 1]),
-                free[i] * g[2, 2] - free[2] * g[i, 2],
-            ]
-        )
+        [
+            mu * (free[i] * g[2][0] - free[2] * g[i][0]),
+            mu * (free[i] * g[2][1] - free[2] * g[i][1]),
+            free[i] * g[2][2] - free[2] * g[i][2],
+        ]
         for i in (0, 1)
     )  # sliding times a positive number: x and y, as coefficients of cos, sin and 1
     mean, cos1, sin1 = (x[1] - y[0]) / 2, -y[2], x[2]
@@ -88,16 +92,18 @@ def slip_angles(g: Array, free: Array, mu: float) -> list[float]:
         return [math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)]  # mu too small to turn sliding
     roots = np.roots(
         [
-            (cos2 - 1j * sin2) / 2,
-            (cos1 - 1j * sin1) / 2,
+            complex(cos2, -sin2) / 2,
+            complex(cos1, -sin1) / 2,
             mean,
-            (cos1 + 1j * sin1) / 2,
-            (cos2 + 1j * sin2) / 2,
+            complex(cos1, sin1) / 2,
+            complex(cos2, sin2) / 2,
         ]
-    )
+    ).tolist()
     angles = []
-    for root in roots[np.abs(np.abs(roots) - 1.0) < 1e-4]:
-        angle = float(np.angle(root))
+    for root in roots:
+        if not abs(abs(root) - 1.0) < 1e-4:
+            continue
+        angle = math.atan2(root.imag, root.real)
         for _ in range(3):  # Newton's method takes the root to the last digit
             c, s = math.cos(angle), math.sin(angle)
             c2, s2 = c * c - s * s, 2 * c * s

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
+from kickdyn.vectors import crossed
 
 
-@dataclass(frozen=True, eq=False)
-class ContactProblem:
+class ContactProblem(NamedTuple):
     """One contact point, just before the impact; world frame.
 
     Attributes:
@@ -38,20 +37,39 @@ class ContactProblem:
     @property
     def velocity(self) -> Array:
         """Velocity of the ball's contact point relative to the foot's, shape `(3,)` [m/s]."""
-        return self.centre_velocity - self.ball.radius * cross(self.spin, self.normal)
+        x, y, z = crossed(self.spin.tolist(), self.normal.tolist())
+        u, v, w = self.centre_velocity.tolist()
+        r = self.ball.radius
+        return np.array((u - r * x, v - r * y, w - r * z))
 
     def delassus(self) -> Array:
         """Return leg and ball together, shape `(3, 3)` [1/kg]; the shell may turn."""
-        turn = self.ball.radius**2 / self.ball.inertia
-        ball = -turn * self.normal[:, None] * self.normal
-        ball.flat[::4] += 1.0 / self.ball.mass + turn
-        return self.leg_delassus + ball
+        return self.leg_delassus + ball_delassus(self.ball, self.normal)
 
     def along_normal(self) -> tuple[float, float]:
         """Return speed of approach [m/s] and inverse mass [1/kg]; turning has no part in them."""
-        n = self.normal
-        give = float(n.dot(self.leg_delassus).dot(n)) + 1.0 / self.ball.mass
-        return -float(n.dot(self.centre_velocity)), give
+        x, y, z = self.normal.tolist()
+        u, v, w = self.centre_velocity.tolist()
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.leg_delassus.tolist()
+        give = x * (xx * x + xy * y + xz * z) + y * (yx * x + yy * y + yz * z)
+        give += z * (zx * x + zy * y + zz * z)
+        return -(x * u + y * v + z * w), give + 1.0 / self.ball.mass
+
+
+def ball_delassus(ball: Ball, normal: Array) -> Array:
+    """Return the ball's share of the Delassus matrix, shape `(3, 3)` [1/kg].
+
+    Along the normal 1 / m; across it 1 / m + r^2 / I, for a push there turns the ball too.
+    """
+    turn, (x, y, z) = ball.radius**2 / ball.inertia, normal.tolist()
+    xx, xy, xz, yy, yz, zz = x * x, x * y, x * z, y * y, y * z, z * z
+    along = 1.0 / ball.mass + turn
+    share = (
+        *(along - turn * xx, -turn * xy, -turn * xz),
+        *(-turn * xy, along - turn * yy, -turn * yz),
+        *(-turn * xz, -turn * yz, along - turn * zz),
+    )
+    return np.array(share).reshape(3, 3)
 
 
 class Solution(NamedTuple):
@@ -81,17 +99,16 @@ def frictionless(problem: ContactProblem) -> Solution:
 
 def contact_axes(n: Array, u: Array) -> Array:
     """Return a rotation whose third column is n and whose first is along the sliding, if any."""
-    across = u - n.dot(u) * n
-    if max(map(abs, across.tolist())) <= 1e-12 * max(map(abs, u.tolist())):
-        across = np.zeros(3)
-        across[int(np.argmin(np.abs(n)))] = 1.0
-        across -= n.dot(across) * n
-    first = across / math.hypot(*across.tolist())
-    return np.array([first, cross(n, first), n]).T
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return the cross product; numpy's takes ten times as long on two vectors."""
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+    nx, ny, nz = normal = n.tolist()
+    ux, uy, uz = u.tolist()
+    along = ux * nx + uy * ny + uz * nz
+    x, y, z = ux - along * nx, uy - along * ny, uz - along * nz
+    if max(abs(x), abs(y), abs(z)) <= 1e-12 * max(abs(ux), abs(uy), abs(uz)):
+        least = min(range(3), key=lambda axis: abs(normal[axis]))
+        aside = [-normal[least] * part for part in normal]
+        aside[least] += 1.0
+        x, y, z = aside
+    length = math.hypot(x, y, z)
+    x, y, z = first = x / length, y / length, z / length
+    a, b, c = crossed(normal, first)
+    return np.array((x, a, nx, y, b, ny, z, c, nz)).reshape(3, 3)

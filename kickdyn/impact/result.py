@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,10 +16,11 @@ from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
-from kickdyn.impact.joint_impulses import joint_digits
+from kickdyn.impact.joint_impulses import joint_digits, joint_impulses, struck
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.posture import Posture
+from kickdyn.vectors import largest
 
 ENERGY_ROUNDING = 1e-12
 """Share of impulse times contact speed below which energy gained is rounding."""
@@ -27,6 +29,8 @@ ENERGY_ROUNDING = 1e-12
 @dataclass(frozen=True, eq=False, repr=False)
 class Impact(Card):
     """What a strike does, with the residuals that prove it.
+
+    What the leg does after the impulse is computed when it is first read, and kept.
 
     Attributes:
         posture: the leg, as it struck; its contact point is that of the contact.
@@ -74,6 +78,31 @@ class Impact(Card):
     restitution_residual: float
     momentum_residual: float
     condition: float
+
+    @classmethod
+    def known(cls, **fields: Any) -> Impact:
+        """Return an impact from what is known at once; the rest follows from it when read."""
+        hit = cls.__new__(cls)  # past the constructor, which takes as long as a law
+        hit.__dict__.update(fields)
+        return hit
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Compute what is read for the first time."""
+            if name in LEG_AFTER:
+                self.__dict__.update(_leg_after(self))
+            elif name == "effective_mass":
+                self.__dict__[name] = self.posture.mass_along(self.touch.normal)
+            elif name == "condition":
+                self.__dict__[name] = self.posture.condition
+            else:
+                raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+            return self.__dict__[name]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle all of it, read or not, so that a copy has the same digits."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def _rows(self) -> Iterable[Row]:
         joint, most = self.worst_joint
@@ -163,3 +192,37 @@ class Impact(Card):
         `hit.uncertainty(q=0.02, v=0.1, restitution=0.03)` takes standard deviations by source.
         """
         return uncertainty(self, **spread)
+
+
+LEG_AFTER = (
+    *("v_after", "joint_impulses", "constraint_impulses"),
+    *("restitution_residual", "momentum_residual"),
+)
+
+
+def _leg_after(hit: Impact) -> dict[str, Any]:
+    """Return the fields named above, from the posture and the impulse alone."""
+    posture, touch, push = hit.posture, hit.touch, -hit.impulse
+    jacobian = posture.jacobian
+    if posture.hold is None:
+        held = NOTHING_HELD
+        jump, transmitted, left_over = struck(posture, push)
+    else:
+        jump, held = posture.respond(push.dot(jacobian))
+        transmitted, left_over = joint_impulses(posture, jump, push, held)
+    v_after = hit.v_before + jump
+    for array in (v_after, transmitted, held):
+        array.setflags(write=False)
+    parting = float(touch.normal.dot(hit.ball.velocity - jacobian.dot(v_after)))
+    lever = math.sqrt(np.vdot(jacobian, jacobian)) * math.hypot(*push.tolist())
+    approach = hit.approach_speed
+    return {
+        "v_after": v_after,
+        "joint_impulses": transmitted,
+        "constraint_impulses": held,
+        "restitution_residual": abs(parting - touch.restitution * approach) / approach,
+        "momentum_residual": largest(left_over) / lever if lever else 0.0,
+    }
+
+
+NOTHING_HELD = np.zeros(0)

@@ -9,11 +9,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_slopes import leg_slopes, per_mass, response, skew
+from kickdyn.impact.leg_slopes import leg_slopes, per_mass, response
+from kickdyn.impact.problem import ball_delassus
 from kickdyn.impact.sources import UNITS, columns
 from kickdyn.posture import HELD_TOLERANCE
 
@@ -88,7 +90,7 @@ def sensitivity(hit: Impact) -> Sensitivity:
 
     ball, posture = hit.struck, hit.posture
     velocity = answer.velocity + impulse / ball.mass
-    spin = answer.spin - ball.radius / ball.inertia * skew(hit.touch.normal) @ impulse
+    spin = answer.spin - ball.radius / ball.inertia * pin.skew(hit.touch.normal) @ impulse
     v_after = answer.v_after - response(posture) @ posture.jacobian.T @ impulse
     sliding = answer.after + _give(hit) @ impulse
     branch, margin, slope, scale = _margin(hit, answer, impulse, sliding, tangent, at)
@@ -145,7 +147,7 @@ class _Answer:
 
 def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     posture, ball, n, p = hit.posture, hit.struck, hit.touch.normal, hit.impulse
-    kic, turned = posture.jacobian, skew(n)
+    kic, turned = posture.jacobian, pin.skew(n)
     r, gain = ball.radius, ball.radius / ball.inertia  # gain is 3 / (2 m r)
     width = max(place.stop for place in at.values())
     across = np.eye(3) - np.outer(n, n)
@@ -160,7 +162,7 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     spin[:, at["ball_spin"]] = np.eye(3)
     spin[:, at["ball_mass"]] = moment / ball.mass
     spin[:, at["ball_radius"]] = moment / r
-    spin[:, at["normal"]] = gain * skew(p) @ across
+    spin[:, at["normal"]] = gain * pin.skew(p) @ across
 
     leg = leg_slopes(posture, hit.v_before, hit.v_after, p, hit.constraint_impulses)
     v_after[:, at["v"]] = leg.let
@@ -174,12 +176,12 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     before[:, at["q"]] = -leg.foot_q
     before[:, at["ball_spin"]] = r * turned
     before[:, at["ball_radius"]] = (turned @ omega)[:, None]
-    before[:, at["normal"]] = -r * skew(omega) @ across
+    before[:, at["normal"]] = -r * pin.skew(omega) @ across
 
     after = velocity - kic @ v_after + r * turned @ spin
     after[:, at["q"]] -= leg.foot_q_after
     after[:, at["ball_radius"]] += (turned @ omega_after)[:, None]
-    after[:, at["normal"]] -= r * skew(omega_after) @ across
+    after[:, at["normal"]] -= r * pin.skew(omega_after) @ across
 
     u_before = hit.ball_before.velocity - kic @ hit.v_before + r * turned @ omega
     u_after = hit.ball.velocity - kic @ hit.v_after + r * turned @ omega_after
@@ -200,7 +202,7 @@ def _residual(hit: Impact, answer: _Answer, at: Mapping[str, slice]) -> tuple[Ar
     across = np.eye(3) - np.outer(n, n)
     pressing, mass = float(n @ p), 1.0 / float(n @ give @ n)
     tangent, speed = _slide(n, p, across @ u_after, mu, math.hypot(*u_before))
-    aside = skew(n) @ tangent
+    aside = pin.skew(n) @ tangent
     # The row along `aside`, times speed / (speed + mu p / mass): finite where the sliding dies out.
     firm = speed + mu * pressing / mass
     bend = mu * pressing / firm * np.outer(aside, aside) if mu else np.zeros((3, 3))
@@ -256,7 +258,4 @@ def _margin(
 
 def _give(hit: Impact) -> Array:
     """Return the Delassus matrix of leg and ball, shape `(3, 3)` [1/kg]."""
-    ball, n = hit.struck, hit.touch.normal
-    turn = ball.radius**2 / ball.inertia
-    shell = (1.0 / ball.mass + turn) * np.eye(3) - turn * np.outer(n, n)
-    return np.asarray(hit.posture.delassus() + shell)
+    return hit.posture.delassus() + ball_delassus(hit.struck, hit.touch.normal)

@@ -14,8 +14,8 @@ from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import KickdynError
 from kickdyn.impact.hertz import HertzContact
-from kickdyn.impact.problem import cross
 from kickdyn.posture import Posture
+from kickdyn.vectors import cross
 
 CREEP = 1e-3
 """Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,

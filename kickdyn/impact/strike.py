@@ -12,14 +12,17 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError, NoImpact
-from kickdyn.impact.joint_impulses import joint_impulses, struck
-from kickdyn.impact.laws import LAWS, ContactProblem, Solution
-from kickdyn.impact.problem import cross
+from kickdyn.impact.laws import LAWS, ContactProblem
 from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
+from kickdyn.vectors import crossed, largest
 
 MAX_SPEED = 1e140
+
+AT_REST = (0.0, 0.0, 0.0)
+_AT_REST: Array = np.frombuffer(bytes(24))
+"""The same as an array that nobody can write to, so that it need not be checked anew."""
 
 
 def strike(
@@ -30,8 +33,8 @@ def strike(
     touch: Contact,
     law: str = "newton",
     *,
-    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
-    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> Impact:
     """Strike a ball, in closed form (Eqs. 1-11 and 15-21).
@@ -65,8 +68,8 @@ def strike_at(
     touch: Contact,
     law: str = "newton",
     *,
-    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
-    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
@@ -76,38 +79,59 @@ def strike_at(
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     v = checks.vector("v", v, posture.leg.nv)
-    posture.check_velocity(v)
+    if posture.hold is not None:
+        posture.check_velocity(v)
     if touch.offset is not None:
         posture = posture.touched_at(touch.offset)
-    n = touch.normal
-    before = BallState.computed(
-        posture.contact_point + ball.radius * n,
-        checks.vector("ball velocity", ball_velocity, 3, unit="m/s"),
-        checks.vector("ball spin", ball_spin, 3, unit="rad/s"),
-    )
+    n, velocity, spin, sliding = touch.normal, _AT_REST, _AT_REST, 0.0
+    if ball_velocity is not AT_REST:
+        velocity = checks.vector("ball velocity", ball_velocity, 3, unit="m/s")
+        sliding = largest(velocity)
+    if ball_spin is not AT_REST:
+        spin = checks.vector("ball spin", ball_spin, 3, unit="rad/s")
+        sliding = max(sliding, largest(spin) * ball.radius)
+    before = BallState.computed(posture.contact_point + ball.radius * n, velocity, spin)
     # Here and below `dot`, for `@` takes twice as long on three numbers.
-    with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
+    if math.hypot(*v.tolist()) < MAX_SPEED:
         foot_velocity = posture.jacobian.dot(v)
-        approach_speed = approach(posture, foot_velocity, before, touch)
-    sliding = max(largest(before.spin) * ball.radius, largest(before.velocity))
+    else:
+        with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
+            foot_velocity = posture.jacobian.dot(v)
+    approach_speed = approach(posture, foot_velocity, before, touch)
     if not sliding < MAX_SPEED:
         raise InvalidInput(f"the ball moves at {sliding:g} m/s: it must be below {MAX_SPEED:g} m/s")
-    problem = ContactProblem(
-        normal=n,
-        leg_delassus=posture.delassus(),
-        ball=ball,
-        centre_velocity=before.velocity - foot_velocity,
-        spin=before.spin,
-        restitution=touch.restitution,
-        friction=touch.friction,
+    impulse, sticking, energy_lost = LAWS[law](
+        ContactProblem(
+            normal=n,
+            leg_delassus=posture.delassus(),
+            ball=ball,
+            centre_velocity=velocity - foot_velocity,
+            spin=spin,
+            restitution=touch.restitution,
+            friction=touch.friction,
+        )
     )
-    solution = LAWS[law](problem)
-    if not math.isfinite(solution.energy_lost):
+    if not math.isfinite(energy_lost):
         raise KickdynError(
             f"law {law!r} finds no impulse in {posture!r} (restitution {touch.restitution:g}, "
             f"friction {touch.friction:g})"
         )
-    hit = _outcome(posture, v, foot_velocity, approach_speed, ball, before, touch, law, solution)
+    for array in (impulse, v, foot_velocity):
+        array.setflags(write=False)
+    hit = Impact.known(
+        posture=posture,
+        struck=ball,
+        touch=touch,
+        law=law,
+        impulse=impulse,
+        foot_velocity=foot_velocity,
+        approach_speed=approach_speed,
+        ball_before=before,
+        ball=_kicked(ball, before, n, impulse),
+        v_before=v,
+        energy_lost=energy_lost,
+        sticking=sticking,
+    )
     if strict and hit.creates_energy:
         raise EnergyCreated(
             f"law {law!r} creates {-hit.energy_lost:.3g} J in {posture!r} (restitution "
@@ -118,14 +142,17 @@ def strike_at(
 
 def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:
     """Return the speed of foot towards ball along the normal [m/s]; raise `NoImpact` if none."""
-    relative = foot_velocity - before.velocity
-    speed = float(touch.normal.dot(relative))
-    if not all(abs(part) < MAX_SPEED for part in relative.tolist()):  # or NaN
-        fastest = float(np.abs(relative).max())
+    fx, fy, fz = foot_velocity.tolist()
+    bx, by, bz = before.velocity.tolist()
+    nx, ny, nz = touch.normal.tolist()
+    ux, uy, uz = fx - bx, fy - by, fz - bz
+    if not (abs(ux) < MAX_SPEED and abs(uy) < MAX_SPEED and abs(uz) < MAX_SPEED):  # or NaN
+        fastest = float(np.abs([ux, uy, uz]).max())
         raise InvalidInput(
             f"foot and ball meet at {fastest:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
             "m/s, else energies leave double precision"
         )
+    speed = nx * ux + ny * uy + nz * uz
     if speed <= 0.0:
         raise NoImpact(
             f"the foot moves along the normal at {-speed:.6g} m/s away from the ball in "
@@ -133,60 +160,18 @@ def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: C
             if speed < 0
             else f"foot and ball do not approach along the normal in {posture!r}"
         )
-    return speed
+    return float(speed)
 
 
-def largest(array: Array) -> float:
-    """Return the largest absolute entry of a short, finite array."""
-    return float(max(map(abs, array.tolist())))
-
-
-def _outcome(
-    posture: Posture,
-    v: Array,
-    foot_velocity: Array,
-    approach_speed: float,
-    ball: Ball,
-    before: BallState,
-    touch: Contact,
-    law: str,
-    solution: Solution,
-) -> Impact:
-    n, impulse = touch.normal, solution.impulse
-    if posture.hold is None:
-        held = np.zeros(0)
-        jump, transmitted, left_over = struck(posture, -impulse)
-    else:
-        jump, held = posture.respond(-impulse.dot(posture.jacobian))
-        transmitted, left_over = joint_impulses(posture, jump, -impulse, held)
-    after = BallState.computed(
+def _kicked(ball: Ball, before: BallState, normal: Array, impulse: Array) -> BallState:
+    """Return the ball just after an impulse at the foot's end of the normal."""
+    push = px, py, pz = impulse.tolist()
+    vx, vy, vz = before.velocity.tolist()
+    wx, wy, wz = before.spin.tolist()
+    tx, ty, tz = crossed(normal.tolist(), push)
+    mass, gain = ball.mass, ball.radius / ball.inertia
+    return BallState.computed(
         before.position,
-        before.velocity + impulse / ball.mass,
-        before.spin - cross(n, impulse) * (ball.radius / ball.inertia),
-    )
-    v_after = v + jump
-    for array in (impulse, v, v_after, foot_velocity, transmitted, held):
-        array.setflags(write=False)
-    parting = float(n.dot(after.velocity - posture.jacobian.dot(v_after)))
-    lever = math.sqrt(np.vdot(posture.jacobian, posture.jacobian)) * math.hypot(*impulse.tolist())
-    return Impact(
-        posture=posture,
-        struck=ball,
-        touch=touch,
-        law=law,
-        impulse=impulse,
-        effective_mass=posture.mass_along(n),
-        foot_velocity=foot_velocity,
-        approach_speed=approach_speed,
-        ball_before=before,
-        ball=after,
-        v_before=v,
-        v_after=v_after,
-        joint_impulses=transmitted,
-        constraint_impulses=held,
-        energy_lost=solution.energy_lost,
-        sticking=solution.sticking,
-        restitution_residual=abs(parting - touch.restitution * approach_speed) / approach_speed,
-        momentum_residual=largest(left_over) / lever if lever else 0.0,
-        condition=posture.condition,
+        np.array((vx + px / mass, vy + py / mass, vz + pz / mass)),
+        np.array((wx - gain * tx, wy - gain * ty, wz - gain * tz)),
     )

@@ -23,6 +23,7 @@ from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
+from kickdyn.vectors import cross
 
 MAX_RESIDUAL = 1e-9
 WHY_NOT = {
@@ -186,7 +187,7 @@ def _outcome(
         array.setflags(write=False)
     names = [support.frame for support in supports]
     lever = float(np.linalg.norm(free.jacobian) * np.linalg.norm(impulse))
-    spin = before.spin - np.cross(normal, impulse) * (ball.radius / ball.inertia)
+    spin = before.spin - cross(normal, impulse) * (ball.radius / ball.inertia)
     same = {field.name: getattr(held, field.name) for field in dataclasses.fields(Impact)}
     changed = {
         "impulse": impulse,

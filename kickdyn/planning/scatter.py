@@ -21,9 +21,10 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS
-from kickdyn.impact.problem import ContactProblem, cross
+from kickdyn.impact.problem import ContactProblem
 from kickdyn.impact.result import Impact
 from kickdyn.planning.shooting import Range
+from kickdyn.vectors import cross
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
 """Sources of error: foot speed, relative; direction of the foot's velocity, upwards and sideways;

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import any_kick
+from stacked import held_rows, inertia_of, rows_of, solved, struck
 
 import kickdyn as kd
 from kickdyn.impact.joint_impulses import joint_impulses
@@ -53,6 +54,30 @@ def test_with_friction_too(name):
     assert hit.restitution_residual <= 1e-12
     assert hit.momentum_residual <= 1e-12
     assert hit.support_residual <= 1e-10
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_the_strike_solves_one_dense_system(name):
+    """Rows by differences, inertia by momenta, everything unknown solved for at once."""
+    leg = STANDING[name]
+    (_, q, v, ball, touch), options = any_kick(np.random.default_rng(5), leg)
+    hit = kd.strike(leg, q, v, ball, touch, **options)
+    after, reaction, pressing = struck(leg, q, v, ball, touch, options["ball_velocity"])
+    assert hit.impulse == pytest.approx(pressing * touch.normal, abs=1e-7 * pressing)
+    assert np.abs(hit.v_after - after).max() <= 1e-7 * np.abs(after).max()
+    ((_, ours),) = hit.support_impulses.items()
+    assert np.abs(ours - reaction).max() <= 1e-7 * np.abs(reaction).max()
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_with_friction_the_leg_answers_as_the_dense_system(name):
+    leg = STANDING[name]
+    kick, options = any_kick(np.random.default_rng(6), leg, friction=0.4)
+    hit = kd.strike(*kick, **options)
+    q, foot = hit.posture.q, rows_of(leg, hit.posture.q, leg.frame)[:3]
+    jump, reaction = solved(inertia_of(leg, q), held_rows(leg, q), -foot.T @ hit.impulse)
+    assert np.abs(hit.v_after - hit.v_before - jump).max() <= 1e-7 * np.abs(jump).max()
+    assert np.abs(hit.constraint_impulses - reaction).max() <= 1e-7 * np.abs(reaction).max()
 
 
 def momentum(leg, q, v):

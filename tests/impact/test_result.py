@@ -1,0 +1,83 @@
+"""What an impact computes when it is read: the same, whenever and wherever that is."""
+
+import copy
+import dataclasses
+import pickle
+import threading
+
+import numpy as np
+import pytest
+from chains import any_kick
+
+import kickdyn as kd
+
+ARM = kd.Leg.from_robot("g1", base="floating")
+LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.standing_on("left_ankle_roll_link")}
+NAMES = [field.name for field in dataclasses.fields(kd.Impact)]
+NUMBERS = [name for name in NAMES if name not in ("posture", "struck", "touch", "law")]
+
+
+def parts(hit):
+    """All numbers, of balls too."""
+    found = {}
+    for name in NUMBERS:
+        value = getattr(hit, name)
+        states = isinstance(value, kd.BallState)
+        for part in ("position", "velocity", "spin") if states else ("",):
+            found[name + part] = getattr(value, part) if part else value
+    return found
+
+
+def same(one, two):
+    assert one.keys() == two.keys()
+    assert all(np.array_equal(one[name], two[name]) for name in one)
+
+
+def strike(name, seed=3):
+    kick, options = any_kick(np.random.default_rng(seed), LEGS[name], friction=0.4)
+    return kd.strike(*kick, **options)
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_read_after_another_strike(name):
+    at_once, later = parts(strike(name)), strike(name)
+    parts(strike(name, seed=4))  # in the same workspace
+    same(parts(later), at_once)
+
+
+@pytest.mark.parametrize("name", LEGS)
+@pytest.mark.parametrize("first", NUMBERS)
+def test_in_any_order(name, first):
+    hit = strike(name)
+    value = getattr(hit, first)
+    assert getattr(hit, first) is value
+    same(parts(hit), parts(strike(name)))
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_in_another_thread(name):
+    hit, found = strike(name), []
+    thread = threading.Thread(target=lambda: found.append(parts(hit)))
+    thread.start()
+    thread.join()
+    same(found[0], parts(strike(name)))
+
+
+@pytest.mark.parametrize("name", LEGS)
+@pytest.mark.parametrize("again", [copy.copy, lambda hit: pickle.loads(pickle.dumps(hit))])
+def test_copies_have_the_same_digits(name, again):
+    other = again(strike(name))
+    assert set(vars(other)) == set(NAMES)  # nothing is left to compute
+    same(parts(other), parts(strike(name)))
+    assert repr(other) == repr(strike(name))
+
+
+def test_what_is_read_cannot_be_written():
+    hit = strike("human")
+    for name, value in parts(hit).items():
+        if isinstance(value, np.ndarray):
+            assert not value.flags.writeable, name
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        hit.v_after = 0
+    with pytest.raises(AttributeError, match="'Impact' has no attribute 'v_afer'"):
+        _ = hit.v_afer

@@ -1,10 +1,11 @@
-"""Random goals for `plan_launches`: 1,000 that can be met, 200 that cannot.
+"""Random goals for `plan_launches`: 1,000 that can be met, 200 that cannot; and for `plan_kick`.
 
-    python benchmarks/launches.py [REACHABLE UNREACHABLE]
+    python benchmarks/launches.py [REACHABLE UNREACHABLE [KICKS]]
 
 Goals that can be met are drawn as flights: any direction, spin and wind. Those that cannot ask for
 less than the least speed, a lower apex than the target, a longer or shorter flight than the speed
-limit allows, or a target beyond it.
+limit allows, or a target beyond it. Kicks of the human leg and of G1's go to 30 random goals each,
+and are struck and flown to see where they end.
 """
 
 from __future__ import annotations
@@ -66,6 +67,34 @@ def unreachable(n: int, seed: int = 2) -> list[tuple[kd.Goal, kd.Air]]:
     return goals
 
 
+def kicks(n: int, seed: int = 3) -> None:
+    """Plan kicks to random goals within the legs' limits, and print how far they miss."""
+    draw = np.random.default_rng(seed)
+    legs = {
+        "human leg": (kd.Leg.human(), (8.0, 30.0), 0.0),
+        "G1's leg": (kd.Leg.from_robot("g1", legs_only=True), (2.0, 6.0), 0.3),
+    }
+    for name, (leg, (near, far), turn) in legs.items():
+        spent, missed, met, kept = [], [], 0, 0
+        for _ in range(n):
+            size, aside = draw.uniform(near, far), draw.uniform(-turn, turn)
+            target = (size * math.cos(aside), size * math.sin(aside), 0.0)
+            goal = kd.Goal(target, time=draw.uniform(0.9, 1.3) * 0.38 * math.sqrt(size))
+            began = time.perf_counter()
+            plan = kd.plan_kick(leg, goal, BALL, kd.Air())
+            spent.append(time.perf_counter() - began)
+            inside = (plan.q >= leg.lower).all() and (plan.q <= leg.upper).all()
+            kept += bool(inside and max(plan.speed_use, plan.effort_use) <= 1.0)
+            if plan.status == "met":
+                met += 1
+                missed.append(plan.landing_error)
+        print(
+            f"{name}: {met} of {n} kicks met, the others beyond its limits; limits kept by {kept}; "
+            f"a met goal is missed by {max(missed):.1e} m at most; {np.median(spent):.2f} s in "
+            f"median, {max(spent):.2f} s at most"
+        )
+
+
 def main() -> None:
     """Print what was solved, in how many steps, and how long it took."""
     many, few = (int(text) for text in sys.argv[1:3]) if len(sys.argv) > 2 else (1000, 200)
@@ -86,6 +115,11 @@ def main() -> None:
         limits["without a nearest"] += found.nearest is None
     spent = time.perf_counter() - began
     print(f"{few} out of reach: {dict(limits)}; {spent / few:.2f} s each")
+    for distance, flown in ((30, 1.5), (50, 2.0), (100, 3.0)):
+        launch = kd.plan_launches(kd.Goal(distance, time=flown), BALL, kd.Air()).solutions[0]
+        missed = np.abs(launch.errors).max()
+        print(f"({distance} m, {flown:g} s): {launch.steps} steps, missed by {missed:.1e}")
+    kicks(int(sys.argv[3]) if len(sys.argv) > 3 else 30)
 
 
 if __name__ == "__main__":

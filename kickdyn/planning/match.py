@@ -46,7 +46,7 @@ class Wall(NamedTuple):
         """Return by how much the ball clears the wall, as a sentence.
 
         Raises:
-            InvalidInput: it does not.
+            InvalidInput: it does not, though it meets its goal.
         """
         goal, path, radius = planned.goal, planned.path, planned.hit.struck.radius
         if not 0.0 < self.distance < goal.distance:
@@ -69,6 +69,8 @@ class Wall(NamedTuple):
         if room > 0.0:
             side = "left" if aside > 0.0 else "right"
             return f"It passes {room:.3g} m {side} of the wall."
+        if planned.status != "met":
+            return "It hits the wall."
         raise InvalidInput(
             f"the ball hits the wall, {-above:.3g} m under its top and {-room:.3g} m inside its "
             f"edge: go over it (--over {self.distance:g}:{self.height + OVER:g}) or beside it "

@@ -18,6 +18,13 @@ def test_a_wall_that_is_hit_says_how_to_go_round():
         wall.passed(FLAT)
 
 
+def test_a_kick_too_weak_says_where_it_ends():
+    weak = kd.plan_kick(LEG, kd.Goal((40, 0, 2.1), time=1.2), BALL, AIR)
+    assert weak.status == "beyond limits"
+    assert Wall(9.15, 2.5).passed(weak) == "It hits the wall."
+    assert Wall(39.0, 1.9).passed(weak) == "The ball comes down before the wall."
+
+
 def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
     leg = kd.Leg.from_robot("g1", legs_only=True)
     goal = kd.Goal((20, 0, 1), time=1.0, beside=(9.15, 0.6))

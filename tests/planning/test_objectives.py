@@ -1,0 +1,30 @@
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.planning.objectives import OBJECTIVES, least_scatter
+from kickdyn.planning.scatter import scatter
+from kickdyn.planning.search import Search
+
+LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
+PLAN = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR)
+
+
+def value(name):
+    search = Search(LEG, PLAN.touch, None, True)
+    return OBJECTIVES[name](search, PLAN.touch)(PLAN.hit.posture, PLAN.v)
+
+
+def test_each_is_what_its_name_says():
+    assert value("joint speed") == pytest.approx(np.mean((PLAN.v / LEG.velocity_limit) ** 2))
+    assert value("effort") == pytest.approx(0.5 * PLAN.v @ PLAN.hit.posture.inertia @ PLAN.v)
+    worst = PLAN.hit.worst_joint[1]
+    assert worst <= value("joint impulse") <= 3 ** (1 / 12) * worst
+
+
+def test_scatter_is_that_of_the_strike():
+    spread = {"speed": 0.02, "angle": 0.01}
+    radius = least_scatter(PLAN.touch, PLAN.launch, AIR, spread)
+    expected = scatter(PLAN.hit, AIR, **spread).radius
+    assert radius(PLAN.hit.posture, PLAN.v) == pytest.approx(expected, rel=1e-6)
+    assert radius(PLAN.hit.posture, -PLAN.v) > 1e3  # the foot moves away

@@ -78,7 +78,7 @@ class Collision(Card):
         q_before, q_after: shape `(nq,)` [rad].
         v_before, v_after: shape `(nv,)` [rad/s].
         energy_residual: energy that is unaccounted for, relative to what the two bring into the
-            contact along the normal; of a particle, which nothing turns, its spin's share as well.
+            contact along the normal.
         evaluations: of the equations of motion.
         tol: relative tolerance of the integrator.
     """

@@ -33,7 +33,7 @@ class State(NamedTuple):
         moved: of the ball's centre since the touch [m].
         velocity, spin: of the ball.
         lost: energy, to damping and friction [J].
-        work: of the joint torques [J].
+        work: of the joint torques, and of what keeps a particle's spin against friction [J].
     """
 
     q: Array
@@ -67,7 +67,7 @@ class Squeeze:
     """Leg and ball from touch to separation, as a system of first order.
 
     The columns are the leg's displacement since the touch in the tangent space, its velocity, the
-    ball's displacement, velocity and spin, the energy lost, and the work of the torques.
+    ball's displacement, velocity and spin, the energy lost, and the work done.
     """
 
     def __init__(
@@ -164,13 +164,16 @@ class Squeeze:
         size = self.contact.force(touch.deflection, touch.rate)
         rubbing = self.rubbing(touch, size)
         push = size * touch.normal + rubbing
-        arm_of_ball = (touch.deflection - ball.radius) * touch.normal
+        moment_on_ball = cross((touch.deflection - ball.radius) * touch.normal, rubbing)
 
         turn = self.data.oMi[self.leg.contact_joint].rotation.T
         moment = turn @ cross(touch.point, -push)
         self.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
         lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
         torque = self.torque(t, state.q, state.v)
+        power = float(torque @ state.v)
+        if ball.inertia == math.inf:  # an endless store of energy, whose spin it does not change
+            power -= float(moment_on_ball @ state.spin)
         acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, self.external)
         return np.concatenate(
             [
@@ -178,8 +181,8 @@ class Squeeze:
                 acceleration,
                 state.velocity,
                 push / ball.mass + self.gravity,
-                cross(arm_of_ball, rubbing) / ball.inertia,
-                [lost, float(torque @ state.v)],
+                moment_on_ball / ball.inertia,
+                [lost, power],
             ]
         )
 

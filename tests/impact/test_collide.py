@@ -311,8 +311,12 @@ def test_strong_friction_is_as_quick():
 
 def test_a_particle_has_an_energy_too():
     v = LEG.posture(Q).joint_velocity((14.0, 0.0, 4.0))
-    hit = kd.collide(LEG, Q, v, kd.Ball(inertia_factor=math.inf), TOUCH)
-    assert hit.energy_residual < 1e-6
+    particle = kd.Ball(inertia_factor=math.inf)
+    for friction, spin in ((0.0, (0, 0, 0)), (0.3, (0, 0, 0)), (0.3, (5, -80, 3))):
+        touch = kd.Contact((1, 0, 0.3), 0.7, friction)
+        hit = kd.collide(LEG, Q, v, particle, touch, ball_spin=spin)
+        assert hit.energy_residual < 1e-7
+        assert hit.ball.spin.tolist() == list(spin)  # nothing turns it
 
 
 def test_pickled_it_runs_again():

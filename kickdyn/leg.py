@@ -18,7 +18,7 @@ from kickdyn.closing import close_loops
 from kickdyn.constraints import Constraints, Support
 from kickdyn.errors import InvalidInput
 from kickdyn.posture import Posture
-from kickdyn.robots import robot, robot_model
+from kickdyn.robots import robot, robot_file, robot_model
 from kickdyn.sound_model import check_model, frame_id
 from kickdyn.urdf_file import UrdfFile, read_urdf, shipped_urdf
 from kickdyn.urdf_model import build_model
@@ -133,7 +133,7 @@ class Leg(Card):
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
-        return leg if frame is None else cls(model, frame)
+        return cls(model, frame or leg.frame, robot_file(name))
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:

@@ -13,7 +13,7 @@ import pinocchio as pin
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sound_model import listed
-from kickdyn.urdf_file import read_document
+from kickdyn.urdf_file import UrdfFile, read_document
 from kickdyn.urdf_model import BASES, build_model
 
 PACKAGE = "example-robot-data"
@@ -96,9 +96,8 @@ def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
     """
     if base not in BASES:
         raise InvalidInput(f"base is {base!r}: it must be {' or '.join(BASES)}")
-    known = robot(name)
-    path = robots_folder() / known.file
-    model = build_model(read_document(path).text, str(path), "floating")
+    known, file = robot(name), robot_file(name)
+    model = build_model(file.text, file.source, "floating")
     model.name = name
     _turn_base(model, pin.rpy.rpyToMatrix(*known.turn))
     locked = [1] if base == "fixed" else []
@@ -106,6 +105,19 @@ def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
         others = range(2, model.njoints)
         locked += [j for j in others if not model.names[j].startswith(known.legs)]
     return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
+
+
+def robot_file(name: str) -> UrdfFile:
+    """Return a robot's URDF; its meshes are looked up in the robot's own folder.
+
+    Raises:
+        InvalidInput: unknown robot, or the package is not installed.
+    """
+    known = robot(name)
+    path = robots_folder() / known.file
+    read = read_document(path)
+    own = robots_folder() / Path(known.file).parts[0]
+    return UrdfFile(read.text.replace(f"package://{PACKAGE}/robots/", "package://"), own, str(path))
 
 
 def robots_folder() -> Path:

@@ -8,6 +8,7 @@ further files up with.
 from __future__ import annotations
 
 import io
+import re
 import stat
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,11 @@ from kickdyn.errors import InvalidInput
 MAX_BYTES = 100_000_000
 FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
 PACKAGE = "package://"
+UPRIGHT = {
+    b"X": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    b"Y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""By the axis that points up: from a COLLADA file's axes to ours (COLLADA 1.4.1, up_axis)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +61,29 @@ def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangl
     if stretch.shape not in ((), (3,)) or not np.isfinite(stretch).all():
         raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
     try:
-        content = io.BytesIO(file.read_bytes())
-        scene = trimesh.load_scene(content, file_type=file.suffix[1:].lower(), resolver=None)
+        content = file.read_bytes()
+        scene = trimesh.load_scene(
+            io.BytesIO(content), file_type=file.suffix[1:].lower(), resolver=None
+        )
         parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     except Exception as error:  # each format has its own
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InvalidInput(f"mesh {filename!r} cannot be read ({reason})") from None
     if not any(len(part.faces) for part in parts):
         raise InvalidInput(f"mesh {filename!r} has no triangles")
+    turn = _upright(content) if file.suffix.lower() == ".dae" else np.eye(3)
     return [
-        Triangles(np.asarray(part.vertices) * stretch, np.asarray(part.faces), _colour(part))
+        Triangles(
+            np.asarray(part.vertices) @ turn.T * stretch, np.asarray(part.faces), _colour(part)
+        )
         for part in parts
     ]
+
+
+def _upright(content: bytes) -> Array:
+    """Return the turn that brings a COLLADA file's axes to z up, which trimesh leaves out."""
+    named = re.search(rb"<up_axis>\s*([XYZ])_UP", content)
+    return UPRIGHT.get(named[1] if named else b"Z", np.eye(3))
 
 
 def _colour(part: object) -> Array | None:

@@ -79,7 +79,8 @@ def _shapes(
         for part in read_mesh(geometry.mesh.filename, urdf.folder, geometry.mesh.scale):
             own = PLAIN if part.rgba is None else _rgba(part.rgba)
             triangles = shapes.TriangularMeshGeometry(part.vertices, part.faces)
-            yield Visual(link, place, triangles, painted or own)
+            textured = visual.material is not None and visual.material.texture is not None
+            yield Visual(link, place, triangles, own if textured else painted or own)
 
 
 def _colours(robot: Any) -> dict[str, tuple[float, ...]]:

@@ -101,3 +101,24 @@ def test_names_are_no_paths(load, spoil):
     draw_leg(viewer["leg"], leg, np.zeros(2))
     paths = {umsgpack.unpackb(packed)["path"] for packed in viewer.window.commands()}
     assert paths == {"/meshcat/leg/1/0", "/meshcat/leg/0", "/meshcat/leg/1", "/meshcat/leg/2"}
+
+
+@pytest.mark.parametrize("name", ["bolt", "icub"])
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_robots_are_drawn_with_their_meshes(name, base):
+    """Each shank reaches from the knee towards the ankle."""
+    leg = kd.Leg.from_robot(name, base=base, legs_only=name == "icub")
+    knee, ankle = {"bolt": ("FR_KFE", None), "icub": ("r_knee", "r_ankle_pitch")}[name]
+    model = leg.model
+    joint = model.getJointId(knee)
+    parts = [part for part in leg_parts(leg) if part.joint == joint]
+    corners = np.vstack(
+        [
+            np.asarray(part.shape.vertices) @ part.place[:3, :3].T + part.place[:3, 3]
+            for part in parts
+        ]
+    )
+    middle = (corners.max(axis=0) + corners.min(axis=0)) / 2
+    end = model.jointPlacements[model.getJointId(ankle)].translation if ankle else leg.contact_lever
+    assert middle @ end / (end @ end) == pytest.approx(0.4, abs=0.2)
+    assert any(part.rgba[:3] != (0.0, 0.0, 0.0) for part in parts)

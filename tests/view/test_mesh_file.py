@@ -1,4 +1,5 @@
 import os
+import re
 import sys
 from contextlib import contextmanager
 
@@ -179,3 +180,21 @@ def test_what_a_mesh_names_is_not_opened(folder, watch):
             assert read_mesh(name, folder)
         assert any(name in path for path in opened)
         assert not [path for path in opened if "secret" in path]
+
+
+@pytest.mark.parametrize(
+    ("up", "size"),
+    [("X_UP", (0.2, 0.3, 0.1)), ("Y_UP", (0.1, 0.3, 0.2)), ("Z_UP", (0.1, 0.2, 0.3))],
+)
+def test_a_collada_file_is_turned_z_up(folder, up, size):
+    """What it calls up is z, and its other axes follow right-handed."""
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    box.apply_translation([0.5, 0.6, 0.7])
+    text = box.export(file_type="dae").decode()
+    (folder / "up.dae").write_text(re.sub(r"<up_axis>\w+", f"<up_axis>{up}", text))
+    assert f"<up_axis>{up}" in (folder / "up.dae").read_text()
+    (part,) = read_mesh("up.dae", folder)
+    assert np.ptp(part.vertices, axis=0) == pytest.approx(size)
+    middle = (part.vertices.max(axis=0) + part.vertices.min(axis=0)) / 2
+    expected = {"X_UP": (-0.6, -0.7, 0.5), "Y_UP": (0.5, -0.7, 0.6), "Z_UP": (0.5, 0.6, 0.7)}[up]
+    assert middle == pytest.approx(expected)

@@ -13,13 +13,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
-    MofNCompleteColumn,
     Progress,
     ProgressColumn,
     Task,
+    TaskProgressColumn,
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.table import Column
 from rich.text import Text
 
 from kickdyn.sweep.block import Space
@@ -89,11 +90,12 @@ def progress(
     quiet = console is None and not sys.stderr.isatty()
     console = console or Console(stderr=True)
     columns = (
-        TextColumn("postures"), BarColumn(20), MofNCompleteColumn(), Rate(),
-        TimeRemainingColumn(compact=True), TextColumn("{task.fields[best]}"),
+        TextColumn("postures"), BarColumn(8), TaskProgressColumn(), Rate(),
+        TimeRemainingColumn(compact=True),
+        TextColumn("{task.fields[best]}", table_column=Column(ratio=1, no_wrap=True)),
     )  # fmt: skip
     watch = Watch(store) if store is not None else None
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
+    with Progress(*columns, console=console, transient=True, disable=quiet, expand=True) as bar:
         task = bar.add_task("sweep", total=space.size, best="")
         top: Best | None = None
 
@@ -102,7 +104,11 @@ def progress(
             if quiet:
                 return
             top = better(top, watch.look() if watch is not None else best)
-            said = "" if top is None else f"best {top[0]:.4g} m/s at {space.text(top[1])}"
+            said = "" if top is None else f"best {top[0]:.4g} m/s at {_brief(space, top[1])}"
             bar.update(task, advance=count, best=escape(said))
 
         yield done
+
+
+def _brief(space: Space, number: int) -> str:
+    return ", ".join(f"{name} {value:.4g}" for name, value in space.angles(number).items())

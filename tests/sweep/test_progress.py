@@ -11,8 +11,8 @@ from kickdyn.sweep.progress import Watch, better, progress
 SPACE = Space.of({"hip": np.radians([0.0, 10.0, 20.0])}, {"hip": "rad"})
 
 
-def terminal(**options):
-    return Console(file=io.StringIO(), force_terminal=True, width=120, **options)
+def terminal():
+    return Console(file=io.StringIO(), force_terminal=True, width=80)
 
 
 def test_a_terminal_sees_how_many_and_the_best():
@@ -22,9 +22,18 @@ def test_a_terminal_sees_how_many_and_the_best():
         done(1, (2.0, 0))
         done(0)
     said = console.file.getvalue()
-    assert "2/3" in said
-    assert "best 3.25 m/s at hip 10 deg" in said
+    assert "67%" in said
+    assert "best 3.25 m/s at hip 10" in said
     assert "\x1b[3" in said
+
+
+def test_80_columns_hold_it_all():
+    joints = {name: np.radians([-10.5, 120.5]) for name in ("hip", "knee", "ankle")}
+    space, console = Space.of(joints, dict.fromkeys(joints, "rad")), terminal()
+    with progress(space, console=console) as done:
+        done(3, (10.13, 7))
+    assert "best 10.13 m/s at hip 120.5, knee 120.5, ankl" in console.file.getvalue()
+    assert "38%" in console.file.getvalue()
 
 
 def test_no_color_is_heeded(monkeypatch):
@@ -33,7 +42,7 @@ def test_no_color_is_heeded(monkeypatch):
     with progress(SPACE, console=console) as done:
         done(3, (3.25, 1))
     assert "\x1b[3" not in console.file.getvalue()
-    assert "3/3" in console.file.getvalue()
+    assert "100%" in console.file.getvalue()
 
 
 @pytest.mark.parametrize("forced", [None, "1"])

@@ -119,3 +119,12 @@ def test_other_laws_are_refused():
     hit = kd.strike(LEG, Q, V, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, 0.4), "paper")
     with pytest.raises(kd.InvalidInput, match="has no sensitivities"):
         hit.uncertainty(v=0.1)
+
+
+def test_a_covariance_may_be_singular():
+    """All components move together: one deviation, in one direction."""
+    hit = kick()
+    slope = hit.sensitivity().velocity["v"] @ np.ones(3)
+    ours = hit.uncertainty(v=0.01 * np.ones((3, 3))).velocity
+    assert ours == pytest.approx(0.01 * np.outer(slope, slope), abs=1e-15)
+    assert np.isfinite(hit.uncertainty(v=np.zeros((3, 3))).speed)

@@ -198,3 +198,13 @@ def test_a_tilted_sole_is_refused():
     leg = leg.standing_on(kd.Support(FOOT, friction=0.6, sole=[(1, 0, 0), (0, 1, 1), (0, 0, 0)]))
     with pytest.raises(kd.InvalidInput, match=f"sole of {FOOT} is tilted .* differ by"):
         kd.unilateral_strike(leg, q, v, ball, touch)
+
+
+@pytest.mark.parametrize("name", ["forward", "down, large foot", "slippery"])
+def test_slow_kicks_do_what_fast_ones_do(name):
+    """All is in proportion to the speed, and so is what counts as at rest."""
+    leg, q, v, ball, touch = KICKS[name]
+    hit = kd.unilateral_strike(leg, q, v, ball, touch)
+    slow = kd.unilateral_strike(leg, q, 1e-6 * v, ball, touch)
+    assert (slow.footing, slow.sticking) == (hit.footing, hit.sticking)
+    assert slow.v_after == pytest.approx(1e-6 * hit.v_after, abs=1e-15)

@@ -49,6 +49,8 @@ from kickdyn.planning.launch import plan_launch as plan_launch
 from kickdyn.planning.launches import plan_launches as plan_launches
 from kickdyn.planning.passes import Pass as Pass
 from kickdyn.planning.passes import plan_pass as plan_pass
+from kickdyn.planning.swing import plan_swing as plan_swing
+from kickdyn.planning.swing_answer import Swing as Swing
 from kickdyn.posture import Posture as Posture
 from kickdyn.scene.read import load_scene as load_scene
 from kickdyn.scene.scene import Scene as Scene

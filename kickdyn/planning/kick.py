@@ -26,6 +26,7 @@ from kickdyn.leg import Leg
 from kickdyn.plane import Plane
 from kickdyn.planning.answer import Launch, to_target
 from kickdyn.planning.goal import Goal
+from kickdyn.planning.joints import check_solver
 from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
 from kickdyn.planning.objectives import OBJECTIVES, least_scatter
 from kickdyn.planning.passes import plan_pass
@@ -120,6 +121,7 @@ def plan_kick(
     turn: bool = True,
     surface: str | Surface | None = None,
     spread: Mapping[str, float] | None = None,
+    swing: bool = False,
 ) -> KickPlan:
     """Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
@@ -147,6 +149,9 @@ def plan_kick(
         surface: of the ground, where the ball is to be played along it, as `plan_pass` does; the
             goal is then a time and a target as high as the ball.
         spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
+        swing: whether the leg must be able to come there from rest, and to rest afterwards, within
+            its limits and a second each: `plan_swing` then finds the way. For objectives `joint
+            speed` and `effort`, with limits; needs `pip install "kickdyn[swing]"`.
 
     Raises:
         InvalidInput: a goal that no launch meets, with the nearest one that can be met; a leg that
@@ -181,7 +186,22 @@ def plan_kick(
     if found is None:
         where = "" if ball_height is None else f" that touches a ball at {ball_height:g} m"
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
+    if swing:
+        found = _swung(search, found, objective)
     return _carried_out(search, found, goal, launch, objective, air, cost, ground)
+
+
+def _swung(search: Search, found: Found, objective: str) -> Found:
+    """Return the best kick near one that can be swung."""
+    check_solver()
+    if not search.limits:
+        raise InvalidInput("limits is False: a swing is planned within limits")
+    from kickdyn.planning.swing_kick import with_swing
+
+    swung = with_swing(search, found, objective)
+    if swung is None:
+        raise InvalidInput(f"{search.leg.name} finds no posture that it can swing to")
+    return swung
 
 
 def _launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:

@@ -268,10 +268,10 @@ class Search:
             return None
         posture, v = kept["at"][0], self.whole(x[n : 2 * n] * self.speed)
         return Found(
-            posture, self._exact(posture, v, float(x[-1])), float(x[-1]), size * float(here[0])
+            posture, self.exact(posture, v, float(x[-1])), float(x[-1]), size * float(here[0])
         )
 
-    def _exact(self, posture: Posture, v: Array, share: float) -> Array:
+    def exact(self, posture: Posture, v: Array, share: float) -> Array:
         """Return v with the last digits of the foot's velocity put right."""
         wish = share * self.touch.foot_velocity(posture)
         rows = posture.jacobian[:, self.vs]

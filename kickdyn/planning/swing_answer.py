@@ -1,0 +1,174 @@
+"""What planning a swing answers: two parts around an impact, and what proves them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly
+
+from kickdyn import checks
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.planning.joints import Joints
+from kickdyn.planning.kick import KickPlan
+
+FINE = 20
+"""Points per interval at which a swing is checked."""
+
+
+class Motion(NamedTuple):
+    """Joints at several times, in the order of `Swing.joints`, each array of shape `(k, n)`.
+
+    `time` counts from the impact [s]; q [rad], v [rad/s], a [rad/s2], torque of the joints [N m],
+    gravity included, and its power [W].
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+    power: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The backswing or the follow-through: accelerations linear in time between nodes.
+
+    Attributes:
+        joints: that move.
+        sign: -1 before the impact, 1 after it.
+        duration: [s].
+    """
+
+    joints: Joints
+    sign: int
+    duration: float
+    _a: PPoly
+    _v: PPoly
+    _q: PPoly
+
+    @property
+    def nodes(self) -> Array:
+        """Times of the nodes, rising [s]."""
+        return np.sort(self.sign * self._a.x)
+
+    def sample(self, t: ArrayLike) -> Motion:
+        """Return the motion at times from the impact, shape `(k,)` [s].
+
+        Raises:
+            InvalidInput: a time outside of this part.
+        """
+        time = np.atleast_1d(checks.floats("t", t, unit="s"))
+        away = self.sign * time
+        if (away < 0.0).any() or (away > self.duration).any():
+            low, high = sorted((0.0, self.sign * self.duration))
+            raise InvalidInput(f"t is {time.tolist()}: this part lasts from {low:g} to {high:g} s")
+        q, v, a = self._q(away), self.sign * self._v(away), self._a(away)
+        model, data = self.joints.model, self.joints.model.createData()
+        rows = zip(q, v, a, strict=True)
+        torque = np.array([pin.rnea(model, data, *row) for row in rows]).reshape(q.shape)
+        return Motion(time, q, v, a, torque, torque * v)
+
+    def fine(self) -> Motion:
+        """Return the motion at many times between the nodes, both ends included, in order."""
+        many = FINE * (len(self._a.x) - 1) + 1
+        low, high = sorted((0.0, self.sign * self.duration))
+        return self.sample(np.linspace(low, high, many))
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """A joint trajectory from rest through the impact to rest, with what proves it.
+
+    Attributes:
+        status: `met`; or `beyond limits`: then this is the same kick at `share` of its speed, the
+            most from which the leg can be brought there and stopped.
+        plan: the kick.
+        share: of the planned joint velocity; the ball's launch scales alike.
+        limit: what stands in the way, in a line; empty where the plan is met.
+        objective: that was made least; `value` is its value [s; 1 for effort, times s].
+        joints: names of those that move; all others stay at 0.
+        backswing, follow_through: before and after the impact, at which v jumps as `strike` says.
+    """
+
+    status: Literal["met", "beyond limits"]
+    plan: KickPlan
+    share: float
+    limit: str
+    objective: str
+    value: float
+    joints: tuple[str, ...]
+    backswing: Part
+    follow_through: Part
+
+    def sample(self, t: ArrayLike) -> Motion:
+        """Return the motion at rising times from the impact [s]; at 0 it is that just before."""
+        time = np.atleast_1d(checks.floats("t", t, unit="s"))
+        if (np.diff(time) < 0).any():
+            raise InvalidInput(f"t is {time.tolist()}: times must rise")
+        parts = (self.backswing.sample(time[time <= 0]), self.follow_through.sample(time[time > 0]))
+        return Motion(*(np.concatenate(pair) for pair in zip(*parts, strict=True)))
+
+    def configuration(self, t: float) -> Array:
+        """Return q of the whole leg at a time, shape `(nq,)`; at rest before and after."""
+        time = min(max(t, -self.backswing.duration), self.follow_through.duration)
+        q = self.plan.q.copy()
+        q[self.backswing.joints.qs] = self.sample(time).q[0]
+        return q
+
+    @cached_property
+    def _fine(self) -> tuple[Motion, Motion]:
+        return self.backswing.fine(), self.follow_through.fine()
+
+    @property
+    def torque_use(self) -> float:
+        """Largest torque on the fine grid over its limit."""
+        joints = self.backswing.joints
+        return max(float((np.abs(part.torque) / joints.effort).max()) for part in self._fine)
+
+    @property
+    def speed_use(self) -> float:
+        """Largest joint speed on the fine grid over its limit."""
+        joints = self.backswing.joints
+        return max(float((np.abs(part.v) / joints.speed).max()) for part in self._fine)
+
+    @property
+    def range_left(self) -> float:
+        """Least distance from an end of the range on the fine grid [rad]; below 0 is outside."""
+        joints = self.backswing.joints
+        return min(
+            float(np.minimum(part.q - joints.low, joints.high - part.q).min())
+            for part in self._fine
+        )
+
+    @property
+    def defect(self) -> float:
+        """Largest acceleration on the fine grid that the torques do not give, relative.
+
+        From the articulated-body algorithm, where the torques come from Newton-Euler.
+        """
+        model, data = self.backswing.joints.model, self.backswing.joints.model.createData()
+        worst = 0.0
+        for part in self._fine:
+            given = [
+                pin.aba(model, data, *row) for row in zip(part.q, part.v, part.torque, strict=True)
+            ]
+            worst = max(worst, float(np.abs(given - part.a).max() / np.abs(part.a).max()))
+        return worst
+
+    @property
+    def impact_error(self) -> float:
+        """Largest difference from the plan just before and just after the impact [rad, rad/s]."""
+        at, hit = self.backswing.joints, self.plan.hit
+        worst = 0.0
+        for part, v in ((self.backswing, hit.v_before), (self.follow_through, hit.v_after)):
+            here = part.sample(0.0)
+            off = (here.q[0] - self.plan.q[at.qs], here.v[0] - self.share * v[at.vs])
+            worst = max(worst, *(float(np.abs(one).max()) for one in off))
+        return worst

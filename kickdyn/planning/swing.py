@@ -161,7 +161,7 @@ def _check_room(joints: Joints, leg: Leg, ask: _Ask) -> None:
     name, speed = joints.names[worst], abs(float(ask.w[worst]))
     unit = leg.joint_unit(name)
     end = float(ask.q[worst])
-    where = f"{end:g} m" if unit == "m" else f"{math.degrees(end):g} deg"
+    where = f"{end:.4g} m" if unit == "m" else f"{round(math.degrees(end), 1) + 0.0:g} deg"
     does = "just before the impact it would come from beyond" if ask.sign < 0 else (
         "just after the impact it moves on"
     )  # fmt: skip
@@ -176,7 +176,9 @@ def _part(
 ) -> tuple[Part, Solved]:
     slack, near = SLACK, None
     for _ in range(ROUNDS):
-        solved = stopper.solve(ask.q, ask.w, longest=longest, rest=ask.rest, slack=slack, most=most)
+        solved = stopper.solve(
+            ask.q, ask.w, longest=longest, rest=ask.rest, slack=slack, most=most, near=near
+        )
         if not solved.ok:
             raise InvalidInput(f"no {ask.name} is found: Ipopt ends with {solved.said}")
         part = _spline(joints, ask, solved)

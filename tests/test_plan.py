@@ -86,7 +86,17 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "nan", "--time", "1"], "distance is nan"),
         (["--distance", "30", "--apex", "1", "--height", "3"], "by the lowest way: nearest"),
         (
-            "--distance 20 --time 0.7 --height 2 --wall 9.15:1.9 --no-limits".split(),
+            [
+                "--distance",
+                "20",
+                "--time",
+                "0.7",
+                "--height",
+                "2",
+                "--wall",
+                "9.15:1.9",
+                "--no-limits",
+            ],
             "the ball hits the wall",
         ),
         (["--distance", "20", "--wall", "9.15"], "wall is '9.15'"),

@@ -21,7 +21,9 @@ from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import KickPlan, plan_kick
 from kickdyn.planning.match import OVER, Wall, scored
 from kickdyn.planning.objectives import OBJECTIVES
-from kickdyn.planning.report import as_json, text, verdict
+from kickdyn.planning.report import as_json, swing_said, text, verdict
+from kickdyn.planning.swing import plan_swing
+from kickdyn.planning.swing_answer import Swing
 from kickdyn.posture_sweep import AIRS, load_leg
 
 
@@ -70,6 +72,9 @@ from kickdyn.posture_sweep import AIRS, load_leg
               "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the kick.")
+@click.option("--swing", is_flag=True, help="Plan the way from rest to the impact and to rest "
+              "again, within all limits, and show it in the page.")  # fmt: skip
+@click.option("--plot", metavar="FILE", help="Draw torques and powers of the swing: png, svg, pdf.")
 def plan(
     distance: float,
     height: float,
@@ -97,6 +102,8 @@ def plan(
     robust: str | None,
     json_file: str | None,
     view: str | None,
+    swing: bool,
+    plot: str | None,
 ) -> None:
     """Find the posture and the joint velocity that send the ball where it shall go.
 
@@ -117,8 +124,14 @@ def plan(
     )
     leg = load_leg(leg_name, frame)
     ball = Ball()
-    check_distinct(json_file, view)
-    for file in (None if json_file == "-" else json_file, view):
+    if plot is not None and not swing:
+        raise InvalidInput(f"plot is {plot!r}: what is drawn is the swing, so add --swing")
+    check_distinct(json_file, view, plot)
+    if plot is not None:
+        from kickdyn.sweep.picture import check_name
+
+        check_name(plot)
+    for file in (None if json_file == "-" else json_file, view, plot):
         if file is not None:
             check_writable(file)
     place = None if offset is None else _numbers("offset", offset, ",", 3)
@@ -143,13 +156,22 @@ def plan(
         limits=not no_limits,
         arc="high" if arc == "high" else "low",
         surface=surface,
+        swing=swing,
     )
+    swung = plan_swing(leg, planned) if swing else None
     said = [verdict(planned)]
     if players is not None:
         said.append(players.passed(planned))
     if mouth:
         said.append(scored(planned))
-    _write(planned, said, players, mouth, json_file, view)
+    if swung is not None:
+        said.append(swing_said(swung))
+    if swung is not None and plot is not None:
+        from kickdyn.sweep.picture import save_figure
+        from kickdyn.view.swing_plot import swing_figure
+
+        save_figure(swing_figure(swung), plot)
+    _write(planned, swung, said, players, mouth, json_file, view, plot)
 
 
 def _blown(air: Air | None, wind: str | None) -> Air | None:
@@ -195,11 +217,13 @@ def _shape(name: str) -> str:
 
 def _write(
     planned: KickPlan,
+    swung: Swing | None,
     said: list[str],
     wall: Wall | None,
     mouth: bool,
     json_file: str | None,
     view: str | None,
+    plot: str | None,
 ) -> None:
     if view is not None:
         from kickdyn.view.page import kick_page, write_page
@@ -209,17 +233,20 @@ def _write(
         foot = planned.path.launch.position - np.array([0.0, 0.0, ball.radius])
         boxes = [] if wall is None else wall_boxes(foot, goal.ahead, *wall)
         boxes += goal_boxes(foot, float(goal.target[0])) if mouth else []
-        html = kick_page(planned.hit, ball, planned.path, caption=" ".join(said), scenery=boxes)
+        shown = swung if swung is not None and swung.status == "met" else None
+        html = kick_page(
+            planned.hit, ball, planned.path, caption=" ".join(said), scenery=boxes, swing=shown
+        )
         write_page(view, html)
     if json_file is not None:
-        written = json.dumps(as_json(planned), indent=2, allow_nan=False) + "\n"
+        written = json.dumps(as_json(planned, swung), indent=2, allow_nan=False) + "\n"
         if json_file == "-":
             sys.stdout.write(written)
             return
         with replacing(json_file) as draft:
             draft.write_text(written, encoding="utf-8")
     click.echo("\n".join([*said, *text(planned)]))
-    for file in (json_file, view):
+    for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
 

@@ -115,6 +115,8 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
         (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
         (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
+        (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),
+        (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):
@@ -131,3 +133,16 @@ def test_bad_input_leaves_with_two_and_no_traceback():
     assert (ended.returncode, ended.stdout) == (2, "")
     assert ended.stderr.startswith("plan: time is -1.0")
     assert ended.stderr.count("\n") == 1
+
+
+def test_a_swing_is_planned_drawn_and_shown(tmp_path):
+    files = ["--view", "kick.html", "--plot", "swing.svg", "--json", "kick.json"]
+    ended = door("--distance", "10", "--time", "1", "--swing", *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "The swing takes " in ended.stdout
+    assert "The swing takes " in (tmp_path / "kick.html").read_text()
+    assert (tmp_path / "swing.svg").stat().st_size > 10_000
+    report = json.loads((tmp_path / "kick.json").read_text())
+    assert report["swing"]["status"] == "met"
+    assert report["swing"]["backswing"]["v"][-1] == pytest.approx(report["leg"]["v"], abs=1e-9)
+    assert report["swing"]["follow_through"]["v"][-1] == pytest.approx([0, 0, 0], abs=1e-9)

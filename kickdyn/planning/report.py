@@ -7,6 +7,7 @@ from typing import Any
 
 from kickdyn.flight.fly import fly
 from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.swing_answer import Swing
 
 
 def verdict(planned: KickPlan) -> str:
@@ -67,7 +68,7 @@ def text(planned: KickPlan) -> list[str]:
     ]
 
 
-def as_json(planned: KickPlan) -> dict[str, Any]:
+def as_json(planned: KickPlan, swing: Swing | None = None) -> dict[str, Any]:
     """Return a plan as what JSON can hold: SI units, degrees where a name says so."""
     launch, hit, goal, leg = planned.launch, planned.hit, planned.goal, planned.leg
     return {
@@ -105,4 +106,38 @@ def as_json(planned: KickPlan) -> dict[str, Any]:
         "share": planned.share,
         "time": planned.path.duration,
         "landing_error": planned.landing_error,
+        **({} if swing is None else {"swing": _swing_json(swing)}),
+    }
+
+
+def swing_said(swing: Swing) -> str:
+    """Return a swing in a line."""
+    if swing.status != "met":
+        return f"No swing gives all of that: {swing.limit}."
+    return (
+        f"The swing takes {swing.backswing.duration:.3g} s from rest and "
+        f"{swing.follow_through.duration:.3g} s to rest, at up to {swing.torque_use:.0%} of the "
+        f"torque and {swing.speed_use:.0%} of the speed limits."
+    )
+
+
+def _swing_json(swing: Swing) -> dict[str, Any]:
+    """Return a swing with its motion at the nodes of either part."""
+    parts = {"backswing": swing.backswing, "follow_through": swing.follow_through}
+    return {
+        "status": swing.status,
+        "share": swing.share,
+        "limit": swing.limit,
+        "objective": swing.objective,
+        "value": swing.value,
+        "torque_use": swing.torque_use,
+        "speed_use": swing.speed_use,
+        "range_left": swing.range_left,
+        "defect": swing.defect,
+        "impact_error": swing.impact_error,
+        "joints": list(swing.joints),
+        **{
+            name: {key: value.tolist() for key, value in part.sample(part.nodes)._asdict().items()}
+            for name, part in parts.items()
+        },
     }

@@ -16,6 +16,7 @@ from kickdyn.checks import Array
 from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
+from kickdyn.planning.swing_answer import Swing
 from kickdyn.view import motion
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera
@@ -55,6 +56,7 @@ def draw_kick(
     ball: Ball,
     path: Flight | Course,
     scenery: Sequence[Box] = (),
+    swing: Swing | None = None,
 ) -> Drawn:
     """Draw a kick, from the swing to the landing, over and over.
 
@@ -64,11 +66,13 @@ def draw_kick(
         ball: what was struck.
         path: of the ball.
         scenery: what stands around.
+        swing: of the leg to this impact and on, from rest to rest; straight on if not named.
 
     Raises:
         InvalidInput: the leg cannot be drawn, as `leg_figure.leg_parts` says.
     """
-    pace = motion.pace_of(hit, path.duration)
+    whole = None if swing is None else swing.backswing.duration
+    pace = motion.pace_of(hit, path.duration, whole)
     before = hit.ball_before
     curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
     forward = _forward(hit, curve)
@@ -99,7 +103,7 @@ def draw_kick(
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
     end = np.array([*curve[-1, :2], floor])
     draw_landing(viewer["landing"], end, max(0.4 * ball.radius, 6 * float(width[-1])))
-    viewer.set_animation(_animation(viewer, hit, ball, path, pace, floor), repetitions=math.inf)
+    viewer.set_animation(_animation(viewer, hit, path, pace, floor, swing), repetitions=math.inf)
     return Drawn(pace, stripe)
 
 
@@ -139,7 +143,12 @@ def around(points: Array, radius: float) -> Array:
 
 
 def _animation(
-    viewer: Any, hit: Impact, ball: Ball, path: Flight | Course, pace: motion.Pace, floor: float
+    viewer: Any,
+    hit: Impact,
+    path: Flight | Course,
+    pace: motion.Pace,
+    floor: float,
+    swing: Swing | None,
 ) -> Animation:
     film = Animation(default_framerate=motion.RATE)
     before = hit.ball_before
@@ -150,7 +159,7 @@ def _animation(
                 place = motion.ball_place(before, path, time)
                 frame["ball"].set_transform(place)
                 frame["shadow"].set_property("position", "vector3", [*place[:2, 3], floor])
-                q = motion.leg_configuration(hit, time)
+                q = swing.configuration(time) if swing else motion.leg_configuration(hit, time)
                 for joint, place in list(enumerate(joint_places(hit.posture.leg, q)))[1:]:
                     frame[f"leg/{joint}"].set_transform(place)
     for at, scale in ((0, 1e-3), (pace.impact, 1e-3), (pace.impact + 8, 1.0), (pace.end, 1.0)):

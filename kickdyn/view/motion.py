@@ -20,6 +20,9 @@ RATE = 60
 SWING, FOLLOW, CHANGE, FLY, REST = 1.2, 0.4, 0.6, 1.8, 0.8
 """How long each phase is shown: before and after the impact, change of pace, flight, end [s]."""
 
+SWUNG = 3.0
+"""How long a backswing is shown that was planned [s]."""
+
 TRAVEL = 0.6
 """How far the fastest joint swings, before and after the impact each [rad; m if prismatic]."""
 
@@ -43,7 +46,7 @@ class Pace:
     end: int
 
 
-def pace_of(hit: Impact, duration: float) -> Pace:
+def pace_of(hit: Impact, duration: float, backswing: float | None = None) -> Pace:
     """Show strike and flight in about four seconds.
 
     A hard strike is over in a hundredth of the time the ball flies, so the strike is shown
@@ -52,16 +55,18 @@ def pace_of(hit: Impact, duration: float) -> Pace:
     Args:
         hit: the impact.
         duration: of the flight [s].
+        backswing: of a swing that is shown as planned, from rest [s].
     """
     fastest = float(max(np.abs(hit.v_before).max(), np.abs(hit.v_after).max()))
     swing = TRAVEL / fastest if fastest > 0 else math.inf
     alike = duration / (FOLLOW + CHANGE + FLY) if duration > 0 else math.inf
-    strike = min(swing / SWING, alike)
+    strike = min(swing / SWING, alike) if backswing is None else backswing / SWUNG
+    before = SWING if backswing is None else SWUNG
     if not math.isfinite(strike):
         strike = 1.0
     after = max(duration, strike * (FOLLOW + CHANGE + FLY))
     flight = (after - strike * (FOLLOW + CHANGE / 2)) / (CHANGE / 2 + FLY)
-    moments = np.arange(round((SWING + FOLLOW + CHANGE + FLY) * RATE) + 1) / RATE - SWING
+    moments = np.arange(round((before + FOLLOW + CHANGE + FLY) * RATE) + 1) / RATE - before
     changing = np.clip(moments - FOLLOW, 0.0, CHANGE)
     times = (
         strike * np.minimum(moments, FOLLOW)
@@ -70,7 +75,7 @@ def pace_of(hit: Impact, duration: float) -> Pace:
         + flight * np.maximum(moments - FOLLOW - CHANGE, 0.0)
     )
     return Pace(
-        times, round(SWING * RATE), 1 / strike, 1 / flight, len(times) - 1 + round(REST * RATE)
+        times, round(before * RATE), 1 / strike, 1 / flight, len(times) - 1 + round(REST * RATE)
     )
 
 

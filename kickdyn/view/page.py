@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from os import PathLike
 
 from kickdyn.ball import Ball
+from kickdyn.errors import InvalidInput
 from kickdyn.files import replacing
 from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
+from kickdyn.planning.swing_answer import Swing
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.document import static_document
 from kickdyn.view.kick_scene import draw_kick
@@ -24,6 +26,7 @@ def kick_page(
     *,
     caption: str = "",
     scenery: Sequence[Box] = (),
+    swing: Swing | None = None,
 ) -> str:
     """Return a kick as HTML, animated, with its numbers.
 
@@ -33,13 +36,16 @@ def kick_page(
         path: the ball's flight from there, or its course along the ground.
         caption: a line of plain text above the numbers.
         scenery: what stands around, such as a wall or a goal.
+        swing: to this impact and on, from rest to rest, which meets its plan.
 
     Raises:
         InvalidInput: the leg cannot be drawn: a visual of its URDF cannot be read, or names a
-            mesh that is missing or lies outside the URDF's folder.
+            mesh that is missing or lies outside the URDF's folder; or the swing falls short.
     """
+    if swing is not None and swing.status != "met":
+        raise InvalidInput(f"the swing does not reach this impact: {swing.limit}")
     viewer = recorder()
-    drawn = draw_kick(viewer, hit, ball, path, scenery)
+    drawn = draw_kick(viewer, hit, ball, path, scenery, swing)
     return static_document(
         viewer.window.commands(),
         title=page_title(hit),

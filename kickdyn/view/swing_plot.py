@@ -1,0 +1,39 @@
+"""The picture of a swing: what every joint does, from rest through the impact to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kickdyn.planning.swing_answer import Swing
+
+
+def swing_figure(swing: Swing) -> Figure:
+    """Draw speeds and torques over their limits, and powers [W], against time [s].
+
+    The impact is at 0, where speeds jump and torques may.
+    """
+    joints = swing.backswing.joints
+    parts = [swing.backswing.fine(), swing.follow_through.fine()]
+    figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+    rows = figure.subplots(3, 1, sharex=True)
+    gap = np.full((1, len(swing.joints)), np.nan)  # no line across the impact
+    time = np.concatenate([parts[0].time, [0.0], parts[1].time])
+    for axes, label, values in (
+        (rows[0], "speed, % of its limit", [100 * part.v / joints.speed for part in parts]),
+        (rows[1], "torque, % of its limit", [100 * part.torque / joints.effort for part in parts]),
+        (rows[2], "power [W]", [part.power for part in parts]),
+    ):
+        lines = axes.plot(time, np.vstack([values[0], gap, values[1]]))
+        for line, name in zip(lines, swing.joints, strict=True):
+            line.set_label(name.replace("$", r"\$"))  # matplotlib reads formulas between dollars
+        axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+        if axes is not rows[2]:
+            axes.set_ylim(-105, 105)
+    rows[0].legend(fontsize=7, ncols=3)
+    rows[2].set_xlabel("time from the impact [s]")
+    name = (swing.plan.hit.posture.leg.name or "leg").replace("$", r"\$")
+    figure.suptitle(f"{name}: least {swing.objective}, {swing.share:.0%} of the planned speed")
+    return figure

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NoReturn
 
 import click
+from click.shell_completion import get_completion_class
 
 from kickdyn.door import run
 from kickdyn.paper.command import paper
@@ -24,6 +25,18 @@ kickdyn_command.add_command(posture_sweep)
 kickdyn_command.add_command(paper)
 kickdyn_command.add_command(plan)
 kickdyn_command.add_command(tradeoff)
+
+
+@kickdyn_command.command("completion")
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print what teaches a shell to complete commands and options.
+
+    Example: source <(kickdyn completion bash)
+    """
+    kind = get_completion_class(shell)
+    if kind is not None:
+        click.echo(kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source())
 
 
 def main() -> NoReturn:

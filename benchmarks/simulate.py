@@ -1,68 +1,87 @@
 """Random scenes to a tolerance against everything modelled: within it, and how much faster.
 
-    python benchmarks/simulate.py [number of scenes]
+    python benchmarks/simulate.py [number of scenes of each kind]
 
-Each scene is timed at every tolerance right after everything, in one thread.
+Usual scenes are soccer balls; wide ones have balloons and beach balls, every drag and lift model,
+brief contacts, planes in the way of what bounces, and wind. Within its error means that what the
+answer claims, with the reference's own, is not exceeded. Ways without an end (`blown`, `aloft`) say
+so; they have an infinite error and are counted apart. Each scene is timed at every tolerance right
+after everything, in one thread, by the processor's time.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 import time
+from collections.abc import Callable
 
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.accuracy.random_scenes import random_scene
+from kickdyn.accuracy.random_scenes import random_scene, wide_scene
 
-TOLERANCES = (0.01, 0.05, 0.2, 1.0)
+TOLERANCES = (0.01, 0.1, 1.0)
 
 
 def timed(scene: kd.Scene, tolerance: float | None) -> tuple[kd.Simulation, float]:
     """Return the answer and the seconds it took: where those are few, the best of three."""
     best = float("inf")
     for _ in range(3):
-        began = time.perf_counter()
+        began = time.process_time()
         answer = kd.simulate(scene, tolerance)
-        best = min(best, time.perf_counter() - began)
+        best = min(best, time.process_time() - began)
         if best > 0.05:
             break
     return answer, best
 
 
-def main(number: int = 300) -> None:
-    """Print the table."""
-    rng, rows, refused = np.random.default_rng(6), [], 0
-    timed(random_scene(rng, contact_time=None), 1.0)  # loads what is loaded late
+def measure(made: Callable[[np.random.Generator], kd.Scene], number: int) -> None:
+    """Print the table of one kind of scenes."""
+    rng, rows, refused, endless = np.random.default_rng(6), [], 0, 0
     while len(rows) < number:
-        scene = random_scene(rng)
+        scene = made(rng)
         try:
             reference, all_seconds = timed(scene, None)
         except kd.KickdynError:  # no impact, or a ball that is pressed into the ground
             refused += 1
             continue
-        slow = scene.contact_time is not None
-        row: list[float] = [slow, all_seconds, reference.evaluations]
+        known = reference.numerical_error
+        if math.isinf(known):
+            answers = [kd.simulate(scene, tolerance) for tolerance in TOLERANCES]
+            assert all(answer.status == reference.status for answer in answers)
+            endless += 1
+            continue
+        row: list[float] = [scene.contact_time is not None]
         for tolerance in TOLERANCES:
             answer, seconds = timed(scene, tolerance)
             moved = float(np.linalg.norm(answer.end.position - reference.end.position))
-            bound = answer.error + reference.numerical_error + 1e-12  # rounding
+            bound = answer.error + known + 1e-12  # rounding
             row += [moved / tolerance, moved / bound, all_seconds / seconds]
             row += [reference.evaluations / max(answer.evaluations, 1)]
         rows.append(row)
     table = np.array(rows)
     slow = table[:, 0] == 1
-    print(f"{number} scenes ({refused} refused), {slow.sum()} with a contact that takes time\n")
+    print(f"{number} {made.__name__}s, {slow.sum()} with a contact that takes time; besides,")
+    print(f"{refused} refused and {endless} without an end\n")
     print("| tolerance [m] | within it | within its error | largest error / tolerance |", end="")
-    print(" times as fast, median | an instant | takes time | evaluations, median |")
+    print(" times as fast, an instant | takes time | evaluations, an instant | takes time |")
     print("|---:|---:|---:|---:|---:|---:|---:|---:|")
     for i, tolerance in enumerate(TOLERANCES):
-        used, claimed, faster, fewer = table[:, 3 + 4 * i : 7 + 4 * i].T
+        used, claimed, faster, fewer = table[:, 1 + 4 * i : 5 + 4 * i].T
         cells = [f"{tolerance:g}", f"{(used <= 1).mean():.1%}", f"{(claimed <= 1).mean():.1%}"]
         cells += [f"{used.max():.2f}"]
-        cells += [f"{np.median(part):.1f}" for part in (faster, faster[~slow], faster[slow])]
-        cells.append(f"1/{np.median(fewer[fewer > 0]):.1f}")
+        cells += [f"{np.median(part):.1f}" for part in (faster[~slow], faster[slow])]
+        cells += [f"1/{np.median(part):.1f}" for part in (fewer[~slow], fewer[slow])]
         print("| " + " | ".join(cells) + " |")
+    print(flush=True)
+
+
+def main(number: int = 300) -> None:
+    """Print both tables."""
+    timed(random_scene(np.random.default_rng(0), contact_time=None), 1.0)  # loads what is late
+    for made in (random_scene, wide_scene):
+        measure(made, number)
 
 
 if __name__ == "__main__":

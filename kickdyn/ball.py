@@ -44,10 +44,10 @@ class Ball:
             return
         factor = checks.number("inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0)
         object.__setattr__(self, "inertia_factor", factor)
-        if not (0.0 < self.inertia < math.inf):
+        if not (0.0 < self.inertia < math.inf and 1.0 / min(self.inertia, self.mass) < math.inf):
             raise InvalidInput(
                 f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
-                f"{self.inertia:g} kg m2: it must be a finite number above 0"
+                f"{self.inertia:g} kg m2: mass, inertia and their inverses must be finite, above 0"
             )
 
     @classmethod

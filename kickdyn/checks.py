@@ -18,6 +18,9 @@ SMALL = 64
 
 FLOAT64 = np.dtype(np.float64)
 
+LONGEST = 200
+"""Characters of a value that a message shows."""
+
 _NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, np.complexfloating, np.ma.MaskedArray)
 
 
@@ -40,7 +43,7 @@ def number(
             raise TypeError
         result = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise InvalidInput(f"{name} is {value!r}: it must be {valid}") from None
+        raise InvalidInput(f"{name} is {brief(value)}: it must be {valid}") from None
     if not (math.isfinite(result) and result > above and at_least <= result <= at_most):
         raise InvalidInput(f"{name} is {result!r}: it must be {valid}")
     return result
@@ -60,14 +63,16 @@ def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
 
 def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of any shape, or raise `InvalidInput`."""
+    if _holds_bool(value):
+        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers" + _of(unit))
     try:
         raw: Any = value if type(value) is np.ndarray else np.asanyarray(value)
     except ValueError:  # ragged
-        raise InvalidInput(f"{name} is {value!r}: it must be an array of numbers") from None
+        raise InvalidInput(f"{name} is {brief(value)}: it must be an array of numbers") from None
     if isinstance(raw, np.ma.MaskedArray) and np.ma.is_masked(raw):
         raise InvalidInput(f"{name} has masked entries: fill them first")
     if raw.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} is {value!r}: it must hold real numbers" + _of(unit))
+        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers" + _of(unit))
     if raw.dtype == np.float64:
         array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
     else:
@@ -77,6 +82,22 @@ def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
         shown = array.tolist() if array.size <= 20 else f"an array with {_first_bad(array)} in it"
         raise InvalidInput(f"{name} is {shown}: every entry must be finite" + _of(unit))
     return array
+
+
+def brief(value: object) -> str:
+    """Return how a value shows itself, cut where that is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        return f"a {type(value).__name__} that is too long to show"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _holds_bool(value: object) -> bool:
+    """Return whether lists hold True or False, which numpy would take for 1 and 0."""
+    if not isinstance(value, (list, tuple)):
+        return isinstance(value, (bool, np.bool_))
+    return any(map(_holds_bool, value))
 
 
 def _all_finite(array: Array) -> bool:

@@ -1,4 +1,4 @@
-"""How every command line ends: 0 done, 2 bad input in one line, 1 anything else."""
+"""How every command line ends: 0 done, 2 bad input in a line per fault, 1 anything else."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import click
 
-from kickdyn.errors import InvalidInput, KickdynError, NoImpact
+from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
 
 
 def run(command: click.Command) -> NoReturn:
@@ -25,6 +25,8 @@ def run(command: click.Command) -> NoReturn:
         sys.exit(leave.exit_code)
     except click.ClickException as error:
         _fail(name, error.format_message(), 2)
+    except SceneError as error:
+        _fail(name, [f"{error.source}: {fault}" for fault in error.faults], 2)
     except (InvalidInput, NoImpact) as error:
         _fail(name, str(error), 2)
     except KickdynError as error:
@@ -39,6 +41,7 @@ def run(command: click.Command) -> NoReturn:
     sys.exit(0)
 
 
-def _fail(name: str, message: str, code: int) -> NoReturn:
-    print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
+def _fail(name: str, messages: str | list[str], code: int) -> NoReturn:
+    for message in [messages] if isinstance(messages, str) else messages:
+        print(f"{name}: {printable(' '.join(message.split()))}", file=sys.stderr)
     sys.exit(code)

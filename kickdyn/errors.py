@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
+def printable(text: str) -> str:
+    """Return a text with its control characters as escapes: a terminal would obey them."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class KickdynError(Exception):
     """Base of every error kickdyn raises on purpose."""
 
@@ -39,9 +44,9 @@ class SceneError(InvalidInput):
     """
 
     def __init__(self, source: str, faults: Sequence[str]) -> None:
-        self.source = source
-        self.faults = tuple(faults)
-        super().__init__("\n".join([f"{source}:", *self.faults]))
+        self.source = printable(source)
+        self.faults = tuple(printable(fault) for fault in faults)
+        super().__init__("\n".join([f"{self.source}:", *self.faults]))
 
     def __reduce__(self) -> tuple[type[SceneError], tuple[str, tuple[str, ...]]]:
         return (SceneError, (self.source, self.faults))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -60,3 +62,13 @@ def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
     reason = getattr(error, "strerror", None) or str(error)
     return InvalidInput(f"{path} cannot be written ({reason})")
+
+
+def write_json(path: str, document: object) -> None:
+    """Write a document as JSON, whole or not at all; `-` is stdout."""
+    text = json.dumps(document, indent=2) + "\n"
+    if path == "-":
+        sys.stdout.write(text)
+        return
+    with replacing(path) as draft:
+        draft.write_text(text, encoding="utf-8")

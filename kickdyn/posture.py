@@ -176,10 +176,16 @@ class Posture:
             v, shape `(nv,)` [rad/s].
 
         Raises:
-            InvalidInput: the leg cannot move its contact point in that direction here.
+            InvalidInput: the leg cannot move its contact point in that direction here, or so fast.
         """
         wish = checks.vector("point velocity", point_velocity, 3, unit="m/s")
-        v = self.try_joint_velocity(wish)
+        with np.errstate(over="ignore", invalid="ignore"):  # said below
+            v = self.try_joint_velocity(wish)
+        if v is not None and not np.isfinite(v).all():
+            raise InvalidInput(
+                f"point velocity {wish.tolist()} m/s takes joints of {self!r} beyond what a "
+                "float64 holds: it must be slower"
+            )
         if v is None:
             raise InvalidInput(
                 f"point velocity {wish.tolist()} m/s is out of reach of {self!r}: "
@@ -194,6 +200,7 @@ class Posture:
         part = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
         v = blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
         missed = np.abs(self.jacobian @ v - wish).max()
+        # nan, where it is too fast for float64, is not missed
         return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
 
     def solve(self, joint_impulse: Array) -> Array:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +13,7 @@ from rich.table import Table
 
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, write_json
 
 if TYPE_CHECKING:
     from kickdyn.accuracy.flight import Measured
@@ -73,12 +71,9 @@ def tradeoff(
             "impact": [dataclasses.asdict(row) for row in impacts],
             "flight": [dataclasses.asdict(row) for row in flights],
         }
-        text = json.dumps(listed, indent=2) + "\n"
+        write_json(json_file, listed)
         if json_file == "-":
-            sys.stdout.write(text)
             return
-        with replacing(json_file) as draft:
-            draft.write_text(text, encoding="utf-8")
     console = Console(highlight=False, width=100)
     if impacts:
         console.print(_impact_table(impacts))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +11,17 @@ from typing import Any
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.errors import KickdynError
-from kickdyn.files import check_writable, replacing
+from kickdyn.files import check_writable, write_json
 from kickdyn.scene.read import load_scene
 from kickdyn.scene.scene import Scene
 from kickdyn.simulation.answer import Simulation
 from kickdyn.simulation.effects import EFFECTS
 from kickdyn.simulation.simulate import simulate
+from kickdyn.simulation.whole import ENDS
 
 
 @dataclass(frozen=True)
@@ -41,17 +41,20 @@ class Worth:
     why_not: str = ""
 
 
-def worths(scene: Scene, told: Callable[[str], None] | None = None) -> list[Worth]:
+def worths(
+    scene: Scene, told: Callable[[str], None] | None = None, whole: Simulation | None = None
+) -> list[Worth]:
     """Measure every effect that a scene names, the largest first.
 
     Args:
         scene: the kick.
         told: called with each effect's name as it begins.
+        whole: its simulation with everything modelled, where that is there already.
 
     Raises:
         KickdynError: as of `simulate`, for the scene as it is.
     """
-    whole = simulate(scene, None)
+    whole = simulate(scene, None) if whole is None else whole
     rows = []
     for effect in EFFECTS:
         if not effect.named(scene):
@@ -63,8 +66,12 @@ def worths(scene: Scene, told: Callable[[str], None] | None = None) -> list[Wort
         except KickdynError as error:
             rows.append(Worth(effect.name, math.nan, math.nan, str(error)))
             continue
-        moved = float(np.linalg.norm(less.end.position - whole.end.position))
         impulse = float(np.linalg.norm(less.hit.impulse - whole.hit.impulse))
+        endless = [end.status for end in (whole, less) if end.status not in ENDS]
+        if endless:
+            rows.append(Worth(effect.name, math.nan, impulse, f"no end: {endless[0]}"))
+            continue
+        moved = float(np.linalg.norm(less.end.position - whole.end.position))
         rows.append(Worth(effect.name, moved, impulse))
     return sorted(rows, key=lambda row: -row.end if row.end == row.end else math.inf)
 
@@ -84,21 +91,22 @@ def show(file: str, json_file: str | None = None) -> None:
     scene = load_scene(file)
     whole = simulate(scene, None)
     with Console(stderr=True).status("measuring") as status:
-        rows = worths(scene, lambda name: status.update(f"measuring {name}"))
+        rows = worths(scene, lambda name: status.update(f"measuring {name}"), whole)
     if json_file is not None:
-        text = json.dumps(_document(whole, rows), indent=2) + "\n"
+        write_json(json_file, _document(whole, rows))
         if json_file == "-":
-            sys.stdout.write(text)
             return
-        with replacing(json_file) as draft:
-            draft.write_text(text, encoding="utf-8")
-    x, y, z = whole.end.position
+    x, y, z = whole.end.position.round(3) + 0.0  # no -0
     console = Console(highlight=False, width=100)
+    ended = whole.status if whole.status in ENDS else f"NO END, given up {whole.status}"
     console.print(
-        f"{scene.name}: {np.linalg.norm(whole.hit.impulse):.4g} N s, ends at "
-        f"({x:.3f}, {y:.3f}, {z:.3f}) m. What leaving one effect out changes:"
+        f"{scene.name}: {np.linalg.norm(whole.hit.impulse):.4g} N s, {ended} at "
+        f"({x:.3f}, {y:.3f}, {z:.3f}) m. What leaving one effect out changes:",
+        markup=False,
     )
     console.print(_table(rows))
+    for note in scene.notes:
+        console.print(f"note: {note}", markup=False)
 
 
 def _document(whole: Simulation, rows: list[Worth]) -> dict[str, Any]:
@@ -108,6 +116,7 @@ def _document(whole: Simulation, rows: list[Worth]) -> dict[str, Any]:
         row |= {name: None for name in ("end", "impulse") if math.isnan(row[name])}
     return {
         "scene": whole.scene.name,
+        "status": whole.status,
         "end": whole.end.position.tolist(),
         "impulse": whole.hit.impulse.tolist(),
         "units": {"end": "m", "impulse": "N s"},
@@ -122,7 +131,6 @@ def _table(rows: list[Worth]) -> Table:
         table.add_column(head, justify="right")
     table.add_column("")
     for row in rows:
-        missing = bool(row.why_not)
-        cells = ("" if missing else f"{value:.3g}" for value in (row.end, row.impulse))
-        table.add_row(row.effect, *cells, row.why_not)
+        cells = ("" if math.isnan(value) else f"{value:.3g}" for value in (row.end, row.impulse))
+        table.add_row(row.effect, *cells, escape(row.why_not))
     return table

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kickdyn.aerodynamics import drag, lift
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
@@ -15,6 +16,17 @@ from kickdyn.ground import Ground
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
 from kickdyn.scene.scene import Scene
+from kickdyn.simulation.effects import changed
+
+BALLS = (
+    Ball(),
+    Ball(0.2, 0.07),
+    Ball(0.3, 0.09),
+    Ball(0.05, 0.11),
+    Ball(0.1, 0.2),
+    Ball(0.02, 0.11),
+)
+"""Two of them a beach ball and a balloon."""
 
 
 @lru_cache(maxsize=1)
@@ -39,6 +51,7 @@ def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
     friction = rng.uniform(0.2, 0.6) if rng.random() < 0.8 else 0.0
     touch = Contact(normal, rng.uniform(0.5, 0.9), friction)
     ball = Ball() if rng.random() < 0.7 else Ball(0.2, 0.07)
+    ball = parts.pop("ball", ball)
     moving = rng.random() < 0.2
     ball_velocity = rng.normal(size=3) * 0.5 * moving
     centre = posture.contact_point + ball.radius * touch.normal
@@ -53,6 +66,35 @@ def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
     if scene["ground"] is not None and scene["ground"].surface is None and rng.random() < 0.3:
         scene["plane"] = Plane(centre + np.array([rng.uniform(0.5, 20), 0, 0]), (-1, 0, 0))
     return Scene(leg, q, v, ball, touch, **{**scene, **parts})
+
+
+def wide_scene(rng: np.random.Generator) -> Scene:
+    """Return a scene from a wider world: light balls, any drag and lift, planes by bouncing balls.
+
+    Half have a contact that takes time, a third of these a brief one.
+    """
+    ball = BALLS[rng.integers(len(BALLS))]
+    brief, time = rng.random() < 1 / 3, rng.uniform(0.004, 0.015)
+    wind = rng.normal(size=3) * [5, 5, 0] if rng.random() < 0.5 else (0, 0, 0)
+    drag_name, lift_name = (rng.choice(sorted(kind)) for kind in (drag.MODELS, lift.MODELS))
+    air = Air(
+        wind=wind,
+        drag=str(drag_name) if rng.random() < 0.9 else None,
+        lift=str(lift_name) if rng.random() < 0.6 else None,
+        torque="smits-smith" if rng.random() < 0.4 else None,
+        buoyancy=bool(rng.random() < 0.5),
+    )
+    takes_time, walled, away = rng.random() < 0.5, rng.random() < 0.3, rng.uniform(0.5, 15)
+    scene = random_scene(
+        rng,
+        ball=ball,
+        air=air if rng.random() < 0.95 else None,
+        contact_time=(1e-2 * time if brief else time) if takes_time else None,
+    )
+    if not walled:
+        return scene
+    plane = Plane(scene.ball_position + np.array([away, 0, 0]), (-1, 0, 0))
+    return changed(scene, plane=plane)
 
 
 def _air(rng: np.random.Generator) -> Air:

@@ -30,6 +30,7 @@ class Glide:
         kind: `slide` or `roll`.
         at_wall: whether it ended there.
         blown: whether the wind kept it rolling to the time limit.
+        evaluations: of the acceleration.
     """
 
     start: BallState
@@ -38,6 +39,7 @@ class Glide:
     _states: Callable[[Array], BallState]
     at_wall: bool = False
     blown: bool = False
+    evaluations: int = 0
 
     @property
     def duration(self) -> float:
@@ -179,7 +181,8 @@ def roll(
 
     last = _single(states(np.array([final])))
     at_wall = reached is not None and not rests
-    return Glide(_with_time(state, 0.0), last, "roll", states, at_wall, not rests and not at_wall)
+    blown, calls = not rests and not at_wall, sum(arc.evaluations for arc in arcs)
+    return Glide(_with_time(state, 0.0), last, "roll", states, at_wall, blown, calls)
 
 
 def _with_time(state: BallState, time: float) -> BallState:

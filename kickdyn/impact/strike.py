@@ -100,17 +100,20 @@ def strike_at(
     approach_speed = approach(posture, foot_velocity, before, touch)
     if not sliding < MAX_SPEED:
         raise InvalidInput(f"the ball moves at {sliding:g} m/s: it must be below {MAX_SPEED:g} m/s")
-    impulse, sticking, energy_lost = LAWS[law](
-        ContactProblem(
-            normal=n,
-            leg_delassus=posture.delassus(),
-            ball=ball,
-            centre_velocity=velocity - foot_velocity,
-            spin=spin,
-            restitution=touch.restitution,
-            friction=touch.friction,
+    try:
+        impulse, sticking, energy_lost = LAWS[law](
+            ContactProblem(
+                normal=n,
+                leg_delassus=posture.delassus(),
+                ball=ball,
+                centre_velocity=velocity - foot_velocity,
+                spin=spin,
+                restitution=touch.restitution,
+                friction=touch.friction,
+            )
         )
-    )
+    except np.linalg.LinAlgError:  # leg and ball too unlike for one matrix
+        energy_lost = math.nan
     if not math.isfinite(energy_lost):
         raise KickdynError(
             f"law {law!r} finds no impulse in {posture!r} (restitution {touch.restitution:g}, "

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import stat
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,12 +16,13 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
-from kickdyn.errors import InvalidInput, SceneError
+from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
+from kickdyn.posture import Posture
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.schema import SOURCES, Values, checked
+from kickdyn.scene.schema import SOURCES, Values, checked, faults_of, unusable
 from kickdyn.urdf_file import shipped_urdf
 
 MAX_BYTES = 100_000
@@ -46,11 +47,13 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
+    text = _read(file, source)
     try:
-        document = tomllib.loads(_read(file, source))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
         raise SceneError(source, [f"is not TOML: {error}"]) from None
-    builder = _Builder(*checked(document), file.resolve().parent)
+    values, faults = checked(document)
+    builder = _Builder(values, faults, unusable(document, values), file.resolve().parent)
     scene = builder.scene(file.stem)
     if scene is None:
         raise SceneError(source, [line for lines in builder.faults.values() for line in lines])
@@ -77,31 +80,47 @@ def _read(file: Path, source: str) -> str:
 class _Builder:
     """Makes the nouns of a scene, each on its own, so that the faults of all are found."""
 
-    def __init__(self, values: Values, faults: dict[str, list[str]], folder: Path) -> None:
-        self.values, self.faults, self.folder = values, faults, folder
+    def __init__(
+        self, values: Values, faults: dict[str, list[str]], bad: set[str], folder: Path
+    ) -> None:
+        self.values, self.faults, self.bad, self.folder = values, faults, bad, folder
 
     def scene(self, stem: str) -> Scene | None:
         """Return the scene; None where there are faults."""
-        leg = self._made("leg", self._leg)
-        q = None if leg is None else self._made("posture", self._configuration, leg)
-        ball = self._made("ball", self._ball)
-        touch = self._made("contact", self._contact)
-        air = self._made("air", self._air)
-        ground = self._made("ground", self._ground)
-        plane = self._made("plane", self._plane)
+        leg = self._made("leg", ("model", "file", "robot", "frame", "base"), self._leg)
+        joints = self._made("leg", ("armature_kg_m2",), self._rotors, leg)
+        held = self._made("leg", ("supports",), self._held, joints or leg)
+        ball = self._made("ball", (), self._ball)
+        touch = self._made("contact", ("normal", "attack_deg", "offset_m"), self._contact)
+        air = self._made("air", ("altitude_m", "temperature_c", "pressure_pa"), self._air)
+        ground = self._made("ground", (), self._ground)
+        plane = self._made("plane", ("point_m", "normal"), self._plane)
+        q = self._made("posture", ("angles_deg", "positions_m"), self._configuration, leg)
+        v = self._made("posture", ("joint_velocity_rad_s",), self._joint_velocity, leg)
+        if "foot_velocity_m_s" in self._said("posture"):
+            v = self._made("posture", ("foot_velocity_m_s",), self._foot_velocity, held, q, touch)
         if any(self.faults.values()):
             return None
-        nouns = (leg, q, ball, touch, air, ground, plane)
-        return self._made("posture", self._whole, self.values[""].get("name", stem), *nouns)
+        nouns: tuple[Any, ...] = (held, q, v, ball, touch, air, ground, plane)
+        return self._made("posture", (), lambda: self._whole(stem, *nouns))
 
-    def _made(self, section: str, make: Callable[..., Made], *parts: Any) -> Made | None:
-        """Return what `make` does; None for a section that has faults, or is found to have one."""
-        if self.faults[section]:
+    def _made(
+        self, section: str, keys: tuple[str, ...], make: Callable[..., Made], *parts: Any
+    ) -> Made | None:
+        """Return what `make` does; None where it cannot, or finds faults, which are noted.
+
+        Args:
+            section: of the file.
+            keys: of it that this stands on.
+            make: does it.
+            *parts: nouns that this stands on, too.
+        """
+        if any(f"{section}.{key}" in self.bad for key in keys) or any(p is None for p in parts):
             return None
         try:
             return make(*parts)
         except InvalidInput as error:
-            self.faults[section].append(f"{section}: {error}")
+            self.faults[section] += [f"{section}: {line}" for line in faults_of(error)]
             return None
 
     def _said(self, section: str) -> dict[str, Any]:
@@ -120,22 +139,42 @@ class _Builder:
                 else shipped_urdf(f"leg_{said['model']}.urdf")
             )
             leg = Leg.from_urdf(file, frame or "toe", base=base)
-        if "armature_kg_m2" in said:
-            leg = leg.with_armature(said["armature_kg_m2"])
-        return leg.standing_on(*said["supports"]) if "supports" in said else leg
+        return leg
+
+    def _rotors(self, leg: Leg) -> Leg:
+        rotors = self._said("leg").get("armature_kg_m2", {})
+        _check_joints("armature_kg_m2", leg, rotors)
+        return leg.with_armature(rotors) if rotors else leg
+
+    def _held(self, leg: Leg) -> Leg:
+        feet = self._said("leg").get("supports")
+        return leg if feet is None else leg.standing_on(*feet)
 
     def _configuration(self, leg: Leg) -> Array:
-        said, values = self._said("posture"), {}
+        said = self._said("posture")
+        values: dict[str, float] = {}
+        faults: list[str] = []
         for key, unit, scale in (("angles_deg", "rad", math.pi / 180), ("positions_m", "m", 1.0)):
-            for joint, value in said.get(key, {}).items():
-                if leg.joint_unit(joint) != unit:
-                    raise InvalidInput(
-                        f"{key} names {joint}, which moves in {leg.joint_unit(joint)}"
-                    )
-                values[joint] = scale * value
-        for joint in said.get("joint_velocity_rad_s", {}):
-            leg.velocity_index(joint)
+            joints = said.get(key, {})
+            try:
+                _check_joints(key, leg, joints, unit)
+            except SceneError as error:
+                faults += error.faults
+            values |= {joint: scale * value for joint, value in joints.items()}
+        if faults:
+            raise SceneError("posture", faults)
         return leg.configuration(values)
+
+    def _joint_velocity(self, leg: Leg) -> Array:
+        speeds = self._said("posture").get("joint_velocity_rad_s", {})
+        _check_joints("joint_velocity_rad_s", leg, speeds)
+        v = np.zeros(leg.nv)
+        for joint, speed in speeds.items():
+            v[leg.velocity_index(joint)] = speed
+        return v
+
+    def _foot_velocity(self, leg: Leg, q: Array, touch: Contact) -> Array:
+        return _touched(leg, q, touch).joint_velocity(self._said("posture")["foot_velocity_m_s"])
 
     def _ball(self) -> Ball:
         said = self._said("ball")
@@ -153,16 +192,14 @@ class _Builder:
             up, side = math.radians(said["attack_deg"]), math.radians(said.get("side_deg", 0.0))
             level = math.cos(up)
             normal = np.array([level * math.cos(side), level * math.sin(side), math.sin(up)])
-        return Contact(normal, said["restitution"], said.get("friction", 0.0), said.get("offset_m"))
+        restitution = said.get("restitution", 1.0)  # where it is bad, the rest can still be checked
+        return Contact(normal, restitution, said.get("friction", 0.0), said.get("offset_m"))
 
     def _air(self) -> Air | None:
         if "air" not in self.values:
             return None
         said = self._said("air")
         if said.get("model") == "paper":
-            clash = [key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in said]
-            if clash:
-                raise InvalidInput(f"model is 'paper', whose air is known: leave out {clash[0]}")
             here = Air.paper()
         else:
             here = Air.at(
@@ -187,27 +224,19 @@ class _Builder:
 
     def _whole(
         self,
-        name: str,
+        stem: str,
         leg: Leg,
         q: Array,
+        v: Array,
         ball: Ball,
         touch: Contact,
         air: Air | None,
         ground: Ground | None,
         plane: Plane | None,
     ) -> Scene:
-        posture, said = leg.posture(q), self._said("posture")
-        if touch.offset is not None:
-            posture = posture.touched_at(touch.offset)
-        if "foot_velocity_m_s" in said:
-            v = posture.joint_velocity(said["foot_velocity_m_s"])
-        else:
-            v = np.zeros(leg.nv)
-            for joint, speed in said["joint_velocity_rad_s"].items():
-                v[leg.velocity_index(joint)] = speed
         if ground is not None and "height_m" not in self._said("ground"):
-            centre = float((posture.contact_point + ball.radius * touch.normal)[2])
-            ground = Ground(centre - ball.radius, ground.surface)
+            place = _touched(leg, q, touch).contact_point + ball.radius * touch.normal
+            ground = Ground(float(place[2]) - ball.radius, ground.surface)
         moving, contact = self._said("ball"), self._said("contact")
         return Scene(
             leg,
@@ -226,5 +255,24 @@ class _Builder:
                 SOURCES[key][0]: SOURCES[key][1] * value
                 for key, value in self._said("uncertainty").items()
             },
-            name=name,
+            name=self.values[""].get("name", printable(stem)),
         )
+
+
+def _touched(leg: Leg, q: Array, touch: Contact) -> Posture:
+    posture = leg.posture(q)
+    return posture if touch.offset is None else posture.touched_at(touch.offset)
+
+
+def _check_joints(key: str, leg: Leg, joints: Iterable[str], unit: str = "") -> None:
+    """Raise `SceneError` with a line for every joint that cannot take its value."""
+    faults = []
+    for joint in joints:
+        try:
+            moves_in = leg.joint_unit(joint)
+            if unit and moves_in != unit:
+                faults.append(f"{key} names {joint}, which moves in {moves_in}")
+        except InvalidInput as error:
+            faults.append(str(error))
+    if faults:
+        raise SceneError(key, faults)

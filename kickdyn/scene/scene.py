@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -21,6 +22,25 @@ from kickdyn.leg import Leg
 from kickdyn.plane import Plane
 from kickdyn.posture import Posture
 
+EDGE = 1e-6
+"""By which a joint may be over its range [deg; m]."""
+
+LEAST_RESTITUTION = 0.01
+"""Of a contact that takes time."""
+
+
+def clash_of_time(law: str, restitution: float) -> list[str]:
+    """Return a line for each thing that a contact that takes time cannot do."""
+    lines = []
+    if law != "newton":
+        lines.append(f"law is {law!r}: a contact that takes time has no law, leave one of them out")
+    if restitution < LEAST_RESTITUTION:
+        lines.append(
+            f"restitution is {restitution:g}: in a contact that takes time it must be at least "
+            f"{LEAST_RESTITUTION:g}"
+        )
+    return lines
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class Scene:
@@ -33,7 +53,8 @@ class Scene:
         ball: its centre is at `contact point + radius * normal`.
         touch: the contact.
         law: impact law, as for `strike`.
-        contact_time: of a contact that gives way, as for `collide` [s]; None, an instant.
+        contact_time: of a contact that gives way, as for `collide` [s]; None, an instant. It has no
+            law, and restitution of 0.01 or more.
         ball_velocity: of its centre before the contact, shape `(3,)` [m/s, world frame].
         ball_spin: before the contact, shape `(3,)` [rad/s, world frame].
         air: None is the vacuum.
@@ -94,6 +115,9 @@ class Scene:
                 raise InvalidInput(f"{noun} is {value!r}: it must be a kickdyn.{kind.__name__}")
         if contact_time is not None:
             contact_time = checks.number("contact time", contact_time, above=0, unit="s")
+            clash = clash_of_time(law, touch.restitution)
+            if clash:
+                raise InvalidInput(clash[0])
         posture = leg.posture(q)
         arrays = {
             "q": posture.q,
@@ -129,3 +153,19 @@ class Scene:
     def ball_position(self) -> Array:
         """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
         return np.asarray(self.posture.contact_point + self.ball.radius * self.touch.normal)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A line for each joint that is outside its range: it is computed all the same."""
+        lines = []
+        for joint, value in self.leg.angles_deg(self.q).items():
+            low, high = self.leg.joint_range(joint)
+            unit = self.leg.joint_unit(joint)
+            continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
+            if unit == "rad":
+                low, high, unit = math.degrees(low), math.degrees(high), "deg"
+            if not (continuous or low - EDGE <= value <= high + EDGE):
+                lines.append(
+                    f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"
+                )
+        return tuple(lines)

@@ -13,9 +13,10 @@ from typing import Any
 
 from kickdyn import checks
 from kickdyn.aerodynamics import drag, lift, torque
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
 from kickdyn.robots import ROBOTS
+from kickdyn.scene.scene import clash_of_time
 
 Check = Callable[[str, Any], Any]
 
@@ -31,41 +32,53 @@ def _vector(unit: str = "") -> Check:
     return lambda name, value: checks.vector(name, value, 3, unit=unit)
 
 
+def _direction(name: str, value: Any) -> Any:
+    checks.direction(name, value)
+    return checks.vector(name, value, 3)
+
+
 def _choice(*choices: str) -> Check:
     def check(name: str, value: Any) -> str:
         if not isinstance(value, str) or value not in choices:
-            raise InvalidInput(f"{name} is {value!r}: choose {', '.join(choices)}")
+            raise InvalidInput(f"{name} is {checks.brief(value)}: choose {', '.join(choices)}")
         return value
 
     return check
 
 
 def _text(name: str, value: Any) -> str:
-    if not isinstance(value, str) or not value:
-        raise InvalidInput(f"{name} is {value!r}: it must be a text")
+    if not isinstance(value, str) or not value or not value.isprintable():
+        raise InvalidInput(f"{name} is {checks.brief(value)}: it must be printable text")
     return value
 
 
 def _texts(name: str, value: Any) -> list[str]:
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise InvalidInput(f"{name} is {value!r}: it must be a list of names")
+        raise InvalidInput(f"{name} is {checks.brief(value)}: it must be a list of names")
     return value
 
 
 def _flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool):
-        raise InvalidInput(f"{name} is {value!r}: it must be true or false")
+        raise InvalidInput(f"{name} is {checks.brief(value)}: it must be true or false")
     return value
 
 
 def _by_joint(unit: str, **limits: float) -> Check:
     def check(name: str, value: Any) -> dict[str, float]:
         if not isinstance(value, dict):
-            raise InvalidInput(f"{name} is {value!r}: it must be a table, joint = number [{unit}]")
-        return {
-            joint: checks.number(f"{name}.{joint}", entry, unit=unit, **limits)
-            for joint, entry in value.items()
-        }
+            raise InvalidInput(
+                f"{name} is {checks.brief(value)}: it must be a table, joint = number [{unit}]"
+            )
+        found, faults = {}, []
+        for joint, entry in value.items():
+            try:
+                found[joint] = checks.number(f"{name}.{joint}", entry, unit=unit, **limits)
+            except InvalidInput as error:
+                faults.append(str(error))
+        if faults:
+            raise SceneError(name, faults)
+        return found
 
     return check
 
@@ -97,7 +110,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "spin_rad_s": _vector("rad/s"),
     },
     "contact": {
-        "normal": _vector(),
+        "normal": _direction,
         "attack_deg": _number("deg", at_least=-90.0, at_most=90.0),
         "side_deg": _number("deg", at_least=-180.0, at_most=180.0),
         "restitution": _number(at_least=0.0, at_most=1.0),
@@ -120,7 +133,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
     "ground": {"height_m": _number("m"), "surface": _choice(*SURFACES)},
     "plane": {
         "point_m": _vector("m"),
-        "normal": _vector(),
+        "normal": _direction,
         "reached_by": _choice("front", "centre", "back"),
     },
     "uncertainty": {
@@ -161,6 +174,25 @@ NEEDED = {"contact": ("restitution",), "plane": ("point_m", "normal")}
 
 GOES_WITH = {("leg", "legs_only"): "robot", ("contact", "side_deg"): "attack_deg"}
 
+
+def _known_air(said: dict[str, Any]) -> list[str]:
+    if said.get("model") != "paper":
+        return []
+    weather = ("altitude_m", "temperature_c", "pressure_pa")
+    known = [key for key in weather if key in said]
+    return [f"{key} is named with model 'paper', whose air is known: leave it out" for key in known]
+
+
+CLASHES: dict[str, Callable[[dict[str, Any]], list[str]]] = {
+    "air": _known_air,
+    "contact": lambda said: (
+        clash_of_time(said.get("law", "newton"), said.get("restitution", 1.0))
+        if "contact_time_s" in said
+        else []
+    ),
+}
+"""By section, a line for each valid value that does not go with another."""
+
 Values = dict[str, dict[str, Any]]
 
 
@@ -173,9 +205,11 @@ def checked(document: Mapping[str, Any]) -> tuple[Values, dict[str, list[str]]]:
             values[""] |= _section("", {name: content}, faults[""])
         elif name not in SECTIONS:
             names = [*(known for known in SECTIONS if known), *SECTIONS[""]]
-            faults[""].append(_unknown(f"section [{name}]", name, names))
+            kind = f"section [{name}]" if isinstance(content, dict) else name
+            faults[""].append(_unknown(kind, name, names))
         elif not isinstance(content, dict):
-            faults[name].append(f"{name} is {content!r}: it must be a section, [{name}]")
+            said = checks.brief(content)
+            faults[name].append(f"{name} is {said}: it must be a section, [{name}]")
         else:
             values[name] = _section(name, content, faults[name])
     for name in REQUIRED:
@@ -194,7 +228,7 @@ def _section(section: str, content: dict[str, Any], faults: list[str]) -> dict[s
         try:
             found[key] = SECTIONS[section][key](name, value)
         except InvalidInput as error:
-            faults.append(str(error))
+            faults += faults_of(error)
     choice = ONE_OF.get(section, ())
     named = [key for key in choice if key in content]
     if choice and len(named) != 1:
@@ -208,7 +242,28 @@ def _section(section: str, content: dict[str, Any], faults: list[str]) -> dict[s
         for (place, key), other in GOES_WITH.items()
         if place == section and key in content and other not in content
     ]
+    if section in CLASHES:
+        faults += [f"{section}.{line}" for line in CLASHES[section](found)]
     return found
+
+
+def unusable(document: Mapping[str, Any], values: Values) -> set[str]:
+    """Return what nothing can stand on, as `section.key`: bad, not clear, or needed and missing."""
+    bad = set()
+    for section in SECTIONS:
+        content, valid = document.get(section), values.get(section, {})
+        keys = [key for key in content if key not in valid] if isinstance(content, dict) else []
+        if content is not None or section in REQUIRED:
+            missing = [key for key in NEEDED.get(section, ()) if key not in valid]
+            choice = ONE_OF.get(section, ())
+            keys += [*missing, *(choice if sum(key in valid for key in choice) != 1 else ())]
+        bad |= {f"{section}.{key}" for key in keys}
+    return bad
+
+
+def faults_of(error: InvalidInput) -> list[str]:
+    """Return the lines of an error, one for each fault."""
+    return list(error.faults) if isinstance(error, SceneError) else [str(error)]
 
 
 def _unknown(name: str, word: str, known: Iterable[str]) -> str:

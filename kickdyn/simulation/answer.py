@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +16,7 @@ from kickdyn.flight.path import Flight
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.result import Impact
 from kickdyn.scene.scene import Scene
+from kickdyn.simulation.whole import ENDS
 
 
 class Verdict(NamedTuple):
@@ -45,12 +47,16 @@ class Simulation(Printed):
         launch: the ball as it leaves the foot.
         end: where its way ends: on the ground, back at the height of the launch, at the plane, or
             at rest on a ground with a surface. Its time counts from the launch.
+        status: which of them: `landed`, `at plane` or `at rest`; else the way has no end and `end`
+            is where it was given up: `aloft`, `blown` or `bouncing`, as of `Flight` and `Course`.
         path: the flight or the course; None where large steps did.
         verdicts: on each effect that the scene names.
         method: how the end was computed.
-        evaluations: of contact and flight, in all.
-        spread: standard deviation of the end, at most, by what the scene's `spread` says is not
-            known exactly; to first order [m]; nan where it says nothing.
+        evaluations: of the accelerations in contact and flight, those for bounds and for `spread`
+            included; not what `numerical_error` adds where it is asked for.
+        spread: standard deviation of the end by what the scene's `spread` says is not known
+            exactly, to first order, velocity and spin varying together [m]; nan where it says
+            nothing, inf where the way has no end.
     """
 
     scene: Scene
@@ -58,6 +64,7 @@ class Simulation(Printed):
     hit: Impact | Collision
     launch: BallState
     end: BallState
+    status: str
     path: Flight | Course | None
     verdicts: tuple[Verdict, ...]
     method: str
@@ -67,7 +74,7 @@ class Simulation(Printed):
 
     @cached_property
     def numerical_error(self) -> float:
-        """Estimate of what contact and flight integrators miss at the end [m]."""
+        """Estimate of what contact and flight integrators miss at the end [m]; inf without one."""
         return self._numerical()
 
     @property
@@ -77,8 +84,16 @@ class Simulation(Printed):
 
     @property
     def error(self) -> float:
-        """Of the end, models left out and numerics together [m]; `tolerance` at most."""
+        """Of the end, the bound of what is left out and the estimate of the numerics together [m].
+
+        `tolerance` at most, but for what the numerics cannot reach: see `met`.
+        """
         return self.model_error + self.numerical_error
+
+    @property
+    def met(self) -> bool:
+        """Whether the error is within the tolerance; with all modelled, whether it is known."""
+        return self.error <= (sys.float_info.max if self.tolerance is None else self.tolerance)
 
     @property
     def modelled(self) -> tuple[str, ...]:
@@ -94,8 +109,10 @@ class Simulation(Printed):
         """Return end and budget."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
         wish = "all modelled" if self.tolerance is None else f"asked {self.tolerance:g} m"
+        wish += "" if self.met else ", NOT MET"
+        ended = self.status if self.status in ENDS else f"NO END, given up {self.status}"
         lines = [
-            f"ends at ({x:.3f}, {y:.3f}, {z:.3f}) m after {self.end.time:.3f} s; "
+            f"{ended} at ({x:.3f}, {y:.3f}, {z:.3f}) m after {self.end.time:.3f} s; "
             f"error {self.error:.2g} m, {wish}; {self.method}",
             f"{'effect':20}{'':12}{'bound m':>9}  why",
         ]
@@ -107,4 +124,5 @@ class Simulation(Printed):
         lines.append(f"{'numerics':32}{size:>9}")
         if not math.isnan(self.spread):
             lines.append(f"{'not known exactly':32}{self.spread:9.2g}  standard deviation")
+        lines += [f"note: {note}" for note in self.scene.notes]
         return "\n".join(lines)

@@ -12,8 +12,10 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import bounce
+from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.forces import GRAVITY, downward, forces
 from kickdyn.flight.roll import roll, slide
@@ -23,8 +25,20 @@ from kickdyn.plane import Plane
 PATIENCE = 8
 """Times the flight's length in a vacuum after which a ball is left to the exact engine."""
 
-IN_WIND = 1e-8
-"""Relative tolerance of a ball that rolls in the wind."""
+LONGEST = 1000.0
+"""Flight that the exact engine gives up after, too [s]."""
+
+UNRULY = 0.05
+"""Share of the fastest speed by which two estimates of a step's change may differ. They do so with
+the cube of step over the time that drag slows the ball in: large steps are no use long before they
+explode, as with a balloon."""
+
+IN_WIND = 1e-9
+"""Relative tolerance of a ball that rolls in the wind, in four steps a flight. It shrinks with the
+cube of the steps: what is missed must show when there are twice as many."""
+
+MISGUIDED = 0.1
+"""Share of a step by which Newton's may put right where it was cut."""
 
 State = tuple[float, ...]
 Rates = Callable[[State], State]
@@ -44,49 +58,69 @@ class Way(NamedTuple):
     plane: Plane | None
 
 
-def coarse_end(launch: BallState, way: Way, steps: int) -> tuple[BallState | None, int]:
-    """Return where the ball's way ends, and the evaluations that took; None if it is not for this.
+class CoarseEnd(NamedTuple):
+    """Where a ball's way ends in large steps.
+
+    Attributes:
+        state: there; None where large steps are not for it.
+        status: as of `Flight` or `Course`.
+        evaluations: of the acceleration.
+    """
+
+    state: BallState | None
+    status: str
+    evaluations: int
+
+
+def coarse_end(launch: BallState, way: Way, steps: int) -> CoarseEnd:
+    """Return where the ball's way ends.
 
     Classical Runge-Kutta steps of fourth order, `steps` of them in the time the flight would take
     in a vacuum; rolling is a quadrature. How exact that is, twice the steps tell.
 
     Args:
         launch: the ball at the start.
-        way: what it moves through. A plane on a ground with a surface is not for this.
+        way: what it moves through. A plane that the ball meets sliding or rolling is not for this.
         steps: of each flight.
     """
     surface = None if way.ground is None else way.ground.surface
     if surface is None:
-        end, _, calls = coarse_path(launch, way, steps)
-        return end, calls
+        return coarse_path(launch, way, steps)[0]
     assert isinstance(surface, Surface)
-    if way.plane is not None or surface.friction == 0.0:
-        return None, 0
+    if surface.friction == 0.0:
+        return CoarseEnd(None, "", 0)
     state, calls, clock = launch, 0, 0.0
     for _ in range(MOST_BOUNCES):
-        landed, _, more = coarse_path(state, way, steps)
+        (landed, status, more), _ = coarse_path(state, way, steps)
         calls += more
         if landed is None:
-            return None, calls
+            break
         clock += float(landed.time)
+        if status == "at plane":
+            there = BallState(landed.position, landed.velocity, landed.spin, clock)
+            return CoarseEnd(there, status, calls)
         state = bounce(landed, way.ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
-            return _grounded(state, way, surface, steps, clock), calls + steps
-    return None, calls
+            rest, more = _grounded(state, way, surface, steps, clock)
+            return CoarseEnd(rest, "at rest", calls + more)
+    return CoarseEnd(None, "", calls)
 
 
-def coarse_path(
-    launch: BallState, way: Way, steps: int
-) -> tuple[BallState | None, list[State], int]:
-    """Return the end of one flight, the nodes before it, and the evaluations.
+def coarse_path(launch: BallState, way: Way, steps: int) -> tuple[CoarseEnd, list[State]]:
+    """Return the end of one flight, and the nodes up to it.
 
     A node is displacement, velocity, and spin over that of the launch.
     """
     drop, rise = drop_of(launch, way), float(launch.velocity[2])
     nodes: list[State] = [(0.0, 0.0, 0.0, *launch.velocity.tolist(), 1.0)]
+    fastest = math.hypot(*nodes[0][3:6])
+    inside = drop < -1e-9 * way.ball.radius and drop < -1e-9 * abs(float(launch.position[2]))
+    if inside or not fastest <= MAX_SPEED:  # refused by the exact engine
+        return CoarseEnd(None, "", 0), nodes
     if drop <= 0.0 and rise <= 0.0:
-        return BallState(launch.position, launch.velocity, launch.spin), nodes, 0
-    g = downward(way.ball, way.air)
+        there = BallState(launch.position, launch.velocity, launch.spin)
+        return CoarseEnd(there, "landed", 0), nodes
+    drop, g = max(drop, 0.0), downward(way.ball, way.air)
     values = [_falling((0.0, 0.0, 1.0), drop)]
     longest = time_to_fall(rise, drop, g)
     if way.plane is not None:
@@ -95,31 +129,36 @@ def coarse_path(
         closing = -float(normal @ launch.velocity)
         longest = min(longest, gap / closing) if closing > 0.0 else longest
     if not 0.0 < longest < math.inf:
-        return None, nodes, 0
+        return CoarseEnd(None, "", 0), nodes
     rates, step, calls = _rates(way, launch), longest / steps, 0
-    for number in range(PATIENCE * steps):
+    fastest = max(fastest, math.sqrt(2.0 * g * drop) if g > 0.0 else 0.0)
+    for number in range(min(PATIENCE * steps, math.ceil(LONGEST / step))):
         before = nodes[-1]
-        after = _step(rates, before, step)
+        after, unruly = _step(rates, before, step)
         calls += 4
-        passed = [value for value in values if value(after) <= 0.0]
+        if not unruly <= UNRULY * fastest:
+            break
+        passed = [i for i, value in enumerate(values) if value(after) <= 0.0]
         if not passed:
             nodes.append(after)
             continue
-        found = [_reach(rates, before, after, step, value) for value in passed]
-        reached = [part for part in found if part is not None]
-        if len(reached) < len(passed):
-            break
-        late, end = min(reached)
+        found = [_reach(rates, before, after, step, values[i]) for i in passed]
         calls += 7 * len(passed)
-        return _whole(launch, end, number * step + late), [*nodes, end], calls
-    return None, nodes, calls
+        reached = [(*part, i) for part, i in zip(found, passed, strict=True) if part is not None]
+        if number == 0 or len(reached) < len(passed):
+            break  # so early the step was no guess of the flight
+        late, end, which = min(reached)
+        nodes.append(end)
+        there = _whole(launch, end, number * step + late)
+        return CoarseEnd(there, ("landed", "at plane")[which], calls), nodes
+    return CoarseEnd(None, "", calls), nodes
 
 
 def drop_of(launch: BallState, way: Way) -> float:
-    """Return how far below the launch the flight ends [m]."""
+    """Return how far below the launch the flight ends [m]; below 0 inside the ground."""
     if way.ground is None:
         return 0.0
-    return max(float(launch.position[2]) - way.ball.radius - way.ground.height, 0.0)
+    return float(launch.position[2]) - way.ball.radius - way.ground.height
 
 
 def _rates(way: Way, launch: BallState) -> Rates:
@@ -137,15 +176,17 @@ def _rates(way: Way, launch: BallState) -> Rates:
     return rates
 
 
-def _step(rates: Rates, y: State, h: float) -> State:
+def _step(rates: Rates, y: State, h: float) -> tuple[State, float]:
+    """Return the state after a step, and by how much its two middle estimates differ [m/s]."""
     a = rates(y)
     b = rates(_along(y, a, 0.5 * h))
     c = rates(_along(y, b, 0.5 * h))
     d = rates(_along(y, c, h))
     sixth = h / 6.0
-    return tuple(
-        s + sixth * (p + 2.0 * (q + r) + t) for s, p, q, r, t in zip(y, a, b, c, d, strict=True)
+    after = tuple(
+        [s + sixth * (p + 2.0 * (q + r) + t) for s, p, q, r, t in zip(y, a, b, c, d, strict=True)]
     )
+    return after, h * math.hypot(c[3] - b[3], c[4] - b[4], c[5] - b[5])
 
 
 def _along(y: State, slope: State, h: float) -> State:
@@ -160,9 +201,10 @@ def _falling(normal: State, gap: float) -> Callable[[State], float]:
 def _reach(
     rates: Rates, before: State, after: State, step: float, value: Callable[[State], float]
 ) -> tuple[float, State] | None:
-    """Return when, in a step, a value falls to 0, and the state there.
+    """Return when, in a step, a value falls to 0, and the state there; None where it is not clear.
 
-    By the cubic through both ends, a step to its root, and one of Newton's from there.
+    By the cubic through both ends, a step to its root, and one of Newton's from there, which has
+    little to put right unless the cubic was no guide.
     """
     start, end = value(before), value(after)
     if start < 0.0:
@@ -180,10 +222,12 @@ def _reach(
         t = 1.0 - s
         cubic = t * t * ((1 + 2 * s) * start + s * first) + s * s * ((3 - 2 * s) * end - t * last)
         low, high = (s, high) if cubic > 0.0 else (low, s)
-    state = _step(rates, before, high * step)
+    state, _ = _step(rates, before, high * step)
     slope = rates(state)
     fall = value(slope) - level
-    more = -value(state) / fall if fall < 0.0 else 0.0
+    more = -value(state) / fall if fall < 0.0 else math.inf
+    if not abs(more) <= MISGUIDED * step:
+        return None
     return high * step + more, _along(state, slope, more)
 
 
@@ -195,35 +239,53 @@ def _whole(launch: BallState, end: State, time: float) -> BallState:
 
 def _grounded(
     state: BallState, way: Way, surface: Surface, steps: int, clock: float
-) -> BallState | None:
-    """Return the ball at rest, after it slid and rolled; None where the wind keeps it rolling."""
+) -> tuple[BallState | None, int]:
+    """Return the ball at rest, after it slid and rolled, and the evaluations.
+
+    None where the wind keeps it rolling, or it comes to a plane.
+    """
     sliding = slide(state, way.ball, way.air, surface)
     if sliding is not None:
         state, clock = sliding.end, clock + sliding.duration
-    air, ball = way.air, way.ball
+    air, ball, calls = way.air, way.ball, 0
     still = air is None or air.density == 0.0
     if air is not None and not still and (callable(air.wind) or air.wind.any()):
-        rolling = roll(state, ball, air, surface, IN_WIND)  # its way bends
-        end = rolling.end
+        if way.plane is not None:
+            return None, calls
+        tol = max(IN_WIND * (4.0 / steps) ** 3, 1e-13)
+        rolling = roll(state, ball, air, surface, tol)  # its way bends
+        end, calls = rolling.end, rolling.evaluations
         clock += rolling.duration
-        return None if rolling.blown else BallState(end.position, (0, 0, 0), (0, 0, 0), clock)
+        if rolling.blown:
+            return None, calls
+        return BallState(end.position, (0, 0, 0), (0, 0, 0), clock), calls
     vx, vy, _ = state.velocity.tolist()
-    speed = math.hypot(vx, vy)
-    if speed == 0.0:
-        return BallState(state.position, (0, 0, 0), (0, 0, 0), clock)
-    along = np.array([vx, vy, 0.0]) / speed
-    nodes, weights = _gauss(max(steps, 4))
-    speeds = speed * nodes
-    slowing = np.full(len(nodes), surface.rolling_deceleration)
-    if air is not None and not still:
-        acting, height = forces(ball, air), float(state.position[2])
-        share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of what rolls
-        for i, v in enumerate(speeds.tolist()):
-            ax, ay, _, _ = acting(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
-            slowing[i] -= share * (ax * along[0] + ay * along[1])
-    distance = speed * float(weights @ (speeds / slowing))  # dx = v dv / slowing
-    clock += speed * float(weights @ (1.0 / slowing))
-    return BallState(state.position + distance * along, (0, 0, 0), (0, 0, 0), clock)
+    speed, place = math.hypot(vx, vy), state.position
+    if speed > 0.0:
+        along = np.array([vx, vy, 0.0]) / speed
+        nodes, weights = _gauss(max(steps, 4))
+        speeds = speed * nodes
+        slowing = np.full(len(nodes), surface.rolling_deceleration)
+        if air is not None and not still:
+            calls = len(nodes)
+            acting, height = forces(ball, air), float(state.position[2])
+            share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of what rolls
+            for i, v in enumerate(speeds.tolist()):
+                ax, ay, _, _ = acting(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
+                slowing[i] -= share * (ax * along[0] + ay * along[1])
+        place = place + speed * float(weights @ (speeds / slowing)) * along  # dx = v dv / slowing
+        clock += speed * float(weights @ (1.0 / slowing))
+    if way.plane is not None and _meets(way.plane, ball, place):
+        return None, calls
+    return BallState(place, (0, 0, 0), (0, 0, 0), clock), calls
+
+
+def _meets(plane: Plane, ball: Ball, place: Array) -> bool:
+    """Return whether a ball that comes straight to a place meets the plane, or nearly does."""
+    try:
+        return plane.gap(ball, place) <= 0.5 * ball.radius
+    except InvalidInput:  # beyond it
+        return True
 
 
 @lru_cache(maxsize=16)

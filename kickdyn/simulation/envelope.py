@@ -51,7 +51,8 @@ class Envelope:
         way, jump: as given.
         speeds: relative to the air, at the nodes of the flight [m/s].
         spin: the largest [rad/s].
-        time: of the flight [s]; inf where nothing is known, as of what bounces.
+        time: of the flight [s]; inf where nothing is known, as of what bounces, or may leave the
+            range of a coefficient that refuses to be used there.
         drag, lift, buoyancy: largest acceleration by each [m/s2].
         crisis: by what drag differs from that with the coefficient of the launch [m/s2].
         by_spin, by_wind: change of acceleration with spin [m/s2 per rad/s], and by wind [m/s2].
@@ -63,20 +64,20 @@ class Envelope:
         self.way, self.jump = way, jump
         self._launched, self._rise = float(launch.position[2]), float(launch.velocity[2])
         self._fastest = math.hypot(*launch.velocity.tolist())
-        self._drop = drop_of(launch, way)
+        self._drop = max(drop_of(launch, way), 0.0)
         self.time, self.evaluations = math.inf, 0
         self.spin = math.hypot(*launch.spin.tolist()) + jump.spin
         self.drag = self.lift = self.crisis = self.by_spin = self.by_wind = self._apart = 0.0
         self.buoyancy = 0.0
         self.speeds: list[float] = []
         self.end: BallState | None = None
-        if way.ground is not None and way.ground.surface is not None:
+        air, bounces = way.air, way.ground is not None and way.ground.surface is not None
+        if bounces or not jump.velocity < math.inf or (air is not None and refuses(air)):
             return
-        self.end, nodes, self.evaluations = coarse_path(launch, way, STEPS)
+        (self.end, _, self.evaluations), nodes = coarse_path(launch, way, STEPS)
         if self.end is None or not float(self.end.time) > 0.0:
             return
         self.time = float(self.end.time)
-        air = way.air
         if air is not None and air.density > 0.0:
             self.buoyancy = GRAVITY * air.density * way.ball.volume / way.ball.mass
             if callable(air.wind):
@@ -194,6 +195,11 @@ class Envelope:
             return gap, falling
         floor = self._launched if way.ground is None else way.ground.height + radius
         return float(end.position[2]) - floor, closing
+
+
+def refuses(air: Air) -> bool:
+    """Return whether a coefficient ends a flight that leaves its range."""
+    return any(getattr(model, "refuses", False) for model in (air.drag, air.lift))
 
 
 def _slope(model: Callable[[float, float], float], reynolds: float) -> float:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from kickdyn import checks
 from kickdyn.ball import BallState
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.fly import fly
-from kickdyn.flight.follow import Course, follow
 from kickdyn.flight.forces import is_ballistic
-from kickdyn.flight.path import Flight
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.held import check_free
 from kickdyn.impact.result import Impact
@@ -25,8 +21,9 @@ from kickdyn.simulation.answer import Simulation, Verdict
 from kickdyn.simulation.coarse import Way, coarse_end
 from kickdyn.simulation.contact_drift import contact_drift
 from kickdyn.simulation.effects import EFFECTS, Effect
-from kickdyn.simulation.envelope import Envelope, Jump
-from kickdyn.simulation.slopes import contact_error, end_spread
+from kickdyn.simulation.envelope import Envelope, Jump, refuses
+from kickdyn.simulation.slopes import contact_error, end_spread, slopes
+from kickdyn.simulation.whole import End, followed
 
 FINEST = 1e-9
 """Relative tolerance with which everything is modelled."""
@@ -38,17 +35,7 @@ COARSEST = 1e-3
 """Relative tolerance that a contact which takes time is integrated with at least."""
 
 STEPS = (4, 8, 16, 32, 64)
-"""Of a flight in large steps, each against the one before."""
-
-
-class End(NamedTuple):
-    """Where the ball's way ends, and how that was found."""
-
-    state: BallState
-    path: Flight | Course | None
-    method: str
-    evaluations: int
-    error: Callable[[], float]
+"""Of a flight in large steps, whose error is twice what they move the end from the ones before."""
 
 
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
@@ -56,13 +43,14 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
 
     Every effect the scene names has a bound on how far leaving it out can move the end; the least
     are left out while their sum stays within half the tolerance. The rest is computed as exactly as
-    the other half asks for.
+    the other half asks for, by the integrators' own estimates.
 
     Args:
         scene: the kick.
         tolerance: on the position where the ball's way ends, above 0 [m]. It is meant against
             everything the scene names, not against the world: coefficients are as good as their
-            sources. None models everything, at a relative tolerance of `FINEST`.
+            sources. None models everything, at a relative tolerance of `FINEST`; a tolerance below
+            what that reaches is answered the same way, and the answer says that it is not met.
 
     Raises:
         NoImpact: foot and ball do not approach each other.
@@ -77,35 +65,42 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     if tolerance is None:
         return _everything(scene, named)
     tolerance = checks.number("tolerance", tolerance, above=0, unit="m")
-    rigid = _struck(scene)
+    rigid, way = _struck(scene), _way(scene)
+    hit: Impact | Collision = rigid
+    missed, calls, share = 0.0, 0, MODEL_SHARE * tolerance
     jump = Jump() if scene.contact_time is None else contact_drift(scene, rigid)
-    around = Envelope(rigid.ball, _way(scene), jump)
-    verdicts = _judged(named, around, MODEL_SHARE * tolerance)
+    around = Envelope(rigid.ball, way, jump)
+    verdicts = _judged(named, around, share)
+    if scene.contact_time is not None and verdicts[0].modelled:
+        # another launch than the instant's: what is known of the flight holds around that one
+        hit, missed, calls = _collided(scene, rigid.ball, CONTACT_SHARE * tolerance)
+        calls += around.evaluations
+        around = Envelope(hit.ball, way)
+        verdicts = (verdicts[0], *_judged(named[1:], around, share))
     out = [verdict.effect for verdict in verdicts if not verdict.modelled]
     less = scene
     for effect in named:
         if effect.name in out and effect.named(less):
-            less = effect.without(less, rigid.ball)
-    hit: Impact | Collision = rigid
-    missed = 0.0
-    if less.contact_time is not None:
-        hit, missed = _collided(less, rigid.ball, CONTACT_SHARE * tolerance)
-    begun = around.end if less is scene and hit is rigid else None
-    end = _ended(less, hit.ball, FLIGHT_SHARE * tolerance, begun)
-    return _answer(scene, tolerance, hit, end, verdicts, lambda: missed + end.error())
+            less = effect.without(less, hit.ball)
+    end = _ended(less, hit.ball, FLIGHT_SHARE * tolerance, around.end if less is scene else None)
+    calls += around.evaluations + end.evaluations
+    return _answer(scene, tolerance, hit, end, verdicts, calls, lambda: missed + end.error())
 
 
 def _everything(scene: Scene, named: list[Effect]) -> Simulation:
     hit: Impact | Collision
     hit = _struck(scene) if scene.contact_time is None else _pressed(scene, FINEST)
-    end = _exact(scene, hit.ball, FINEST)
+    way = _way(scene)
+    end = followed(hit.ball, way, FINEST)
     verdicts = tuple(Verdict(effect.name, True, math.nan, "all is modelled") for effect in named)
 
     def numerical() -> float:
-        missed = 0.0 if isinstance(hit, Impact) else contact_error(hit.ball, _way(scene), FINEST)
-        return missed + end.error()
+        if isinstance(hit, Impact) or not end.ended:
+            return end.error()
+        return contact_error(slopes(hit.ball, way), hit.ball, way, FINEST) + end.error()
 
-    return _answer(scene, None, hit, end, verdicts, numerical)
+    calls = end.evaluations + (hit.evaluations if isinstance(hit, Collision) else 0)
+    return _answer(scene, None, hit, end, verdicts, calls, numerical)
 
 
 def _answer(
@@ -114,25 +109,28 @@ def _answer(
     hit: Impact | Collision,
     end: End,
     verdicts: tuple[Verdict, ...],
+    calls: int,
     numerical: Callable[[], float],
 ) -> Simulation:
-    contact = hit.evaluations if isinstance(hit, Collision) else 0
     spread = math.nan
     if scene.spread:
-        known = _struck(scene).uncertainty(**scene.spread)
-        spread = end_spread(hit.ball, _way(scene), known)
+        found = slopes(hit.ball, _way(scene))
+        spread = end_spread(found, _struck(scene).uncertainty(**scene.spread))
+        calls += found.evaluations
+    contact = "strike" if isinstance(hit, Impact) else "collide"
     return Simulation(
         scene=scene,
         tolerance=tolerance,
         hit=hit,
         launch=hit.ball,
         end=end.state,
+        status=end.status,
         path=end.path,
         verdicts=verdicts,
-        method=f"{'collide' if contact else 'strike'}, {end.method}",
-        evaluations=contact + end.evaluations,
+        method=f"{contact}, {end.method}",
+        evaluations=calls,
         spread=spread,
-        _numerical=numerical,
+        _numerical=numerical if end.ended else lambda: math.inf,
     )
 
 
@@ -197,18 +195,22 @@ def _pressed(scene: Scene, tol: float) -> Collision:
     )
 
 
-def _collided(scene: Scene, launch: BallState, share: float) -> tuple[Collision, float]:
-    """Return the contact that takes time, as exact as need be, and its error at the end [m].
+def _collided(scene: Scene, launch: BallState, share: float) -> tuple[Collision, float, int]:
+    """Return the contact that takes time, as exact as need be, its error at the end [m], and calls.
 
     The tolerance follows from how the end depends on the launch of the instant.
     """
-    missed = contact_error(launch, _way(scene), 1.0)
+    way = _way(scene)
+    found = slopes(launch, way)
+    missed, calls = contact_error(found, launch, way, 1.0), found.evaluations
     while True:
         tol = min(max(share / max(missed, 1e-300), FINEST), COARSEST)
         hit = _pressed(scene, tol)
-        there = contact_error(hit.ball, _way(scene), 1.0)
+        found = slopes(hit.ball, way)
+        there = contact_error(found, hit.ball, way, 1.0)
+        calls += found.evaluations + hit.evaluations
         if tol * there <= share or tol == FINEST:
-            return hit, tol * there
+            return hit, tol * there, calls
         missed = 2.0 * there
 
 
@@ -217,48 +219,21 @@ def _ended(scene: Scene, launch: BallState, share: float, last: BallState | None
 
     Where it ends in the fewest steps may be known already.
     """
-    air = scene.air
+    air, way, calls = scene.air, _way(scene), 0
     surface = None if scene.ground is None else scene.ground.surface
-    refuses = air is not None and any(
-        getattr(model, "refuses", False) for model in (air.drag, air.lift)
-    )
-    if refuses or (surface is None and is_ballistic(air, launch.spin)):
-        return _exact(scene, launch, FINEST)
-    way = _way(scene)
-    calls = 0
+    if (air is not None and refuses(air)) or (surface is None and is_ballistic(air, launch.spin)):
+        return followed(launch, way, FINEST)
     for steps in STEPS if last is None else STEPS[1:]:
-        state, more = coarse_end(launch, way, steps)
+        state, status, more = coarse_end(launch, way, steps)
         calls += more
         if state is None:
             break
         if last is not None:
-            missed = float(np.linalg.norm(state.position - last.position))
+            # twice: where the ball bounces, steps need not come nearer one by one
+            missed = 2.0 * float(np.linalg.norm(state.position - last.position))
             if missed <= share:
                 method = f"{steps} Runge-Kutta steps a flight"
-                return End(state, None, method, calls, partial(float, missed))
+                return End(state, status, None, method, calls, partial(float, missed))
         last = state
-    exact = _exact(scene, launch, FINEST)
+    exact = followed(launch, way, FINEST)
     return exact._replace(evaluations=exact.evaluations + calls)
-
-
-def _exact(scene: Scene, launch: BallState, tol: float) -> End:
-    surface = None if scene.ground is None else scene.ground.surface
-    run: Callable[..., Flight | Course] = partial(
-        fly if surface is None else follow,
-        launch,
-        scene.ball,
-        scene.air,
-        scene.ground,
-        plane=scene.plane,
-    )
-    path = run(tol=tol)
-    if isinstance(path, Flight):
-        return End(path.landing, path, path.method, path.evaluations, lambda: path.error)
-
-    def again() -> float:
-        finer = run(tol=1e-2 * tol)
-        assert isinstance(finer, Course)
-        return 2.0 * float(np.linalg.norm(finer.rest.position - path.rest.position))
-
-    calls = sum(flight.evaluations for flight in path.flights)
-    return End(path.rest, path, f"followed, tol {tol:g}", calls, again)

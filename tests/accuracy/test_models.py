@@ -58,6 +58,14 @@ def test_what_has_no_answer_says_so(scene):
         assert np.isnan(row.end) == bool(row.why_not)
 
 
+def test_what_does_not_end_has_no_worth(scene):
+    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.touch)
+    rows = worths(kd.Scene(*parts, ground=kd.Ground(-1e7)))
+    assert {row.effect for row in rows} == {"friction", "turning of the ball"}
+    assert all(np.isnan(row.end) and row.why_not == "no end: aloft" for row in rows)
+    assert all(row.impulse > 0 for row in rows)
+
+
 def test_the_door(tmp_path):
     door = [sys.executable, "-m", "kickdyn.tradeoff", "--scene"]
     path = str(SCENES / "paper_kick.toml")
@@ -74,4 +82,9 @@ def test_the_door(tmp_path):
     ended = subprocess.run([*door, str(bad)], capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert "did you mean model?" in ended.stderr
-    assert ended.stderr.count("\n") == 1
+    lines = ended.stderr.splitlines()
+    assert len(lines) == 4
+    assert all(line.startswith(f"tradeoff: {bad}: ") for line in lines)
+    bad.write_text(Path(path).read_text().replace("the paper's kick", "[bold]x[/bold] [/foo]"))
+    ended = subprocess.run([*door, str(bad)], capture_output=True, text=True)
+    assert ended.stdout.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")

@@ -131,11 +131,19 @@ def test_all_faults_at_once_one_line_each(faults):
         ("foot_velocity_m_s = [2, 0, 1]", "", "posture names none of them"),
         ("foot_velocity_m_s = [2, 0, 1]", "foot_velocity_m_s = [0, 1, 0]", "out of reach"),
         ("foot_velocity_m_s = [2, 0, 1]", "joint_velocity_rad_s = { toe = 1 }", "'toe' is unknown"),
-        ("attack_deg = 30", "normal = [0, 0, 0]", "contact: contact normal"),
+        ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal is [0.0, 0.0, 0.0]"),
         ("attack_deg = 30", "normal = [1, 0, 0]\nside_deg = 3", "without attack_deg"),
         ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", "angles_deg = 5", "must be a table"),
-        ("angles_deg = {", "positions_m = {", "which moves in rad"),
-        ("[leg]", "[air]\nmodel = 'paper'\naltitude_m = 5\n[leg]", "leave out altitude_m"),
+        (
+            "hip = 5, knee = 10, ankle = -5 }",
+            "hip = 5 }\npositions_m = { knee = 1 }",
+            "moves in rad",
+        ),
+        (
+            "[leg]",
+            "[air]\nmodel = 'paper'\naltitude_m = 5\n[leg]",
+            "altitude_m is named with model 'paper'",
+        ),
     ],
 )
 def test_faults_are_named(faults, old, new, said):
@@ -143,6 +151,62 @@ def test_faults_are_named(faults, old, new, said):
     lines = faults(SMALL.replace(old, new))
     assert len(lines) == 1, lines
     assert said in lines[0]
+
+
+def test_the_faults_of_all_nouns_come_at_once(faults):
+    lines = faults(
+        "[leg]\nmodel = 'human'\narmature_kg_m2 = { hip = -1, knee = nan }\n"
+        "[posture]\nangles_deg = { hipp = 5, kne = 10 }\n"
+        "joint_velocity_rad_s = { hi = 3, ank = 4 }\n"
+        "[contact]\nnormal = [0, 0, 0]\nrestitution = 2\n"
+        "[air]\nmodel = 'paper'\naltitude_m = 1\ntemperature_c = 2\npressure_pa = 3\n"
+        "[plane]\npoint_m = [0, 0, 0]\nnormal = [0, 0, 0]\nreached_by = 'side'\n"
+    )
+    expected = [
+        "leg.armature_kg_m2.hip is -1.0",
+        "leg.armature_kg_m2.knee is nan",
+        "'hipp'",
+        "'kne'",
+        "'hi'",
+        "'ank'",
+        "contact.normal",
+        "contact.restitution",
+        "air.altitude_m",
+        "air.temperature_c",
+        "air.pressure_pa",
+        "plane.normal",
+        "plane.reached_by",
+    ]
+    assert len(lines) == len(expected), lines
+    for start in expected:
+        assert sum(start in line for line in lines) == 1, start
+    lines = faults(SMALL.replace('"human"', '"human"\narmature_kg_m2 = { neck = 1, nope = 2 }'))
+    assert ["neck" in lines[0], "nope" in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_a_contact_that_takes_time_has_no_law_and_restitution(faults):
+    lines = faults(
+        SMALL.replace("restitution = 0.8", "restitution = 0\nlaw = 'paper'\ncontact_time_s = 0.01")
+    )
+    assert ["has no law" in lines[0], "at least 0.01" in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_what_a_terminal_would_obey_is_refused_or_escaped(faults):
+    assert "printable" in faults('name = "\\u001b[31mred"\n' + SMALL)[0]
+    (line,) = faults(SMALL + '"\\u001b[31mred" = 1\n')
+    assert "\\x1b[31mred" in line
+    assert line.isprintable()
+
+
+@pytest.mark.parametrize("digits", [400, 5001])
+def test_endless_integers_are_not_echoed(faults, digits):
+    (line,) = faults(SMALL + f"friction = {'7' * digits}\n")
+    assert len(line) < 300
+
+
+def test_true_is_no_number_of_a_vector(faults):
+    (line,) = faults(SMALL.replace("attack_deg = 30", "normal = [true, 0, 1]"))
+    assert "must hold real numbers" in line
 
 
 def test_missing_sections(faults):

@@ -201,7 +201,7 @@ def _collided(scene: Scene, launch: BallState, share: float) -> tuple[Collision,
     The tolerance follows from how the end depends on the launch of the instant.
     """
     way = _way(scene)
-    found = slopes(launch, way)
+    found = slopes(launch, way, sure=False)
     missed, calls = contact_error(found, launch, way, 1.0), found.evaluations
     while True:
         tol = min(max(share / max(missed, 1e-300), FINEST), COARSEST)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy.models import worths
+from kickdyn.accuracy.models import show, worths
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -66,6 +66,14 @@ def test_what_does_not_end_has_no_worth(scene):
     assert all(row.impulse > 0 for row in rows)
 
 
+def test_a_name_is_no_markup(tmp_path, capsys):
+    bold = tmp_path / "bold.toml"
+    text = (SCENES / "paper_kick.toml").read_text()
+    bold.write_text(text.replace("the paper's kick", "[bold]x[/bold] [/foo]"))
+    show(str(bold))
+    assert capsys.readouterr().out.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")
+
+
 def test_the_door(tmp_path):
     door = [sys.executable, "-m", "kickdyn.tradeoff", "--scene"]
     path = str(SCENES / "paper_kick.toml")
@@ -85,6 +93,3 @@ def test_the_door(tmp_path):
     lines = ended.stderr.splitlines()
     assert len(lines) == 4
     assert all(line.startswith(f"tradeoff: {bad}: ") for line in lines)
-    bad.write_text(Path(path).read_text().replace("the paper's kick", "[bold]x[/bold] [/foo]"))
-    ended = subprocess.run([*door, str(bad)], capture_output=True, text=True)
-    assert ended.stdout.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")

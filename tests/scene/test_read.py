@@ -113,6 +113,7 @@ def test_all_faults_at_once_one_line_each(faults):
         "air.wind_m_s has shape (2,): it must be (3,)",
         "section [grund] is unknown: did you mean ground?",
         "plane.point_m is missing",
+        "plane.normal is [0.0, 0.0, 0.0]",
         "uncertainty.friction is True",
     ]
     assert len(lines) == len(expected)

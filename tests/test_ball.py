@@ -17,7 +17,7 @@ def test_ball_refuses(name, value):
         kd.Ball(**{name: value})
 
 
-@pytest.mark.parametrize(("mass", "radius"), [(1e-300, 1e-100), (1e300, 1e100)])
+@pytest.mark.parametrize(("mass", "radius"), [(1e-300, 1e-100), (1e300, 1e100), (1e-320, 0.1)])
 def test_ball_refuses_an_inertia_beyond_double_precision(mass, radius):
     with pytest.raises(kd.InvalidInput, match="inertia"):
         kd.Ball(mass, radius)

@@ -125,3 +125,17 @@ def test_direction_is_unit_and_parallel_whatever_the_length(value):
 def test_direction_needs_one(value):
     with pytest.raises(InvalidInput, match=r"^n "):
         checks.direction("n", value)
+
+
+@pytest.mark.parametrize("value", [True, [True, 0, 1], (0, np.bool_(False)), [[1.0], [True]]])
+def test_true_is_no_number_of_an_array(value):
+    with pytest.raises(InvalidInput, match="must hold real numbers"):
+        checks.floats("x", value)
+
+
+@pytest.mark.parametrize("digits", [400, 5001])
+def test_endless_integers_are_shown_in_brief(digits):
+    for check in (checks.number, checks.floats):
+        with pytest.raises(InvalidInput) as refused:
+            check("x", 10**digits)
+        assert len(str(refused.value)) < 400

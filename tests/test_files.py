@@ -1,7 +1,9 @@
+import json
+
 import pytest
 
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_writable, replacing
+from kickdyn.files import check_writable, replacing, write_json
 
 
 def test_the_file_appears_whole(tmp_path):
@@ -51,3 +53,13 @@ def test_names_that_lead_nowhere(tmp_path, name):
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere" / "x")
     with pytest.raises(InvalidInput, match="cannot be written"):
         check_writable(tmp_path / name)
+
+
+def test_json_goes_to_a_file_or_to_stdout(tmp_path, capsys):
+    write_json(str(tmp_path / "a.json"), {"x": [1.5]})
+    write_json("-", {"x": [1.5]})
+    assert (
+        (tmp_path / "a.json").read_text()
+        == capsys.readouterr().out
+        == '{\n  "x": [\n    1.5\n  ]\n}\n'
+    )

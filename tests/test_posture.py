@@ -353,3 +353,9 @@ def test_the_bound_on_the_condition_is_one(seed):
 def test_an_inertia_that_is_not_positive_definite_has_no_bound():
     assert _factored(np.array([[1.0, 2.0], [2.0, 1.0]]))[1] == math.inf
     assert _factored(np.array([[1.0, math.nan], [math.nan, 1.0]]))[1] == math.inf
+
+
+def test_a_foot_faster_than_floats_is_refused():
+    posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
+    with pytest.raises(kd.InvalidInput, match="must be slower"):
+        posture.joint_velocity([1e308, 0, 1e308])

@@ -230,3 +230,15 @@ def test_what_is_no_scene(tmp_path, faults):
     large.write_bytes(b"name = '\xff'")
     with pytest.raises(kd.SceneError, match="UTF-8"):
         kd.load_scene(large)
+
+
+def test_a_key_at_the_top_is_not_called_a_section(faults):
+    assert faults("mass_kg = 1\n" + SMALL)[0].startswith("mass_kg is unknown")
+
+
+def test_a_file_name_that_a_terminal_would_obey_is_escaped(tmp_path):
+    path = tmp_path / "a\x1b[31m.toml"
+    path.write_text("[leg")
+    with pytest.raises(kd.SceneError) as refused:
+        kd.load_scene(path)
+    assert refused.value.source.isprintable()

@@ -1,4 +1,3 @@
-
 import pytest
 
 from kickdyn.errors import InvalidInput

@@ -13,6 +13,9 @@ from kickdyn.card import shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 
+SMALLEST = float(np.finfo(float).tiny)
+"""Below it a float64 has fewer digits."""
+
 
 @dataclass(frozen=True)
 class Ball:
@@ -44,7 +47,7 @@ class Ball:
             return
         factor = checks.number("inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0)
         object.__setattr__(self, "inertia_factor", factor)
-        if not (0.0 < self.inertia < math.inf and 1.0 / min(self.inertia, self.mass) < math.inf):
+        if not (SMALLEST <= self.inertia < math.inf and SMALLEST <= factor * self.mass):
             raise InvalidInput(
                 f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
                 f"{self.inertia:g} kg m2: mass, inertia and their inverses must be finite, above 0"
@@ -59,6 +62,11 @@ class Ball:
     def inertia(self) -> float:
         """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2 (Eq. 22)."""
         return self.inertia_factor * self.mass * self.radius * self.radius
+
+    @property
+    def turning(self) -> float:
+        """Radius squared over inertia [1/kg]: how much a push across the normal gives by turning."""
+        return 1.0 / (self.inertia_factor * self.mass)
 
     @property
     def cross_section(self) -> float:

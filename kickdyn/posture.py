@@ -13,16 +13,24 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn import checks
+from kickdyn.articulated import Articulated
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.hold import Hold
 from kickdyn.sound_model import culprits, listed
+from kickdyn.vectors import crossed
 
 if TYPE_CHECKING:
     from kickdyn.constraints import Constraints
     from kickdyn.leg import Leg
 
 MAX_CONDITION = 1e13
+
+DOUBTFUL_CONDITION = 1e3
+"""Bound on M's condition from which it is looked up what that costs the foot's inverse mass."""
+
+MAX_LOSS = 100.0
+"""`Posture.rounding` from which articulated bodies replace M."""
 
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of its frame [m]."""
@@ -68,8 +76,9 @@ class Posture:
         self._frame_jacobian: Array = local.reshape(6, model.nv)
         self.jacobian: Array = self._turn.dot(self._frame_jacobian[:3])
         self._mobility: Array | None = None
-        self._factor, bound = _factored(self.inertia)
-        if not bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
+        self._give: Array | None = None
+        self._factor, self._bound = _factored(self.inertia)
+        if not self._bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
             fault = (
                 "is not positive definite: a joint moves no inertia"
                 if self.condition == math.inf
@@ -113,7 +122,8 @@ class Posture:
             )
         turn, frame = self._turn, self._frame_jacobian
         moved = copy.copy(self)
-        moved._mobility = None
+        moved._mobility = moved._give = None
+        moved.__dict__.pop("rounding", None)
         moved.contact_point = self._origin + turn @ arm
         moved.contact_lever = self.leg.contact_lever + self.joint_rotation.T @ (turn @ arm)
         moved.jacobian = turn @ (frame[:3] - pin.skew(arm) @ frame[3:])
@@ -142,8 +152,44 @@ class Posture:
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        give: Array = self.mobility.dot(self.mobility.T)
+        rows = self._giving()
+        give: Array = rows.dot(rows.T)
         return give
+
+    @cached_property
+    def rounding(self) -> float:
+        """By how many times M's rounding is seen in `delassus`, at most; 1 of a sound leg.
+
+        An error of M by e of its diagonal, E, changes the inverse mass J M^-1 J^T along an axis by
+        x^T E x with x = M^-1 J^T: at most e (sum_i sqrt(M_ii) |x_i|)^2.
+        """
+        rows = self.mobility.T
+        x = blas.dtrsm(1.0, self._factor, rows, lower=1, trans_a=1)
+        sums = np.sqrt(self.inertia.diagonal()).dot(abs(x)).tolist()
+        squares = (rows * rows).sum(axis=0).tolist()
+        shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
+        return max(shares, default=1.0)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether M's rounding would be seen in what the foot gives way by."""
+        return self._bound > DOUBTFUL_CONDITION and self.rounding > MAX_LOSS
+
+    @cached_property
+    def articulated(self) -> Articulated:
+        """The leg's bodies, which keep the digits that M loses; without supports and loops."""
+        space = self.leg.workspace
+        return Articulated(space.model, space.data, self.q)
+
+    def _giving(self) -> Array:
+        """Return rows whose squares are the Delassus matrix: `mobility`, unless it has no digits."""
+        if self._give is None:
+            self._give = self.mobility
+            if self.hold is None and self.doubtful:
+                axes, lever = self.joint_rotation.tolist(), self.contact_lever.tolist()
+                pushes = np.array([(*axis, *crossed(lever, axis)) for axis in axes])
+                self._give = self.articulated.give(self.leg.contact_joint, pushes)
+        return self._give
 
     def effective_mass(self, normal: ArrayLike) -> float:
         """Return 1 / (n^T J M^-1 J^T n) [kg]; inf where the leg is immovable along the normal.
@@ -158,7 +204,7 @@ class Posture:
 
     def mass_along(self, unit: Array) -> float:
         """Return what `effective_mass` does, along a vector known to have length 1."""
-        row = unit.dot(self.mobility)
+        row = unit.dot(self._giving())
         give = float(row.dot(row))
         return 1.0 / give if give else math.inf
 

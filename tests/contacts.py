@@ -21,6 +21,9 @@ class BareContact:
     def delassus(self):
         return self.matrix
 
+    def delassus_in(self, axes):
+        return axes.T @ self.matrix @ axes
+
     def along_normal(self):
         return -self.normal @ self.velocity, self.normal @ self.matrix @ self.normal
 

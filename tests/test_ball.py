@@ -115,3 +115,15 @@ def test_ball_refuses_an_inertia_no_ball_has(value):
 def test_a_solid_ball_and_a_particle():
     assert kd.Ball(1.0, 0.5, 2 / 5).inertia == pytest.approx(0.1)
     assert kd.Ball(inertia_factor=math.inf).inertia == math.inf
+
+
+def test_turning_is_what_resists_a_push_across_the_normal():
+    assert kd.Ball(1.0, 0.5, 2 / 5).turning == pytest.approx(0.5**2 / 0.1)
+    assert kd.Ball(inertia_factor=math.inf).turning == 0.0
+    assert kd.Ball(0.5, 1e3, 1e-300).turning == pytest.approx(2e300)
+
+
+@pytest.mark.parametrize("ball", [(1e-320, 0.1), (0.43, 0.11, 1e-308), (1e-200, 1e5, 1e-120)])
+def test_ball_refuses_an_inertia_without_digits(ball):
+    with pytest.raises(kd.InvalidInput, match="mass, inertia and their inverses must be finite"):
+        kd.Ball(*ball)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -89,21 +90,18 @@ def exact_impact(structure: dict[str, Any], scene: dict[str, Any]) -> dict[str, 
     foot = turned(posture.jacobian, scene["v"])
     centre = plus(scene["ball_velocity"], foot, -1)
     turn = 1 / (factor * mass)
-    delassus = [
-        [leg[i][j] + (1 / mass + turn) * (i == j) - turn * n[i] * n[j] for j in range(3)]
-        for i in range(3)
-    ]
     u = plus(centre, cross(scene["ball_spin"], n), -radius)
     if mu == 0:
         p = -(1 + e) * dot(n, centre) / (dot(n, turned(leg, n)) + 1 / mass)
-        impulse = [p * part for part in n]
+        impulse, rub = [p * part for part in n], [mp.zero] * 3
     else:
-        impulse = coulomb(delassus, u, n, dot(n, centre), e, mu)
+        impulse, rub = coulomb(leg, (1 / mass + turn, 1 / mass), u, n, dot(n, centre), (e, mu))
     weighed = [dot(column, impulse) for column in zip(*rows, strict=True)]
     jump = [-part for part in posture.unweighed(weighed)]
     give = dot(n, turned(leg, n))
-    after = plus(u, turned(delassus, impulse))
-    spin = plus(scene["ball_spin"], cross(n, impulse), -1 / (factor * mass * radius))
+    after = plus(plus(plus(u, turned(leg, impulse)), impulse, 1 / mass), rub, turn)
+    kick = [part / (factor * mass * radius) for part in cross(n, rub)]
+    spin = plus(scene["ball_spin"], kick, -1)
     answers = {
         "impulse": impulse,
         "effective mass": [1 / give if give else mp.inf],
@@ -117,8 +115,7 @@ def exact_impact(structure: dict[str, Any], scene: dict[str, Any]) -> dict[str, 
     if mu == 0:
         lost = -dot(n, impulse) * (1 - e) * dot(n, centre) / 2
         found["energy lost"] = Quantity([lost], abs(lost))
-    kick = length(impulse) / (factor * mass * radius)
-    found["ball spin"] = Quantity(spin, length(scene["ball_spin"]) + kick)
+    found["ball spin"] = Quantity(spin, length(scene["ball_spin"]) + length(kick))
     transmitted = posture.joint_impulses(jump, [-part for part in impulse])
     for i, wrench in enumerate(transmitted):
         reach = length(plus(posture.contact_point, posture.origins[i], -1))
@@ -127,28 +124,47 @@ def exact_impact(structure: dict[str, Any], scene: dict[str, Any]) -> dict[str, 
     return found
 
 
-def coulomb(g: list[Vector], u: Vector, n: Vector, closing: Any, e: Any, mu: Any) -> Vector:
+def coulomb(
+    leg: list[Vector],
+    ball: tuple[Any, Any],
+    u: Vector,
+    n: Vector,
+    closing: Any,
+    coefficients: tuple[Any, Any],
+) -> tuple[Vector, Vector]:
     """Return the impulse of `newton`: what sticks, else what slides and loses most energy.
 
+    Second, its part across the normal, which may be far below its last digit.
+
     Args:
-        g: Delassus matrix.
+        leg: its Delassus matrix.
+        ball: the ball's, across the normal and along it.
         u: velocity at the contact.
         n: normal.
         closing: component of u along it, which a fast spin would drown.
-        e: restitution.
-        mu: friction.
+        coefficients: restitution and friction.
     """
+    e, mu = coefficients
     least = min(range(3), key=lambda i: abs(n[i]))
     first = cross(n, [mp.mpf(i == least) for i in range(3)])
-    size = length(first)
-    first = [part / size for part in first]
+    first = [part / length(first) for part in first]
     basis = [first, cross(n, first), n]
-    g = [[dot(a, turned(g, b)) for b in basis] for a in basis]
+    g = [[dot(a, turned(leg, b)) for b in basis] for a in basis]
+    for i, share in enumerate((ball[0], ball[0], ball[1])):
+        g[i][i] += share
     before = [*turned(basis[:2], u), closing]
     free = [*before[:2], (1 + e) * closing]
-    stick = [-part for part in mp.lu_solve(mp.matrix(g), mp.matrix(free))]
+    size = [1 / mp.sqrt(g[i][i]) for i in range(3)]
+    scaled = mp.matrix([[g[i][j] * size[i] * size[j] for j in range(3)] for i in range(3)])
+    right = mp.matrix([a * b for a, b in zip(free, size, strict=True)])
+    stick = [-a * b for a, b in zip(mp.lu_solve(scaled, right), size, strict=True)]
+
+    def both(p: Vector) -> tuple[Vector, Vector]:
+        columns = list(zip(*basis, strict=True))
+        return [dot(c, p) for c in columns], [dot(c[:2], p[:2]) for c in columns]
+
     if length(stick[:2]) <= mu * stick[2]:
-        return [dot(column, stick) for column in zip(*basis, strict=True)]
+        return both(stick)
 
     def tried(angle: Any) -> tuple[Vector, Vector, Any]:
         along = [mu * mp.cos(angle), mu * mp.sin(angle), mp.one]
@@ -171,7 +187,7 @@ def coulomb(g: list[Vector], u: Vector, n: Vector, closing: Any, e: Any, mu: Any
             best = lost, p
     if best is None:
         raise ArithmeticError("no direction of sliding was found")
-    return [dot(column, best[1]) for column in zip(*basis, strict=True)]
+    return both(best[1])
 
 
 def roots(of: Any) -> list[Any]:
@@ -179,11 +195,18 @@ def roots(of: Any) -> list[Any]:
     step = 2 * mp.pi / DIRECTIONS
     angles = [(k + mp.mpf(1) / 3) * step for k in range(DIRECTIONS + 1)]
     values = [of(angle) for angle in angles]
+    large = mp.mpf(10) ** 600 / (max(abs(value) for value in values) or 1)
     found = []
     for low, high, at_low, at_high in zip(angles, angles[1:], values, values[1:], strict=False):
         if at_low * at_high <= 0 and at_low != at_high:
-            found.append(mp.findroot(of, (low, high), solver="anderson", verify=False))
+            # made large, for the search ends at once where a function is below its tolerance
+            far = partial(_times, large, of)
+            found.append(mp.findroot(far, (low, high), solver="anderson", verify=False))
     return found
+
+
+def _times(factor: Any, of: Any, angle: Any) -> Any:
+    return factor * of(angle)
 
 
 def conditions(

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.accuracy.exact_impact import answers, conditions, exact_impact, given
-from kickdyn.accuracy.row import Row, compared, refused
+from kickdyn.accuracy.row import FULL, Row, compared, refused
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
@@ -167,6 +167,54 @@ def sizes(longest: int = 500) -> Iterator[Kick]:
     yield Kick("base at 1e9 m", chain(USUAL, base=far), BENT, SPEEDS, Ball(), touch)
 
 
+def shorts() -> Iterator[Kick]:
+    """Yield short links before long ones, and light ones before heavy: M loses its digits."""
+    touch = Contact((2.0, 0.3, 1.0), 0.8, 0.4)
+    short = [(0.1, 1.0, 1.0), (0.01, 1.0, 1.0), (0.01, 100.0, 1.0), (1e-3, 1e3, 1.0)]
+    for size in [*short, (0.01, 1.0, 0.01), (1.0, 1e-3, 1e3), (1e3, 1e-3, 1.0)]:
+        name = "links of " + ", ".join(f"{one:g}" for one in size) + " m"
+        yield Kick(name, chain(size), BENT, SPEEDS, Ball(), touch)
+
+
+def turnings() -> Iterator[Kick]:
+    """Yield balls from a shell to nearly a particle, which resists turning by nothing."""
+    for factor in (2 / 3, 1e-4, 1e-10, 1e-16, 1e-100, 1e-300):
+        ball = Ball(inertia_factor=factor)
+        touch = Contact(OBLIQUE, 0.8, 0.4)
+        yield Kick(f"inertia factor {factor:.2g}", chain(USUAL), BENT, SPEEDS, ball, touch)
+
+
+def slows() -> Iterator[Kick]:
+    """Yield kicks that slip, ever slower: the law knows no speed."""
+    touch = Contact((2.0, 0.8, 1.0), 0.8, 0.4)
+    for speed in (1.0, 1e-60, 1e-100, 1e-300):
+        v = speed * np.array(SPEEDS)
+        yield Kick(f"slip at {speed:g} of the speed", chain(USUAL), BENT, v, Ball(), touch)
+
+
+def heavies() -> Iterator[Kick]:
+    """Yield balls that are heavy beside what they stick to: the impulse loses digits, and says."""
+    touch, coming = Contact((0.0, 0.1, -1.0), 0.8, 3.0), (0.3, 0.0, 4.0)
+    for mass in (1e3, 1e6, 1e12):
+        for bend in (1e-3, 1e-9):
+            name = f"ball of {mass:g} kg, bent by {bend:g} rad, mu 3"
+            q, spin = (0.0, bend, 0.0), (300.0, 1000.0, 0.0)
+            yield Kick(name, chain(USUAL), q, SPEEDS, Ball(mass), touch, coming, spin)
+    leg, touch = chain(USUAL, (1e-8, 1e8, 1e-8)), Contact((2.0, 0.3, 1.0), 0.8, 0.4)
+    yield Kick("links of 1e-8, 1e8, 1e-8 kg", leg, BENT, SPEEDS, Ball(), touch)
+
+
+def cancellations() -> Iterator[Kick]:
+    """Yield normals across the foot's velocity but for a share: the approach cancels."""
+    leg = chain(USUAL)
+    way = leg.posture(BENT).point_velocity(SPEEDS)
+    way /= np.linalg.norm(way)
+    aside = np.array([way[2], 0.0, -way[0]])
+    for share in (1e-4, 1e-8, 1e-12, 1e-14, 1e-15, 1e-16):
+        touch = Contact(aside + share * way, 0.8, 0.4)
+        yield Kick(f"approach of {share:g} of the speed", leg, BENT, SPEEDS, Ball(), touch)
+
+
 def ranks() -> Iterator[Kick]:
     """Yield Jacobians of rank 1 and 2, their empty rows in every order."""
     for joints in (1, 2, 3):
@@ -187,6 +235,11 @@ FAMILIES: dict[str, Callable[[], Iterator[Kick]]] = {
     "coefficient": coefficients,
     "approach": grazes,
     "size": sizes,
+    "short link": shorts,
+    "turning": turnings,
+    "slow": slows,
+    "heavy ball": heavies,
+    "cancelling": cancellations,
     "rank": ranks,
 }
 
@@ -202,7 +255,9 @@ def judged(family: str, kick: Kick, samples: int = 3) -> Row:
     found = answers(hit)
     allowed = conditions(structure, scene, exact, 1 if len(hit.v_after) > 10 else samples)
     errors = {name: exact[name].error(value) for name, value in found.items()}
-    claims = {f"joint {i + 1}": digits for i, digits in enumerate(hit.joint_digits.tolist())}
+    claims = dict.fromkeys(found, hit.digits)
+    claims |= dict.fromkeys(("effective mass", "foot velocity"), FULL)
+    claims |= {f"joint {i + 1}": digits for i, digits in enumerate(hit.joint_digits.tolist())}
     return compared(family, kick.name, errors, allowed, claims)
 
 

@@ -213,10 +213,9 @@ def collide(
     v = checks.vector("v", v, leg.nv)
     centre = posture.contact_point + ball.radius * touch.normal
     before = BallState(centre, ball_velocity, ball_spin)
-    speed = approach(posture, posture.jacobian @ v, before, touch)
+    speed = approach(posture, v, posture.jacobian @ v, before, touch)
     checks.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
-    row = touch.normal @ posture.mobility
-    mass = 1.0 / (float(row @ row) + 1.0 / ball.mass)
+    mass = 1.0 / (1.0 / posture.mass_along(touch.normal) + 1.0 / ball.mass)
     contact = _contact(contact_time, stiffness, mass, speed, touch.restitution)
     expected = expected_contact_time(contact.stiffness, mass, speed, touch.restitution)
 

@@ -59,7 +59,7 @@ def engine_strike(
         posture = posture.touched_at(touch.offset)
     centre = posture.contact_point + ball.radius * touch.normal
     before = BallState(centre, ball_velocity, ball_spin)
-    approach(posture, posture.jacobian @ v, before, touch)
+    approach(posture, v, posture.jacobian @ v, before, touch)
 
     model = leg.workspace.model.copy()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")

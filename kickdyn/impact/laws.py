@@ -60,9 +60,11 @@ def paper(problem: ContactProblem) -> Solution:
     across = full - normal * n
     size = math.hypot(*across)
     sticking = size <= mu * normal
-    impulse = full if sticking else normal * n + mu * normal / size * across
-    after = problem.velocity + problem.delassus() @ impulse
-    return Solution(impulse, sticking, -0.5 * float(impulse @ (problem.velocity + after)))
+    rub = across if sticking else mu * normal / size * across
+    impulse = full if sticking else normal * n + rub
+    change = problem.leg_delassus @ impulse + impulse / problem.ball.mass
+    mean = problem.velocity + 0.5 * (change + problem.ball.turning * rub)
+    return Solution(impulse, sticking, -float(impulse @ mean), rub)
 
 
 LAWS: dict[str, Law] = {"newton": newton, "stronge": stronge, "paper": paper}

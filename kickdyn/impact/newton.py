@@ -27,10 +27,9 @@ def newton(problem: ContactProblem) -> Solution:
     if problem.friction == 0.0:
         return frictionless(problem)
     n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
-    delassus = problem.delassus()
     approach, _ = problem.along_normal()  # not from u: a fast spin would cost its digits
     axes = contact_axes(n, u)
-    g_matrix = axes.T.dot(delassus).dot(axes)
+    g_matrix = problem.delassus_in(axes)
     before = u.dot(axes)
     before[2] = -approach
     free = before.copy()
@@ -40,7 +39,8 @@ def newton(problem: ContactProblem) -> Solution:
         stick = -np.linalg.solve(g_matrix, free)
     p1, p2, pressing = stick.tolist()
     if math.hypot(p1, p2) <= mu * pressing:
-        return Solution(axes.dot(stick), True, _lost(stick, before, (0.0, 0.0), e))
+        lost = _lost(stick, before, (0.0, 0.0), e)
+        return Solution(axes.dot(stick), True, lost, axes[:, :2].dot(stick[:2]))
 
     best: tuple[Array, float] | None = None
     for angle in slip_angles(g_matrix, free, mu):
@@ -60,7 +60,7 @@ def newton(problem: ContactProblem) -> Solution:
             f"no impulse found on the friction cone (mu = {mu:g}, e = {e:g}, "
             f"relative velocity {u.tolist()} m/s)"
         )
-    return Solution(axes @ best[0], False, best[1])
+    return Solution(axes.dot(best[0]), False, best[1], axes[:, :2].dot(best[0][:2]))
 
 
 def _lost(impulse: Array, before: Array, sliding: tuple[float, float], e: float) -> float:

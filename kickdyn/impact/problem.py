@@ -46,6 +46,19 @@ class ContactProblem(NamedTuple):
         """Return leg and ball together, shape `(3, 3)` [1/kg]; the shell may turn."""
         return self.leg_delassus + ball_delassus(self.ball, self.normal)
 
+    def delassus_in(self, axes: Array) -> Array:
+        """Return the same in contact axes, whose third column is the normal.
+
+        There the ball's share is diagonal, and a ball that hardly resists turning takes no digits
+        from the normal.
+        """
+        matrix: Array = axes.T.dot(self.leg_delassus).dot(axes)
+        along = 1.0 / self.ball.mass
+        across = along + self.ball.turning
+        (xx, *_), (_, yy, _), (*_, zz) = matrix.tolist()
+        matrix[0, 0], matrix[1, 1], matrix[2, 2] = xx + across, yy + across, zz + along
+        return matrix
+
     def along_normal(self) -> tuple[float, float]:
         """Return speed of approach [m/s] and inverse mass [1/kg]; turning has no part in them."""
         x, y, z = self.normal.tolist()
@@ -61,7 +74,7 @@ def ball_delassus(ball: Ball, normal: Array) -> Array:
 
     Along the normal 1 / m; across it 1 / m + r^2 / I, for a push there turns the ball too.
     """
-    turn, (x, y, z) = ball.radius**2 / ball.inertia, normal.tolist()
+    turn, (x, y, z) = ball.turning, normal.tolist()
     xx, xy, xz, yy, yz, zz = x * x, x * y, x * z, y * y, y * z, z * z
     along = 1.0 / ball.mass + turn
     share = (
@@ -79,14 +92,19 @@ class Solution(NamedTuple):
         impulse: on the ball, shape `(3,)` [N s, world frame].
         sticking: whether friction could hold the contact points together; False without any.
         energy_lost: kinetic energy that leaves leg and ball [J].
+        rub: the impulse's part across the normal, with its own digits, shape `(3,)` [N s].
     """
 
     impulse: Array
     sticking: bool
     energy_lost: float
+    rub: Array
 
 
 Law = Callable[[ContactProblem], Solution]
+
+NO_RUB: Array = np.frombuffer(bytes(24))
+"""What a contact without friction does across the normal."""
 
 
 def frictionless(problem: ContactProblem) -> Solution:
@@ -94,7 +112,7 @@ def frictionless(problem: ContactProblem) -> Solution:
     n, e = problem.normal, problem.restitution
     approach, give = problem.along_normal()
     p = (1.0 + e) * approach / give
-    return Solution(p * n, False, 0.5 * p * (1.0 - e) * approach)
+    return Solution(p * n, False, 0.5 * p * (1.0 - e) * approach, NO_RUB)
 
 
 def contact_axes(n: Array, u: Array) -> Array:

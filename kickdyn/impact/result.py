@@ -14,9 +14,10 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.impact.digits import impulse_rounding, joint_digits, left
 from kickdyn.impact.footing import judged
 from kickdyn.impact.held import named_impulses, residuals
-from kickdyn.impact.joint_impulses import joint_digits, joint_impulses, struck
+from kickdyn.impact.joint_impulses import joint_impulses, struck
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.posture import Posture
@@ -117,6 +118,7 @@ class Impact(Card):
         yield "energy lost", self.energy_lost, "J"
         yield "residuals", np.array([self.restitution_residual, self.momentum_residual]), ""
         yield "condition", self.condition, ""
+        yield "digits at least", math.floor(self.digits), ""
 
     @property
     def speed_ratio(self) -> float:
@@ -178,9 +180,18 @@ class Impact(Card):
         return self.posture.leg.joint_names[worst], float(sizes[worst])
 
     @property
+    def digits(self) -> float:
+        """Digits that rounding leaves of the impulse, at least; velocities after may cancel more.
+
+        Few, where the approach is hardly more than the rounding of what it is the sum of, or where
+        the ball is many times heavier than the leg that it sticks to.
+        """
+        return float(left(impulse_rounding(self)))
+
+    @property
     def joint_digits(self) -> Array:
         """Digits that rounding leaves of each joint's linear impulse, at least, `(njoints,)`."""
-        return joint_digits(self.joint_impulses, self.impulse)
+        return joint_digits(self.joint_impulses, self.impulse, impulse_rounding(self))
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of this strike, law `newton` only: see `Sensitivity`."""

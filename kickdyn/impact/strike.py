@@ -12,6 +12,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError, NoImpact
+from kickdyn.impact.digits import approach_rounding
 from kickdyn.impact.laws import LAWS, ContactProblem
 from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
@@ -19,6 +20,12 @@ from kickdyn.posture import Posture
 from kickdyn.vectors import crossed, largest
 
 MAX_SPEED = 1e140
+
+FAINT = 1e-9
+"""Share of the speeds at hand below which an approach is looked at more closely."""
+
+UNSURE = 4.0
+"""Times its rounding up to which an approach may be none at all."""
 
 AT_REST = (0.0, 0.0, 0.0)
 _AT_REST: Array = np.frombuffer(bytes(24))
@@ -52,7 +59,8 @@ def strike(
         strict: refuse a result that creates energy.
 
     Raises:
-        NoImpact: foot and ball do not approach each other along the normal.
+        NoImpact: foot and ball do not approach each other along the normal, or by no more than 4
+            times the rounding of terms that cancel.
         EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
@@ -97,11 +105,11 @@ def strike_at(
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # said by `approach`
             foot_velocity = posture.jacobian.dot(v)
-    approach_speed = approach(posture, foot_velocity, before, touch)
+    approach_speed = approach(posture, v, foot_velocity, before, touch)
     if not sliding < MAX_SPEED:
         raise InvalidInput(f"the ball moves at {sliding:g} m/s: it must be below {MAX_SPEED:g} m/s")
     try:
-        impulse, sticking, energy_lost = LAWS[law](
+        impulse, sticking, energy_lost, rub = LAWS[law](
             ContactProblem(
                 normal=n,
                 leg_delassus=posture.delassus(),
@@ -130,7 +138,7 @@ def strike_at(
         foot_velocity=foot_velocity,
         approach_speed=approach_speed,
         ball_before=before,
-        ball=_kicked(ball, before, n, impulse),
+        ball=_kicked(ball, before, n, impulse, rub),
         v_before=v,
         energy_lost=energy_lost,
         sticking=sticking,
@@ -143,8 +151,15 @@ def strike_at(
     return hit
 
 
-def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: Contact) -> float:
-    """Return the speed of foot towards ball along the normal [m/s]; raise `NoImpact` if none."""
+def approach(
+    posture: Posture, v: Array, foot_velocity: Array, before: BallState, touch: Contact
+) -> float:
+    """Return the speed of foot towards ball along the normal [m/s].
+
+    Raises:
+        NoImpact: there is none, or none that is more than the rounding of what it is the sum of.
+        InvalidInput: beyond double precision.
+    """
     fx, fy, fz = foot_velocity.tolist()
     bx, by, bz = before.velocity.tolist()
     nx, ny, nz = touch.normal.tolist()
@@ -163,15 +178,22 @@ def approach(posture: Posture, foot_velocity: Array, before: BallState, touch: C
             if speed < 0
             else f"foot and ball do not approach along the normal in {posture!r}"
         )
+    if speed < FAINT * (math.sqrt(np.vdot(v, v)) + abs(ux) + abs(uy) + abs(uz)):
+        rounding = approach_rounding(posture, v, foot_velocity, before, touch.normal)
+        if speed <= UNSURE * rounding:
+            raise NoImpact(
+                f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "
+                f"is rounding, of {rounding:.1g} m/s in what cancels there"
+            )
     return float(speed)
 
 
-def _kicked(ball: Ball, before: BallState, normal: Array, impulse: Array) -> BallState:
-    """Return the ball just after an impulse at the foot's end of the normal."""
-    push = px, py, pz = impulse.tolist()
+def _kicked(ball: Ball, before: BallState, normal: Array, impulse: Array, rub: Array) -> BallState:
+    """Return the ball just after an impulse at the foot's end of the normal; only rub turns it."""
+    px, py, pz = impulse.tolist()
     vx, vy, vz = before.velocity.tolist()
     wx, wy, wz = before.spin.tolist()
-    tx, ty, tz = crossed(normal.tolist(), push)
+    tx, ty, tz = crossed(normal.tolist(), rub.tolist())
     mass, gain = ball.mass, ball.radius / ball.inertia
     return BallState.computed(
         before.position,

@@ -49,7 +49,7 @@ def stronge(problem: ContactProblem) -> Solution:
     axes = contact_axes(problem.normal, problem.velocity)
     before = axes.T @ problem.velocity
     speed = float(np.abs(before).max())
-    g = axes.T @ problem.delassus() @ axes
+    g = problem.delassus_in(axes)
     give = float(g.diagonal().max())
     mu = min(problem.friction, ENDLESS)
     course = _Course(g / give, mu, problem.restitution, before / speed)
@@ -58,7 +58,8 @@ def stronge(problem: ContactProblem) -> Solution:
     lost = (1.0 - problem.restitution**2) * course.stored + course.rubbed
     if not math.isfinite(lost):
         raise KickdynError(f"the sliding cannot be followed (mu = {problem.friction:g})")
-    return Solution(scale * (axes @ course.impulse), sticking, scale * speed * lost)
+    impulse = scale * course.impulse
+    return Solution(axes @ impulse, sticking, scale * speed * lost, axes[:, :2] @ impulse[:2])
 
 
 class _Course:

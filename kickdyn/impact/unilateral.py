@@ -156,7 +156,7 @@ def _contacts(held: Impact, ball: Ball, free: Posture, feet: list[_Foot]) -> _Co
         restitution=held.touch.restitution,
         friction=held.touch.friction,
     )
-    delassus[:3, :3] += axes.T @ alone.delassus() @ axes
+    delassus[:3, :3] += alone.delassus_in(axes)
     before = np.concatenate([axes.T @ alone.velocity, np.zeros(len(jacobian) - 3)])
     return _Contacts(axes, jacobian, (delassus + delassus.T) / 2, before)
 
@@ -187,7 +187,8 @@ def _outcome(
         array.setflags(write=False)
     names = [support.frame for support in supports]
     lever = float(np.linalg.norm(free.jacobian) * np.linalg.norm(impulse))
-    spin = before.spin - cross(normal, impulse) * (ball.radius / ball.inertia)
+    rub = contacts.axes[:, :2] @ impulses[:2]
+    spin = before.spin - cross(normal, rub) * (ball.radius / ball.inertia)
     same = {field.name: getattr(held, field.name) for field in dataclasses.fields(Impact)}
     changed = {
         "impulse": impulse,

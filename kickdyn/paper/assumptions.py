@@ -76,6 +76,6 @@ def launch_from_contact(speed: float, attack: Array, normal: Array) -> tuple[Bal
         restitution=RESTITUTION,
         friction=FRICTION,
     )
-    impulse, sticking, _ = paper(heavy)
+    impulse, sticking, _, _ = paper(heavy)
     spin = np.cross(-BALL.radius * normal, impulse) / BALL.inertia
     return BallState(velocity=impulse / BALL.mass, spin=spin), sticking

@@ -216,8 +216,8 @@ def _struck(hit: Impact, errors: Array) -> tuple[Array, Array]:
         restitution=min(max(hit.touch.restitution + e, 0.0), 1.0),
         friction=hit.touch.friction,
     )
-    impulse = LAWS["newton"](problem).impulse
-    spin = hit.ball_before.spin - cross(normal, impulse) * (ball.radius / ball.inertia)
+    impulse, _, _, rub = LAWS["newton"](problem)
+    spin = hit.ball_before.spin - cross(normal, rub) * (ball.radius / ball.inertia)
     return hit.ball_before.velocity + impulse / ball.mass, spin
 
 

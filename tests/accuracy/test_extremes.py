@@ -12,6 +12,9 @@ from kickdyn.accuracy.gains import gains
 from kickdyn.accuracy.row import Row, compared, digits, refused
 from kickdyn.errors import InvalidInput
 
+EXACT = ("posture", "mass", "coefficient", "approach", "rank", "short link", "turning", "slow")
+"""Families of which every row has the digits that its condition allows."""
+
 
 @pytest.fixture(scope="module")
 def rows():
@@ -27,14 +30,15 @@ def test_what_numbers_can_hold_is_right_to_ten_digits(rows):
     for row in rows:
         if row.verdict == "right" and row.allowed >= 10:
             assert row.digits >= 10, row
-        if row.family in ("posture", "mass", "coefficient", "approach", "rank"):
+        if row.family in EXACT:
             assert row.verdict == "right", row
             assert row.allowed >= 12, row
 
 
 def test_only_what_has_no_answer_is_refused(rows):
     refusals = [row.case for row in rows if row.refusal and row.family != "no number"]
-    assert refusals == ["links of 1e-06, 1, 1e+06 m"]
+    cancel = [f"approach of {share:g} of the speed" for share in (1e-15, 1e-16)]
+    assert refusals == ["links of 1e-06, 1, 1e+06 m", *cancel]
     assert all(row.refusal for row in rows if row.family == "no number")
 
 

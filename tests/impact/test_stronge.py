@@ -42,7 +42,7 @@ def test_however_strong_the_friction(friction):
 
 
 def check_energy(contact):
-    impulse, sticking, lost = stronge(contact)
+    impulse, sticking, lost, _ = stronge(contact)
     jump = contact.matrix @ impulse
     energy = 0.5 * contact.velocity @ np.linalg.solve(contact.matrix, contact.velocity)
     taken = -impulse @ (contact.velocity + jump / 2)
@@ -181,7 +181,7 @@ def test_slip_reverses(e):
     """
     a, b, c, mu = 4.0, -3.0, 6.0, 0.5
     u, w = 2.5, 6.0
-    impulse, sticking, lost = stronge(planar(a, b, c, u, w, mu, e))
+    impulse, sticking, lost, _ = stronge(planar(a, b, c, u, w, mu, e))
     first = u / (a * mu - b)  # 1/2: the normal velocity is then -6 + 15/2 / 2 = -9/4
     at_stop = -w + (c - mu * b) * first
     second = -at_stop / (c + mu * b)
@@ -199,7 +199,7 @@ def test_slip_reverses(e):
 def test_jamming_presses_harder_before_it_lets_go():
     """mu b > c: while the foot slides, pressing grows with the impulse; it stops at p = 1."""
     a, b, c, u, w, mu, e = 4.0, 3.0, 3.0, 3.0, 1.0, 1.5, 0.5
-    impulse, sticking, _ = stronge(planar(a, b, c, u, w, mu, e))
+    impulse, sticking, _, _ = stronge(planar(a, b, c, u, w, mu, e))
     rate = c - mu * b
     stop = u / (a * mu - b)
     assert rate < 0
@@ -234,7 +234,7 @@ def test_the_normal_velocity_may_turn_round_within_a_step(seed, e):
 def test_sliding_that_friction_cannot_stop():
     """At rest across the normal, coupling drives the points apart: they slide from the start."""
     a, b, c, w, mu, e = 4.0, 3.0, 6.0, 1.0, 0.5, 0.5
-    impulse, sticking, _ = stronge(planar(a, b, c, 0.0, w, mu, e))
+    impulse, sticking, _, _ = stronge(planar(a, b, c, 0.0, w, mu, e))
     rate = c - mu * b
     assert not sticking
     assert impulse == pytest.approx(np.array([-mu, 0, 1]) * (1 + e) * w / rate, rel=1e-14)

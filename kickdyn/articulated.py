@@ -2,10 +2,11 @@
 
 The joint-space inertia M of a short link before a long one is nearly singular, though the foot
 gives way like that of any leg: its inverse mass is then a small difference of what M has lost.
-Here bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms, 2008,
-chapter 7). What a free joint cannot resist is 0, not the rounding of a difference: each body's
-inertia is split into the joint's motions S and all motions N across them, and only the second part
-is handed on. The recursion thus loses digits where bodies do, not where joint coordinates do.
+Here bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms,
+2008, chapter 7). What a free joint cannot resist is 0, not the rounding of a difference: each
+body's inertia is split into the joint's motions S and all motions N across them, and only the
+second part is handed on. The recursion thus loses digits where bodies do, not where joint
+coordinates do.
 """
 
 from __future__ import annotations

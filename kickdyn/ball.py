@@ -65,7 +65,7 @@ class Ball:
 
     @property
     def turning(self) -> float:
-        """Radius squared over inertia [1/kg]: how much a push across the normal gives by turning."""
+        """Radius squared over inertia [1/kg]: what turning adds to 1 / m across the normal."""
         return 1.0 / (self.inertia_factor * self.mass)
 
     @property

@@ -15,6 +15,7 @@ from scipy.linalg import blas, lapack
 from kickdyn import checks
 from kickdyn.articulated import Articulated
 from kickdyn.checks import Array
+from kickdyn.conditioning import condition, factored
 from kickdyn.errors import InvalidInput
 from kickdyn.hold import Hold
 from kickdyn.sound_model import culprits, listed
@@ -77,7 +78,7 @@ class Posture:
         self.jacobian: Array = self._turn.dot(self._frame_jacobian[:3])
         self._mobility: Array | None = None
         self._give: Array | None = None
-        self._factor, self._bound = _factored(self.inertia)
+        self._factor, self._bound = factored(self.inertia)
         if not self._bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
             fault = (
                 "is not positive definite: a joint moves no inertia"
@@ -134,7 +135,7 @@ class Posture:
     @cached_property
     def condition(self) -> float:
         """Condition number of the joint-space inertia; see the class."""
-        return _condition(self.inertia, self._factor)
+        return condition(self.inertia, self._factor)
 
     @property
     def mobility(self) -> Array:
@@ -182,7 +183,7 @@ class Posture:
         return Articulated(space.model, space.data, self.q)
 
     def _giving(self) -> Array:
-        """Return rows whose squares are the Delassus matrix: `mobility`, unless it has no digits."""
+        """Return rows that span the Delassus matrix: `mobility`, unless that has no digits."""
         if self._give is None:
             self._give = self.mobility
             if self.hold is None and self.doubtful:
@@ -309,38 +310,3 @@ def configuration(model: Any, q: ArrayLike) -> Array:
             "length 1 (Leg.configuration makes one from angles)"
         )
     return checked
-
-
-def _factored(inertia: Array) -> tuple[Array, float]:
-    """Return the Cholesky factor of M, its upper triangle unused, and a bound on the condition.
-
-    Where M is not positive definite, the factor is 0 and the bound inf. Scaled to unit diagonal, M
-    has eigenvalues that add up to n, so the smallest is above det / e (the others' product is
-    largest where they are equal), and the condition below n^1.5 e / det. Where many joints make
-    that too large: below n^2 tr M |M^-1| (van der Sluis 1969: no other scaling is n times better).
-    """
-    factor, info = lapack.dpotrf(inertia.T, lower=1, clean=0)
-    if info:
-        return np.zeros_like(factor), math.inf
-    diagonal = inertia.diagonal().tolist()
-    roots = factor.diagonal().tolist()
-    determinant = math.prod([a * a / b for a, b in zip(roots, diagonal, strict=True)])
-    n = len(inertia)
-    if determinant > 1e-9:  # far below 1 it is rounding
-        return factor, n**1.5 * math.e / determinant
-    reciprocal, _ = lapack.dpocon(factor, sum(diagonal), uplo="L")
-    return factor, n * n / float(reciprocal) if reciprocal else math.inf
-
-
-def _condition(inertia: Array, factor: Array) -> float:
-    """Return the condition of M scaled to unit diagonal; inf where it is not positive definite.
-
-    Scaled, so that a light toe on a heavy leg, or metres beside radians, do not count as
-    ill-conditioned; they cost the Cholesky factor no digits.
-    """
-    if not all(root > 0.0 for root in factor.diagonal().tolist()):
-        return math.inf
-    scale = 1.0 / np.sqrt(inertia.diagonal())
-    scaled, root = inertia * scale * scale[:, None], factor * scale[:, None]
-    reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
-    return 1.0 / float(reciprocal) if reciprocal else math.inf

@@ -47,7 +47,7 @@ class Ball:
             return
         factor = checks.number("inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0)
         object.__setattr__(self, "inertia_factor", factor)
-        if not (SMALLEST <= self.inertia < math.inf and SMALLEST <= factor * self.mass):
+        if not (SMALLEST <= self.inertia < math.inf and factor * self.mass >= SMALLEST):
             raise InvalidInput(
                 f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
                 f"{self.inertia:g} kg m2: mass, inertia and their inverses must be finite, above 0"

@@ -52,6 +52,15 @@ class Camera:
         """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
 
+    def across(self, point: Array) -> Array:
+        """Return where the picture shows a point: right and up, over its depth, shape `(2,)`."""
+        into = self.target - self.position
+        into = into / np.linalg.norm(into)
+        right = np.cross(into, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        away = point - self.position
+        return np.array([away @ right, away @ np.cross(right, into)]) / (away @ into)
+
 
 def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:
     """Place the camera so that all is in the picture and what is near stays recognisable.

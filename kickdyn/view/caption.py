@@ -10,6 +10,7 @@ import numpy as np
 from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
+from kickdyn.view.impulses import JOINT
 from kickdyn.view.kick_scene import Drawn
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.motion import Pace
@@ -53,6 +54,7 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[tuple[str
         ]
     return [
         (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(hit.impulse)):.4g} N s"),
+        *_worst(hit),
         ("foot speed", f"{float(np.linalg.norm(hit.foot_velocity)):.4g} m/s"),
         ("ball speed", f"{float(hit.ball.speed):.4g} m/s"),
         *((("ball / foot", f"{hit.speed_ratio:.4g}"),) if hit.foot_velocity.any() else ()),
@@ -62,6 +64,11 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[tuple[str
         ("shown", _pace(drawn.pace)),
         ("stripes", f"{drawn.stripe:g} m"),
     ]
+
+
+def _worst(hit: Impact) -> list[tuple[str, str]]:
+    name, size = hit.worst_joint
+    return [(f"worst joint {_key(JOINT)}", f"{size:.4g} N s at {escape(name)}")]
 
 
 def _spin(hit: Impact) -> str:

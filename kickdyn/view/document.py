@@ -1,4 +1,7 @@
-"""The HTML around a meshcat scene: one file that needs nothing else."""
+"""The HTML around a meshcat scene: one file that needs nothing else.
+
+meshcat's own controls are hidden; `#controls` at the end of the page's address shows them.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,8 @@ _POLICY = (
 _STYLE = """
 body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
 #meshcat-pane { width: 100vw; height: 100vh; overflow: hidden; }
+.dg.main { display: none; }
+#controls:target ~ .dg.main { display: block; }
 #caption {
   position: absolute; top: 14px; left: 14px; max-width: 300px; max-height: calc(100vh - 60px);
   box-sizing: border-box; overflow: auto; padding: 12px 16px; border-radius: 8px;
@@ -41,6 +46,7 @@ _PAGE = """<!DOCTYPE html>
 <style>{style}</style>
 </head>
 <body>
+<i id="controls"></i>
 <div id="meshcat-pane"></div>
 {panel}
 <script>{engine}</script>

@@ -20,8 +20,9 @@ from kickdyn.planning.swing_answer import Swing
 from kickdyn.view import motion
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera
+from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest
 from kickdyn.view.leg_figure import draw_leg, joint_places
-from kickdyn.view.marks import draw_arrow, draw_curve, draw_ground, draw_landing, draw_shadow
+from kickdyn.view.marks import draw_curve, draw_ground, draw_landing, draw_shadow
 from kickdyn.view.scenery import Box, draw_box
 
 SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
@@ -79,22 +80,22 @@ def draw_kick(
     floor = min(before.position[2], curve[-1, 2]) - ball.radius
     joints = np.array([place[:3, 3] for place in joint_places(hit.posture.leg, hit.posture.q)[1:]])
     near = np.vstack([around(joints, ball.radius), around(hit.ball.position[None], ball.radius)])
-    far = np.vstack([around(curve, ball.radius), *(box.corners() for box in scenery)])
+    figure = draw_leg(viewer["leg"], hit.posture.leg, hit.posture.q)
+    far = np.vstack([around(curve, ball.radius), figure, *(box.corners() for box in scenery)])
     camera = camera_for(near, far, forward, behind=bool(scenery))
     width = THIN * camera.distance(curve)
 
     prepare(viewer, camera)
-    draw_leg(viewer["leg"], hit.posture.leg, hit.posture.q)
     draw_ball(viewer["ball"], ball.radius)
     viewer["ball"].set_transform(tf.translation_matrix(before.position))
     draw_shadow(viewer["shadow"], ball.radius)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
-    impulse = float(np.linalg.norm(hit.impulse))
-    contact = hit.posture.contact_point
-    if impulse > 0:
-        length = max(3.2 * ball.radius, 0.45 * size)
-        draw_arrow(viewer["arrow"], contact, hit.impulse / impulse, length)
+    most = largest(hit)
+    scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
+    arrows = impulse_arrows(hit, scale, LEAST * most, camera)
+    for arrow in arrows:
+        draw_impulse(viewer[arrow.node], arrow, scale)
     foot = np.array([*before.position[:2], floor])
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
     stripe = stripe_width(float(np.hypot(*(curve[-1] - curve[0])[:2])) + size)
@@ -103,7 +104,8 @@ def draw_kick(
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
     end = np.array([*curve[-1, :2], floor])
     draw_landing(viewer["landing"], end, max(0.4 * ball.radius, 6 * float(width[-1])))
-    viewer.set_animation(_animation(viewer, hit, path, pace, floor, swing), repetitions=math.inf)
+    film = _animation(viewer, hit, path, pace, floor, swing, arrows)
+    viewer.set_animation(film, repetitions=math.inf)
     return Drawn(pace, stripe)
 
 
@@ -149,6 +151,7 @@ def _animation(
     pace: motion.Pace,
     floor: float,
     swing: Swing | None,
+    arrows: Sequence[Arrow],
 ) -> Animation:
     film = Animation(default_framerate=motion.RATE)
     before = hit.ball_before
@@ -164,5 +167,6 @@ def _animation(
                     frame[f"leg/{joint}"].set_transform(place)
     for at, scale in ((0, 1e-3), (pace.impact, 1e-3), (pace.impact + 8, 1.0), (pace.end, 1.0)):
         with film.at_frame(viewer, at) as frame:
-            frame["arrow"].set_property("scale", "vector3", [scale] * 3)
+            for arrow in arrows:
+                frame[arrow.node].set_property("scale", "vector3", [scale] * 3)
     return film

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import meshcat.geometry as shapes
@@ -64,18 +65,41 @@ def joint_places(leg: Leg, q: Array) -> list[Array]:
     return [np.eye(4)] + [data.oMi[joint].homogeneous for joint in range(1, model.njoints)]
 
 
-def draw_leg(viewer: Any, leg: Leg, q: Array) -> None:
+def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
     """Draw a leg at a configuration; joint number i is the node `viewer[str(i)]`.
+
+    Returns:
+        Corners of boxes that hold its parts, shape `(n, 3)` [m, world frame].
 
     Raises:
         InvalidInput: as `leg_parts`.
     """
+    places, corners = joint_places(leg, q), []
     for number, part in enumerate(leg_parts(leg)):
         node = viewer[f"{part.joint}/{number}"]  # numbers: a name could hold a slash
         node.set_object(part.shape, _material(part))
         node.set_transform(part.place)
-    for joint, place in enumerate(joint_places(leg, q)):
+        place = places[part.joint] @ part.place
+        corners.append(_corners(part.shape) @ place[:3, :3].T + place[:3, 3])
+    for joint, place in enumerate(places):
         viewer[str(joint)].set_transform(place)
+    return np.vstack(corners)
+
+
+def _corners(shape: Any) -> Array:
+    """Return the corners of the box around a shape, along its own axes, `(8, 3)` [m]."""
+    if isinstance(shape, shapes.TriangularMeshGeometry):
+        low, high = np.min(shape.vertices, axis=0), np.max(shape.vertices, axis=0)
+    else:
+        if isinstance(shape, shapes.Cylinder):
+            wide = max(shape.radiusTop, shape.radiusBottom)
+            high = np.array([wide, shape.height / 2, wide])
+        elif isinstance(shape, shapes.Sphere):
+            high = np.full(3, shape.radius)
+        else:
+            high = np.asarray(shape.lengths) / 2
+        low = -high
+    return np.array(list(product(*zip(low, high, strict=True))), dtype=float)
 
 
 def _material(part: Part) -> Any:

@@ -113,7 +113,9 @@ def draw_shadow(viewer: Any, radius: float) -> None:
     viewer["disc"].set_transform(UPRIGHT)
 
 
-def draw_arrow(viewer: Any, start: Array, direction: Array, length: float) -> None:
+def draw_arrow(
+    viewer: Any, start: Array, direction: Array, length: float, colour: int = ARROW
+) -> None:
     """Draw an arrow over everything else; its start is the origin of `viewer`.
 
     Args:
@@ -121,12 +123,13 @@ def draw_arrow(viewer: Any, start: Array, direction: Array, length: float) -> No
         start: shape `(3,)` [m].
         direction: unit vector, shape `(3,)`.
         length: [m].
+        colour: 0xRRGGBB.
     """
     width, neck = 0.028 * length, 0.72 * length
     shaft = shapes.Cylinder(neck, width)
     head = shapes.Cylinder(length - neck, radiusTop=0.0, radiusBottom=3 * width)
     for name, shape, begin, end in (("shaft", shaft, 0.0, neck), ("head", head, neck, length)):
-        viewer[name].set_object(shape, _overlay(ARROW))
+        viewer[name].set_object(shape, _overlay(colour))
         viewer[name].set_transform(along(begin * direction, end * direction))
     place = np.eye(4)
     place[:3, 3] = start

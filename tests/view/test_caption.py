@@ -28,6 +28,8 @@ def test_says_the_numbers(make_kick):
     assert said["hip"] == "5.0°"
     assert said["ankle"] == "-5.0°"
     assert said["impulse"] == f"{np.linalg.norm(hit.impulse):.4g} N s"
+    name, size = hit.worst_joint
+    assert said["worst joint"] == f"{size:.4g} N s at {name}"
     assert said["ball speed"] == f"{hit.ball.speed:.4g} m/s"
     assert said["ball / foot"] == f"{hit.speed_ratio:.4g}"
     assert said["launch angle"] == f"{np.degrees(hit.ball.elevation):.1f}°"
@@ -82,7 +84,7 @@ def test_names_are_escaped(load, spoil):
     path = SimpleNamespace(method="<script>alert(1)", status="landed", range=1.0, duration=1.0)
     text = panel((hit, kd.Ball(), path), caption="<script>alert(1)</script>")
     assert "<script" not in text
-    assert text.count("&lt;script&gt;alert(1)") == 4
+    assert text.count("&lt;script&gt;alert(1)") == 5
 
 
 @pytest.mark.parametrize(("caption", "there"), [("", False), ("best of 12", True)])

@@ -40,6 +40,7 @@ def test_what_moves(scene, kick):
     tracks, _ = film(scene[0])
     assert {name for name, _ in tracks} == {
         *(f"/meshcat/leg/{joint}" for joint in (1, 2, 3)),
+        *(f"/meshcat/joint_arrows/{joint}" for joint in (1, 2, 3)),
         *(f"/meshcat/{name}" for name in ("ball", "shadow", "arrow")),
     }
     _, places = tracks["/meshcat/ball", ".position"]
@@ -50,6 +51,31 @@ def test_what_moves(scene, kick):
     _, shadow = tracks["/meshcat/shadow", ".position"]
     np.testing.assert_allclose(shadow[:, :2], places[:, :2])
     np.testing.assert_allclose(shadow[:, 2], floor)
+
+
+def test_arrows_grow_at_the_impact(scene):
+    tracks, _ = film(scene[0])
+    impact = scene[1].pace.impact
+    for node in ("arrow", "joint_arrows/1"):
+        frames, sizes = tracks[f"/meshcat/{node}", ".scale"]
+        assert sizes[frames.index(impact)] == pytest.approx(1e-3)
+        assert sizes[-1] == pytest.approx(1.0)
+
+
+def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
+    """The camera is as far as all that stands on the joints asks for."""
+    model = kd.Leg.human().urdf.text
+    head = '<visual><origin xyz="0 0 1.0"/><geometry><sphere radius="0.1"/></geometry></visual>'
+    assert '<link name="base">' in model
+    headed = load(model.replace('<link name="base">', f'<link name="base">{head}'))
+    shown = []
+    for leg in (kd.Leg.human(), headed):
+        viewer = recorder()
+        draw_kick(viewer, *make_kick(leg, 3.0))
+        said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+        shown.append(next(c["value"] for c in said if c.get("property") == "position"
+                          and c["path"].startswith("/Cameras")))  # fmt: skip
+    assert np.linalg.norm(shown[1]) > 1.2 * np.linalg.norm(shown[0])
 
 
 def test_the_ball_rests_on_the_ground(scene, kick):

@@ -3,6 +3,7 @@ import io
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 import umsgpack
 import yourdfpy
 
@@ -91,6 +92,21 @@ def test_drawing():
              for c in said if c["type"] == "set_transform"}  # fmt: skip
     for joint, place in enumerate(joint_places(leg, q)):
         np.testing.assert_allclose(moved[f"/meshcat/leg/{joint}"], place)
+
+
+def test_corners_hold_every_part(leg_looking_like, tmp_path):
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "box.stl")
+    for shape, half in (
+        ('<mesh filename="box.stl"/>', (0.05, 0.1, 0.15)),
+        ('<box size="0.1 0.2 0.3"/>', (0.05, 0.1, 0.15)),
+        ('<cylinder length="0.3" radius="0.1"/>', (0.1, 0.1, 0.15)),
+        ('<sphere radius="0.1"/>', (0.1, 0.1, 0.1)),
+    ):
+        visual = f'<visual><origin xyz="0 0 0.7"/><geometry>{shape}</geometry></visual>'
+        corners = draw_leg(recorder()["leg"], leg_looking_like(visual), np.zeros(2))
+        top = corners[corners[:, 2] > 1.4]
+        np.testing.assert_allclose(top.max(axis=0), np.add((0, 0, 1.7), half), atol=1e-7)
+        np.testing.assert_allclose(top.min(axis=0), np.subtract((0, 0, 1.7), half), atol=1e-7)
 
 
 def test_names_are_no_paths(load, spoil):

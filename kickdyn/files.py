@@ -53,7 +53,13 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
     """Raise `InvalidInput` where two outputs are the same file; None and `-` are none."""
-    files = [Path(path).resolve() for path in paths if path is not None and str(path) != "-"]
+    files = []
+    for path in paths:
+        if path is not None and str(path) != "-":
+            try:
+                files.append(Path(path).resolve())
+            except (OSError, RuntimeError, ValueError) as error:  # a name too long, for one
+                raise _refused(path, error) from None
     for file in files:
         if files.count(file) > 1:
             raise InvalidInput(f"{file.name} is named for two outputs: give each its own file")

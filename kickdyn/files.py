@@ -13,6 +13,11 @@ from pathlib import Path
 from kickdyn.errors import InvalidInput
 
 
+def exists(path: str | os.PathLike[str]) -> bool:
+    """Return whether there is something at `path`; a name that no file can have is not there."""
+    return os.path.exists(path)  # noqa: PTH110 Path.exists raises where a name is too long
+
+
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise `InvalidInput` unless a file can be made at `path`; to be asked before long work."""
     try:
@@ -53,13 +58,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
     """Raise `InvalidInput` where two outputs are the same file; None and `-` are none."""
-    files = []
-    for path in paths:
-        if path is not None and str(path) != "-":
-            try:
-                files.append(Path(path).resolve())
-            except (OSError, RuntimeError, ValueError) as error:  # a name too long, for one
-                raise _refused(path, error) from None
+    files = [Path(path).resolve() for path in paths if path is not None and str(path) != "-"]
     for file in files:
         if files.count(file) > 1:
             raise InvalidInput(f"{file.name} is named for two outputs: give each its own file")

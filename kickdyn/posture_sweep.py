@@ -22,7 +22,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput, Unfinished
-from kickdyn.files import check_distinct, check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, exists, replacing
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
@@ -187,7 +187,7 @@ def load_leg(name: str, frame: str | None = None) -> Leg:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
     if name in ROBOTS:
         return _limb(Leg.from_robot(name, frame, legs_only=True))
-    if not Path(name).exists() and not Path(name).suffix:
+    if not exists(name) and not Path(name).suffix:
         known = ", ".join([*SHIPPED, *(robot for robot in ROBOTS if robot not in SHIPPED)])
         raise InvalidInput(f"leg {name!r} is neither {known} nor a file")
     return Leg.from_urdf(name, frame or "toe")

@@ -20,7 +20,7 @@ def test_what_was_found_stays_mended(file, tmp_path):
     fuzz.run(file.stem.split("-")[0], text, tmp_path)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_broken_input_is_refused(seed, tmp_path):
     child = fuzz.Child()
     try:

@@ -75,7 +75,10 @@ def scatter(found: Sequence[Row]) -> Figure:
     """Return error against condition."""
     figure = Figure(figsize=(6.4, 3.8), layout="constrained")
     axes = figure.subplots()
-    axes.loglog([1, 1e5], [1e-15, 1e-10], "-", color="0.7", label="what the condition allows")
+    worst = max(10.0, *(row.condition for row in found))
+    axes.loglog(
+        [1, worst], [1e-15, 1e-15 * worst], "-", color="0.7", label="what the condition allows"
+    )
     for verdict, colour in (("right", "tab:green"), ("as claimed", "tab:orange"), ("WRONG", "red")):
         mine = [row for row in found if row.verdict == verdict]
         errors = [min(max(row.error, 1e-17), 1.0) for row in mine]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kickdyn.accuracy.exact import Vector, length, mp, numbers, plus
+from kickdyn.accuracy.exact_flight import landing as exact_landing
 from kickdyn.accuracy.exact_impact import NUDGE
 from kickdyn.accuracy.row import Row, compared, digits, refused
 from kickdyn.air import Air
@@ -92,11 +93,11 @@ def _half(reynolds: float, spin_parameter: float) -> float:
 
 
 def tolerances() -> Iterator[Row]:
-    """Yield a spinning kick at every tolerance, and flown in pieces, against the finest."""
+    """Yield a spinning kick at every tolerance, and flown in pieces, against 20 digits."""
     ball, air = Ball(), Air()
-    start = BallState((0, 0, 1), (24, 1, 9), (0, -30, 15))
-    ground = Ground(height=0.0)
-    finest = fly(start, ball, air, ground, TOL).landing.position
+    start = BallState((0, 0, 0), (24, 1, 9), (0, -30, 15))
+    ground = Ground(height=-ball.radius)
+    finest = exact_landing(start, ball, air)
     scale = math.hypot(*(finest - start.position))
     for exponent in range(2, 13):
         path = fly(start, ball, air, ground, 10.0**-exponent)

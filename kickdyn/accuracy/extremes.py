@@ -57,7 +57,7 @@ def extremes(json_file: str | None) -> None:
             with replacing(json_file) as draft:
                 draft.write_text(text, encoding="utf-8")
     if json_file != "-":
-        console = Console(highlight=False, width=120)
+        console = Console(highlight=False)
         console.print(_table(found))
         console.print(_gains(gains()))
         console.print(summary(found), soft_wrap=True)
@@ -66,26 +66,31 @@ def extremes(json_file: str | None) -> None:
 
 
 def summary(found: list[Row]) -> str:
-    """Return how many rows ended how."""
-    verdicts = [row.verdict for row in found]
+    """Return how many comparisons ended how, and how many arguments that are no numbers."""
+    verdicts = [row.verdict for row in found if row.family != "no number"]
+    others = [row.verdict for row in found if row.family == "no number"]
     counts = [
         f"{verdicts.count(name)} {name}" for name in ("right", "as claimed", "refused", "WRONG")
     ]
-    return f"{len(found)} cases: {', '.join(counts)}"
+    said = f"{len(verdicts)} cases: {', '.join(counts)}"
+    wrong = others.count("WRONG")
+    return f"{said}; {others.count('refused')} of {len(others)} that are no numbers refused" + (
+        f", {wrong} WRONG" if wrong else ""
+    )
 
 
 def _table(found: list[Row]) -> Table:
     table = Table(
-        title="Against 50 digits: worst error, and the answer with least digits to spare",
+        title="The answer with least digits to spare; reference: 50 digits, 20 of flights at tol",
         box=box.SIMPLE_HEAD, title_justify="left", title_style="bold",
         caption="allowed: 15 - log10(condition). as claimed: fewer, but the answer says how many.",
         caption_justify="left",
     )  # fmt: skip
-    table.add_column("case", min_width=36)
-    for head in ("worst error", "condition", "error", "digits", "allowed"):
-        table.add_column(head, justify="right")
-    table.add_column("of", no_wrap=True)
-    table.add_column("verdict")
+    table.add_column("case", overflow="fold")
+    for head in ("condition", "error", "allowed"):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("of")
+    table.add_column("verdict", no_wrap=True)
     family = ""
     for row in found:
         if row.refusal and row.family == "no number":
@@ -93,10 +98,14 @@ def _table(found: list[Row]) -> Table:
         if row.family != family:
             family = row.family
             table.add_section()
-        table.add_row(*cells(row))
+        if row.refusal:
+            table.add_row(f"{row.case}: {row.refusal}", *[""] * 4, "refused")
+            continue
+        case, _, condition, error, _, allowed, quantity, verdict = cells(row)
+        table.add_row(case, condition, error, allowed, quantity, verdict)
     refused = sum(row.verdict == "refused" and row.family == "no number" for row in found)
     table.add_section()
-    table.add_row(f"NaN, inf, -inf in {refused // 3} arguments", *[""] * 6, f"{refused} refused")
+    table.add_row(f"NaN, inf, -inf in {refused // 3} arguments", *[""] * 4, f"{refused} refused")
     return table
 
 

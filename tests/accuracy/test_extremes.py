@@ -1,11 +1,13 @@
 """Every extreme but the long chains: right, as claimed, or refused; and a wrong answer is seen."""
 
+import io
 import math
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from kickdyn.accuracy import extreme_flights, extreme_impacts, extremes
 from kickdyn.accuracy.gains import gains
@@ -65,6 +67,34 @@ def test_formulas_in_use_keep_what_the_plain_ones_lose():
     for gain in gains():
         assert gain.our_error < 1e-14
         assert gain.plain_error > 500 * gain.our_error
+
+
+def test_arguments_that_are_no_numbers_count_by_themselves():
+    found = [Row("f", "a"), Row("f", "b", refusal="no"), Row("no number", "c", refusal="no")]
+    said = extremes.summary(found)
+    assert said == (
+        "2 cases: 1 right, 0 as claimed, 1 refused, 0 WRONG; 1 of 1 that are no numbers refused"
+    )
+    taken = Row("no number", "d", "taken", math.inf, 1.0, math.inf)
+    assert extremes.summary([*found, taken]).endswith("1 of 2 that are no numbers refused, 1 WRONG")
+
+
+def test_verdicts_are_whole_at_eighty_columns():
+    found = [
+        Row("f", "bent by 1e-200 rad, normal along it", "effective mass", 1e-12, 1.5, claimed=8.1),
+        Row("f", "ball", refusal="the joint-space inertia is not positive definite: " + 50 * "x "),
+    ]
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(extremes._table(found))
+    lines = console.export_text().splitlines()
+    assert any(line.rstrip().endswith(" as claimed (8.1)") for line in lines)
+    assert any(line.rstrip().endswith(" refused") for line in lines)
+    assert max(map(len, lines)) <= 80
+
+
+def test_flights_at_a_tolerance_are_judged_by_another_integrator(monkeypatch):
+    monkeypatch.setattr(extreme_flights, "exact_landing", lambda *_: np.array([30.0, 0.0, 0.0]))
+    assert next(extreme_flights.tolerances()).verdict == "WRONG"
 
 
 def test_verdicts():

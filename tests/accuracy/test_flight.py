@@ -1,3 +1,6 @@
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from kickdyn.accuracy import flight
@@ -49,3 +52,14 @@ def test_the_front_is_what_nothing_beats(rows):
         for row in mine:
             beaten = any(o.seconds < row.seconds and o.error < row.error for o in mine)
             assert row.pareto is not beaten
+
+
+def test_the_shortest_of_several_timings_counts(monkeypatch):
+    ticks = iter([0.0, 5.0, 5.0, 6.0, 6.0, 9.0])
+    monkeypatch.setattr(flight, "time", SimpleNamespace(process_time=lambda: next(ticks)))
+    monkeypatch.setattr(flight, "_vacuum", list)
+    monkeypatch.setattr(flight, "landing", lambda *_: np.zeros(3))
+    fake = {"one": lambda states, tol: (np.ones((len(states), 3)), 7.0, 2)}
+    monkeypatch.setattr(flight, "_methods", lambda scene, *_: fake if scene == "full" else {})
+    (row,) = measure((1e-3,))
+    assert row.seconds == 0.5

@@ -14,13 +14,12 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from by_hand import fly_by_hand
 
 import kickdyn as kd
 from kickdyn.accuracy.taylor import taylor
 from kickdyn.checks import Array
 from kickdyn.flight.batch import fly_many
-from kickdyn.flight.forces import forces
 
 BALL, AIR = kd.Ball(), kd.Air()
 MANY, FEW = 10_000, 200
@@ -33,27 +32,6 @@ def launches(n: int) -> kd.BallState:
     level = speed * np.cos(up)
     velocity = np.column_stack([level * np.cos(turn), level * np.sin(turn), speed * np.sin(up)])
     return kd.BallState(np.zeros((n, 3)), velocity, draw.normal(0, 30, (n, 3)), np.zeros(n))
-
-
-def with_scipy(states: kd.BallState, method: str, rtol: float) -> Array:
-    """Return landing points as most people would compute them."""
-    acting = forces(BALL, AIR)
-
-    def rates(_: float, y: Array) -> tuple[float, ...]:
-        _, _, z, vx, vy, vz, wx, wy, wz = y.tolist()
-        ax, ay, az, k = acting(z, vx, vy, vz, wx, wy, wz)
-        return vx, vy, vz, ax, ay, az, -k * wx, -k * wy, -k * wz
-
-    def down(t: float, y: Array) -> float:
-        return float(y[2]) if t > 0 else 1.0
-
-    down.terminal, down.direction = True, -1  # type: ignore[attr-defined]
-    landed = []
-    for i in range(len(states.position)):
-        begin = np.concatenate([states.position[i], states.velocity[i], states.spin[i]])
-        found = solve_ivp(rates, (0, 100), begin, method, rtol=rtol, atol=rtol, events=down)
-        landed.append(found.y_events[0][0][:3])
-    return np.array(landed)
 
 
 def timed(run: Callable[[], Array], repeats: int) -> tuple[float, Array]:
@@ -84,7 +62,13 @@ def main() -> None:
         rows.append((name, tol, error.max(), float(np.quantile(error, 0.99)), seconds / n * 1e6))
 
     for method, tol in (("RK45", 1e-6), ("RK45", 1e-9), ("DOP853", 1e-9)):
-        row(f"solve_ivp {method}", tol, FEW, lambda m=method, t=tol: with_scipy(few, m, t), 1)  # type: ignore[misc]
+        row(
+            f"solve_ivp {method}",
+            tol,
+            FEW,
+            lambda m=method, t=tol: fly_by_hand(few, BALL, AIR, m, t),
+            1,
+        )  # type: ignore[misc]
 
     def one_by_one() -> Array:
         return np.array([kd.fly(one, BALL, AIR).landing.position for one in singles])

@@ -14,15 +14,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import solve_ivp
+from by_hand import fly_by_hand
 from scipy.linalg import lapack
 
 import kickdyn as kd
-from kickdyn.checks import Array
-from kickdyn.flight.forces import forces
+from kickdyn.sweep.carry import launches
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kernels import Kernel
-from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.outcomes import Outcomes
 from kickdyn.sweep.scene import scene_of
 
@@ -47,25 +46,6 @@ def loop(leg: kd.Leg) -> Callable[[], list[float]]:
         return found
 
     return impulses
-
-
-def fly_by_hand(launches: Array) -> None:
-    """Let solve_ivp fly every launch, shape `(n, 6)`: velocity and spin."""
-    assert KICK.air is not None
-    acting = forces(KICK.ball, KICK.air)
-
-    def rates(_: float, y: Array) -> tuple[float, ...]:
-        _, _, z, vx, vy, vz, wx, wy, wz = y.tolist()
-        ax, ay, az, k = acting(z, vx, vy, vz, wx, wy, wz)
-        return vx, vy, vz, ax, ay, az, -k * wx, -k * wy, -k * wz
-
-    def down(t: float, y: Array) -> float:
-        return float(y[2]) if t > 0 else 1.0
-
-    down.terminal, down.direction = True, -1  # type: ignore[attr-defined]
-    for launch in launches:
-        begin = np.concatenate([np.zeros(3), launch])
-        solve_ivp(rates, (0, 100), begin, rtol=1e-9, atol=1e-9, events=down)
 
 
 def best(*runs: tuple[Callable[[], object], int]) -> list[float]:
@@ -123,19 +103,23 @@ def main() -> None:
         kind = "planar" if scene.planar else "general"
         print(f"| {name} | {kind} | {peer:.2f} us | {bare:.3f} us | {whole:.3f} us | "
               f"{peer / bare:.0f}, {peer / whole:.0f} |")  # fmt: skip
-    outcomes = Outcomes(human, fine(human.joint_names), KICK)
-    rows, _ = outcomes(0, FLOWN)
-    speed, angle, spin = rows[3], rows[5], rows[6]
-    zero = np.zeros(FLOWN)
-    columns = [speed * np.cos(angle), zero, speed * np.sin(angle), zero, -spin, zero]
-    launches = np.column_stack(columns)
-    struck, flown, swept = best(
+    scene = scene_of(human, KICK)
+    assert scene is not None
+    assert KICK.air is not None
+    postures, air = fine(human.joint_names), KICK.air
+    exact, read = (Outcomes(human, postures, KICK, error) for error in (0.0, CARRY_ERROR))
+    kernel = Kernel(scene, [1, 2, 3], list(postures.axes.values()), np.zeros(3), KICK.ball.mass)
+    launched = launches(scene, KICK, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
+    struck, by_hand, flown, swept = best(
         (loop(human), FEW),
-        (lambda: fly_by_hand(launches), FLOWN),
-        (lambda: outcomes(0, 50_000), 50_000),
+        (lambda: fly_by_hand(launched, KICK.ball, air), len(launched.position)),
+        (lambda: exact(0, 50_000), 50_000),
+        (lambda: read(0, MANY), MANY),
     )
-    print(f"posture to landing: loop {struck + flown:.0f} us, sweep {swept:.2f} us, "
-          f"ratio {(struck + flown) / swept:.0f}")  # fmt: skip
+    peer = struck + by_hand
+    print(f"posture to landing: loop {peer:.0f} us; every ball flown {flown:.2f} us, ratio "
+          f"{peer / flown:.0f}; carries read off within {CARRY_ERROR:g} m {swept:.3f} us, ratio "
+          f"{peer / swept:.0f}")  # fmt: skip
 
 
 if __name__ == "__main__":

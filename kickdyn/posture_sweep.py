@@ -31,7 +31,7 @@ from kickdyn.robots import ROBOTS
 from kickdyn.sweep.block import Space
 from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
-from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.opened import Sweep, open_sweep
 from kickdyn.sweep.progress import progress
 from kickdyn.sweep.report import as_json, table, text
@@ -90,8 +90,15 @@ class _Typed(click.Command):
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
               "number, to be gone on with if it is stopped.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with what is in DIR.zarr.")
-@click.option("--workers", default=1, show_default=True, type=click.IntRange(1, 1024),
-              help="Threads that fill DIR.zarr.")  # fmt: skip
+@click.option("--threads", type=click.IntRange(1, 1024),
+              help="Threads that fill DIR.zarr.  [default: one per core]")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1, 1024), metavar="N",
+              help="Processes that do, instead of threads (kickdyn[cluster]).")  # fmt: skip
+@click.option("--cluster", metavar="tcp://HOST:PORT",
+              help="Scheduler of dask.distributed whose workers do.")  # fmt: skip
+@click.option("--carry-error", default=CARRY_ERROR, show_default=True,
+              help="In DIR.zarr, how far off a carry may be that is read off polynomials rather "
+              "than flown [m]; 0 flies every ball.")  # fmt: skip
 @click.option("--where", metavar="CONDITION",
               help="Best, worst, plot and page are of postures that fulfil it, such as "
               "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and results.")  # fmt: skip
@@ -110,7 +117,10 @@ def posture_sweep(
     air: str,
     out: str | None,
     resume: bool,
-    workers: int,
+    threads: int | None,
+    workers: int | None,
+    cluster: str | None,
+    carry_error: float,
     where: str | None,
     json_file: str | None,
     plot: str | None,
@@ -143,7 +153,10 @@ def posture_sweep(
 
     data = None
     if out is not None and streams:
-        told = _streamed(out, leg, postures, kick, resume, workers)
+        told = _streamed(
+            out, leg, postures, kick, resume=resume, threads=threads, workers=workers or 0,
+            cluster=cluster, carry_error=carry_error,
+        )  # fmt: skip
         counted, residual, lines = (
             told["counts"],
             told["residual"],
@@ -215,14 +228,12 @@ def _check_outputs(
             check_writable(file)
 
 
-def _streamed(
-    out: str, leg: Leg, postures: Grid, kick: Kick, resume: bool, workers: int
-) -> dict[str, Any]:
+def _streamed(out: str, leg: Leg, postures: Grid, kick: Kick, **how: Any) -> dict[str, Any]:
     from kickdyn.sweep.stream import stream
 
     try:
         with progress(Space.of_grid(leg, postures), Path(out)) as done:
-            return stream(out, leg, postures, kick, resume=resume, workers=workers, progress=done)
+            return stream(out, leg, postures, kick, progress=done, **how)
     except Unfinished as error:
         raise Unfinished(f"{error}: {_command('--resume')}") from None
 

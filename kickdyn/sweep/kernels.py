@@ -20,6 +20,7 @@ from kickdyn.checks import Array
 from kickdyn.flight import lanes
 from kickdyn.flight.lanes import HOW, LANES, njit
 from kickdyn.sweep import factors, impulses, planar, spatial
+from kickdyn.sweep.compiled import compiled
 from kickdyn.sweep.factors import factor, unweigh, weigh
 from kickdyn.sweep.impulses import D33, gather, least, strike
 from kickdyn.sweep.scene import Scene
@@ -57,7 +58,6 @@ def _kernel(motion: Any, width: int) -> Any:
     height, cos, sin, size = motion.ROWS * LANES, motion.COS, motion.SIN, motion.SIZE
     begins = motion.C if width == 2 else motion.R00
 
-    @njit
     def sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
               foot, lever, kick, full, answer):  # fmt: skip
         n, count = len(parent), answer.shape[1]
@@ -122,7 +122,10 @@ def _kernel(motion: Any, width: int) -> Any:
                 answer[NORMAL, c], answer[GIVE, c] = impulse[2 * LANES + i], delassus[D33 + i]
                 answer[DOUBT, c] = doubt[i]
 
-    return sweep
+    # the linker goes by names: two kernels of one name, each compiled in a process of its own and
+    # kept on the disk, would be taken for the same
+    sweep.__qualname__ = f"sweep_{motion.__name__.rpartition('.')[2]}"
+    return njit(sweep)
 
 
 _tuple: Any = numba.types.UniTuple
@@ -156,11 +159,7 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
             _in_space(steps, joints, offsets, table, first, still, parent, slides, carries,
                       constants, foot, lever, kick, full, answer)  # fmt: skip
 
-    kernel = flat if in_plane else deep
-    try:
-        return numba.njit(_SIGNATURE, cache=True, nogil=True, **HOW)(kernel)
-    except (RuntimeError, OSError):  # nowhere to keep it
-        return numba.njit(_SIGNATURE, nogil=True, **HOW)(kernel)
+    return compiled(flat if in_plane else deep, _SIGNATURE, **HOW)
 
 
 _kernels: dict[bool, Callable[..., None]] = {}

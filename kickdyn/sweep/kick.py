@@ -21,6 +21,9 @@ from kickdyn.posture import Posture
 Status = Literal["ok", "too fast", "out of reach"]
 STATUSES: tuple[Status, ...] = ("ok", "too fast", "out of reach")
 
+CARRY_ERROR = 1e-6
+"""What the carry of a large sweep may be off by unless something else is asked for [m]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kick:

@@ -3,37 +3,43 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
+from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn import checks
 from kickdyn.checks import Array
-from kickdyn.errors import Unfinished
+from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
-from kickdyn.sweep.kick import STATUSES, Kick
+from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.outcomes import Outcomes
-from kickdyn.sweep.run import VARIABLES
-from kickdyn.sweep.zarr_store import Store
+from kickdyn.sweep.work import Job, merged, told
+from kickdyn.sweep.zarr_store import Store, cut
 
-_NAMES = list(VARIABLES)
-_SPEED, _WORST = _NAMES.index("ball_speed"), _NAMES.index("worst_joint_impulse")
-_RESIDUALS = [_NAMES.index("restitution_residual"), _NAMES.index("momentum_residual")]
+Progress = Callable[[int], None]
+See = Callable[[int, Array, NDArray[np.int8]], None]
 
 
 def stream(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None,
     leg: Leg,
     grid: Grid,
     kick: Kick,
     *,
     resume: bool = False,
-    workers: int = 1,
-    progress: Callable[[int], None] | None = None,
+    threads: int | None = None,
+    workers: int = 0,
+    cluster: str | None = None,
+    carry_error: float = CARRY_ERROR,
+    progress: Progress | None = None,
+    see: See | None = None,
 ) -> dict[str, Any]:
     """Kick from every posture of a grid, into a Zarr store that `xarray.open_zarr` reads.
 
@@ -41,13 +47,19 @@ def stream(
     the same store, bit by bit, as a sweep that nothing had stopped.
 
     Args:
-        path: a folder ending in `.zarr`.
+        path: a folder ending in `.zarr`; None keeps no posture.
         leg: the leg.
         grid: the postures.
         kick: what they share.
         resume: go on with what is there.
-        workers: threads.
+        threads: in this process; None takes every core there is.
+        workers: processes on this machine instead of threads (dask.distributed).
+        cluster: address of a scheduler of dask.distributed whose workers do it; they must see
+            `path` and have the same versions.
+        carry_error: that carries may have where they are read off polynomials, see `Outcomes` [m].
         progress: told the number of postures done, chunk by chunk.
+        see: where there is no path, shown every chunk, one at a time and in no fixed order: number
+            of the first posture, rows in the order of `VARIABLES`, status.
 
     Returns:
         `counts` by status; `best` and `worst` possible posture by ball speed, `[m/s, number]`, or
@@ -56,47 +68,87 @@ def stream(
         its last axis running fastest.
 
     Raises:
-        InvalidInput: as `Store`, and as `kick_from`.
+        InvalidInput: as `Store`, and as `kick_from`; a cluster that cannot be reached, or whose
+            workers cannot do it.
         Unfinished: interrupted, or the disk is full; what is done stays.
     """
-    store = Store(path, leg, grid, kick, resume=resume)
+    carry_error = checks.number("carry error", carry_error, at_least=0, unit="m")
+    threads = cores() if threads is None else threads
+    if path is None:
+        if resume or workers or cluster is not None:
+            raise InvalidInput("workers and clusters fill a store, and a store is resumed: name it")
+        return _unkept(leg, grid, kick, carry_error, threads, progress, see)
+    if see is not None:
+        raise InvalidInput("chunks that go to a store are looked at there")
+    store = Store(path, leg, grid, kick, carry_error, resume=resume)
     if store.summary is not None:
         return store.summary
     missing = store.missing()
     if progress is not None:
-        progress(grid.size - sum(store.span(k)[1] for k in missing))
-    outcomes = Outcomes(leg, grid, kick)
+        progress(grid.size - sum(store.cut.span(k)[1] for k in missing))
+    job = Job(str(Path(path).absolute()), leg, grid, kick, carry_error)
+    try:
+        if workers or cluster is not None:
+            from kickdyn.sweep.cluster import spread
+
+            spread(job, missing, workers if cluster is None else cluster, progress)
+        else:
+            job.prepare()
+            run(job, missing, threads, progress)
+        return store.finish(merged(store.told()))
+    except (KeyboardInterrupt, OSError) as error:
+        why = "interrupted" if isinstance(error, KeyboardInterrupt) else error.strerror or error
+        done = len(store.cut) - len(store.missing())
+        raise Unfinished(
+            f"{why}: {done} of {len(store.cut)} chunks are in {path}, --resume goes on from there"
+        ) from None
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _unkept(
+    leg: Leg,
+    grid: Grid,
+    kick: Kick,
+    carry_error: float,
+    threads: int,
+    progress: Progress | None,
+    see: See | None,
+) -> dict[str, Any]:
+    chunks, outcomes = cut(leg, grid, kick), Outcomes(leg, grid, kick, carry_error)
+    so_far: list[dict[str, Any]] = []
+    turn = Lock()
 
     def one(k: int) -> int:
-        first, count = store.span(k)
+        first, count = chunks.span(k)
         rows, status = outcomes(first, count)
-        store.write(k, rows, status, told(first, rows, status))
+        part = told(first, rows, status)
+        with turn:
+            so_far[:] = [merged([*so_far, part])]
+            if see is not None:
+                see(first, rows, status)
         return count
 
     try:
-        _run(one, missing, workers, progress)
-    except (KeyboardInterrupt, OSError) as error:
-        why = "interrupted" if isinstance(error, KeyboardInterrupt) else error.strerror or error
-        done = store.chunks - len(store.missing())
-        raise Unfinished(
-            f"{why}: {done} of {store.chunks} chunks are in {path}, --resume goes on from there"
-        ) from None
-    return store.finish(merged(store.told()))
+        run(one, range(len(chunks)), threads, progress)
+    except KeyboardInterrupt:
+        raise Unfinished("interrupted: without a store nothing is kept") from None
+    return so_far[0]
 
 
-def _run(
-    one: Callable[[int], int],
-    numbers: list[int],
-    workers: int,
-    progress: Callable[[int], None] | None,
+def run(
+    one: Callable[[int], int], numbers: Iterable[int], threads: int, progress: Progress | None
 ) -> None:
     """Run the chunks in threads, never more waiting than work."""
-    pool, under_way = ThreadPoolExecutor(workers), set[Future[int]]()
+    pool, under_way = ThreadPoolExecutor(threads), set[Future[int]]()
     left = iter(numbers)
     try:
         while True:
             with suppress(StopIteration):
-                while len(under_way) < 2 * workers:
+                while len(under_way) < 2 * threads:
                     under_way.add(pool.submit(one, next(left)))
             if not under_way:
                 return
@@ -107,46 +159,3 @@ def _run(
                 each.result()
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def told(first: int, rows: Array, status: NDArray[np.int8]) -> dict[str, Any]:
-    """Return what is to be known of a chunk that begins with posture `first`, as plain values."""
-    counts = np.bincount(status, minlength=len(STATUSES)).tolist()
-    residuals = rows[_RESIDUALS][:, status < STATUSES.index("out of reach")]
-    about: dict[str, Any] = {
-        "counts": dict(zip(STATUSES, counts, strict=True)),
-        "residual": float(residuals.max(initial=0.0)),
-        "best": None,
-        "worst": None,
-        "front": [],
-    }
-    possible = np.flatnonzero(status == STATUSES.index("ok"))
-    if possible.size:
-        speed, load = rows[_SPEED, possible], rows[_WORST, possible]
-        for name, i in (("best", int(speed.argmax())), ("worst", int(speed.argmin()))):
-            about[name] = [float(speed[i]), first + int(possible[i])]
-        about["front"] = _front(np.column_stack([speed, load, first + possible])).tolist()
-    return about
-
-
-def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what is to be known of chunks together; of equals, the first posture."""
-    best = [part["best"] for part in parts if part["best"]]
-    worst = [part["worst"] for part in parts if part["worst"]]
-    points = [point for part in parts for point in part["front"]]
-    front = _front(np.array(points)).tolist() if points else []
-    return {
-        "counts": {name: sum(part["counts"][name] for part in parts) for name in STATUSES},
-        "residual": max(part["residual"] for part in parts),
-        "best": max(best, key=lambda one: (one[0], -one[1]), default=None),
-        "worst": min(worst, default=None),
-        "front": [[speed, load, int(number)] for speed, load, number in front],
-    }
-
-
-def _front(points: Array) -> Array:
-    """Return the rows (speed, load, number) that no other beats in both, fastest first."""
-    ordered = points[np.lexsort((points[:, 2], points[:, 1], -points[:, 0]))]
-    lightest = np.minimum.accumulate(ordered[:, 1])
-    kept = np.concatenate([[True], lightest[1:] < lightest[:-1]])
-    return np.asarray(ordered[kept])

@@ -10,6 +10,7 @@ import json
 import math
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,17 @@ from numpy.typing import NDArray
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.leg import Leg
+from kickdyn.sweep.cut import Cut
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick
+from kickdyn.sweep.outcomes import interpolated, kernel_scene
 from kickdyn.sweep.run import VARIABLES, check_names, provenance
 
 CHUNK = 131_072
 """Postures per chunk, about."""
+
+SLOW_CHUNK = 2048
+"""The same where every posture is one `kick_from`: about a second."""
 
 _FLAGS = {
     "long_name": "whether the leg can kick so",
@@ -33,15 +39,9 @@ _FLAGS = {
 }
 
 
-def chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return a chunk of about `CHUNK` postures that are consecutive in the grid."""
-    chunk, room = [1] * len(shape), CHUNK
-    for axis in range(len(shape) - 1, -1, -1):
-        chunk[axis] = min(shape[axis], max(1, room))
-        if chunk[axis] < shape[axis]:
-            break
-        room //= shape[axis]
-    return tuple(chunk)
+def cut(leg: Leg, grid: Grid, kick: Kick) -> Cut:
+    """Return the chunks of a sweep."""
+    return Cut.of(grid.shape, CHUNK if kernel_scene(leg, kick) else min(CHUNK, SLOW_CHUNK))
 
 
 class Store:
@@ -52,6 +52,7 @@ class Store:
         leg: the leg.
         grid: the postures.
         kick: what they share.
+        carry_error: that carries may have, see `Outcomes` [m].
         resume: go on with what is there, if it is of the same sweep.
 
     Raises:
@@ -60,15 +61,22 @@ class Store:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], leg: Leg, grid: Grid, kick: Kick, *, resume: bool
+        self,
+        path: str | os.PathLike[str],
+        leg: Leg,
+        grid: Grid,
+        kick: Kick,
+        carry_error: float = 0.0,
+        *,
+        resume: bool,
     ) -> None:
         check_names(grid)
         self.path, self._grid = Path(path), grid
         self._progress = self.path / "progress"
-        self._chunk = chunk_shape(grid.shape)
-        self._blocks = tuple(-(-n // c) for n, c in zip(grid.shape, self._chunk, strict=True))
+        self.cut = cut(leg, grid, kick)
         attributes: dict[str, Any] = {
             **provenance(leg, kick),
+            "carry_error_m": interpolated(kernel_scene(leg, kick), kick, carry_error),
             "grid": {name: [len(v), *map(float, v[[0, -1]])] for name, v in grid.axes.items()},
         }
         try:
@@ -121,8 +129,8 @@ class Store:
             kept["status"] = ("i1", 0, _FLAGS)
             for name, (kind, fill, about) in kept.items():
                 group.create_array(
-                    name, shape=self._grid.shape, chunks=self._chunk, dtype=kind, fill_value=fill,
-                    dimension_names=dims, attributes=about, compressors=None,
+                    name, shape=self._grid.shape, chunks=self.cut.chunk, dtype=kind,
+                    fill_value=fill, dimension_names=dims, attributes=about, compressors=None,
                 )  # fmt: skip
             group.attrs.update(attributes)
             (draft / "progress").mkdir()
@@ -130,32 +138,14 @@ class Store:
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
-    @property
-    def chunks(self) -> int:
-        """Number of chunks of the whole sweep."""
-        return math.prod(self._blocks)
-
     def missing(self) -> list[int]:
         """Return the numbers of the chunks that are yet to be computed."""
         done = {file.stem for file in self._progress.glob("*.json")}
-        return [k for k in range(self.chunks) if str(k) not in done]
-
-    def span(self, k: int) -> tuple[int, int]:
-        """Return first posture and number of postures of a chunk."""
-        region = self._region(k)
-        begin = np.ravel_multi_index([part.start for part in region], self._grid.shape)
-        return int(begin), math.prod(part.stop - part.start for part in region)
-
-    def _region(self, k: int) -> tuple[slice, ...]:
-        index = np.unravel_index(k, self._blocks)
-        return tuple(
-            slice(int(i) * c, min((int(i) + 1) * c, n))
-            for i, c, n in zip(index, self._chunk, self._grid.shape, strict=True)
-        )
+        return [k for k in range(len(self.cut)) if str(k) not in done]
 
     def write(self, k: int, rows: Array, status: NDArray[np.int8], told: dict[str, Any]) -> None:
         """Write a chunk, then that it is done and what is told of it."""
-        region = self._region(k)
+        region = self.cut.region(k)
         shape = tuple(part.stop - part.start for part in region)
         for name, values in zip((*VARIABLES, "status"), (*rows, status), strict=True):
             self._group[name][region] = values.reshape(shape)
@@ -163,9 +153,10 @@ class Store:
         draft.write_text(json.dumps(told))
         draft.replace(self._progress / f"{k}.json")
 
-    def told(self) -> list[dict[str, Any]]:
-        """Return what was told of every chunk, in their order, once all are done."""
-        return [json.loads((self._progress / f"{k}.json").read_text()) for k in range(self.chunks)]
+    def told(self) -> Iterator[dict[str, Any]]:
+        """Yield what was told of every chunk, in their order, once all are done."""
+        for k in range(len(self.cut)):
+            yield json.loads((self._progress / f"{k}.json").read_text())
 
     @property
     def summary(self) -> dict[str, Any] | None:
@@ -175,6 +166,8 @@ class Store:
 
     def finish(self, summary: dict[str, Any]) -> dict[str, Any]:
         """Say that the sweep is complete, and what it comes to."""
+        for file in self.path.rglob("*.partial"):  # of a writer that was killed
+            file.unlink()
         self._group.attrs["summary"] = summary
         shutil.rmtree(self._progress, ignore_errors=True)
         return summary

@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,12 +15,23 @@ from kickdyn.sweep import outcomes, zarr_store
 from kickdyn.sweep.grid import grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.run import VARIABLES, sweep
-from kickdyn.sweep.stream import merged, stream
-from kickdyn.sweep.zarr_store import chunk_shape
+from kickdyn.sweep.stream import stream
 
 LEG = kd.Leg.human()
 KICK = Kick(speed=4.0, attack=0.0, friction=0.1, air=None)
 POSTURES = grid(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])
+
+SCRIPT = (
+    "import time, kickdyn as kd\n"
+    "from kickdyn.sweep import stream as s, zarr_store\n"
+    "from kickdyn.sweep.grid import grid\n"
+    "from kickdyn.sweep.kick import Kick\n"
+    "zarr_store.CHUNK = 50\n"
+    "leg = kd.Leg.human()\n"
+    "postures = grid(leg, ['hip=0:90:15', 'knee=0:30:5', 'ankle=0:50:10'])\n"
+    "kick = Kick(speed=4.0, attack=0.0, friction=0.1, air=None)\n"
+)
+"""The same sweep, to begin in another process."""
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +44,7 @@ def files(folder):
 
 
 def test_a_store_is_the_dataset_in_memory(tmp_path):
-    told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2)
+    told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, threads=2)
     small = sweep(LEG, POSTURES, KICK)
     with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
         assert dict(data.sizes) == dict(small.sizes)
@@ -53,25 +65,12 @@ def test_a_store_is_the_dataset_in_memory(tmp_path):
         assert (i in front) != beaten.any()
 
 
-def test_chunks_are_consecutive_postures(monkeypatch):
-    assert chunk_shape((7, 7, 6)) == (1, 7, 6)
-    assert chunk_shape((10, 10, 300)) == (1, 1, 50)
-    assert chunk_shape((3, 4)) == (3, 4)
-    assert chunk_shape((100,)) == (50,)
-
-
 def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
     stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK)
     script = (
-        "import time, kickdyn as kd\n"
-        "from kickdyn.sweep import stream as s, zarr_store\n"
-        "from kickdyn.sweep.grid import grid\n"
-        "from kickdyn.sweep.kick import Kick\n"
-        "zarr_store.CHUNK = 50\n"
-        "leg = kd.Leg.human()\n"
-        "postures = grid(leg, ['hip=0:90:15', 'knee=0:30:5', 'ankle=0:50:10'])\n"
-        "kick = Kick(speed=4.0, attack=0.0, friction=0.1, air=None)\n"
-        "s.stream('s.zarr', leg, postures, kick, progress=lambda done: time.sleep(0.5))\n"
+        SCRIPT
+        + "s.stream('s.zarr', leg, postures, kick, threads=1,"
+        + " progress=lambda done: time.sleep(0.5))"
     )
     with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path) as killed:
         progress = tmp_path / "s.zarr" / "progress"
@@ -132,7 +131,7 @@ def test_what_is_there_is_not_overwritten(tmp_path):
 
 def test_a_kernel_that_disagrees_stops_the_sweep(tmp_path, monkeypatch):
     monkeypatch.setattr(outcomes, "AGREEMENT", -1.0)
-    with pytest.raises(kd.KickdynError, match="the kernel has effective_mass"):
+    with pytest.raises(kd.KickdynError, match="the sweep has effective_mass"):
         stream(tmp_path / "s.zarr", LEG, POSTURES, KICK)
 
 
@@ -145,9 +144,44 @@ def test_legs_without_a_kernel_are_swept_one_by_one(tmp_path):
         assert (data.impulse.values == sweep(leg, postures, kick).impulse.values).all()
 
 
-def test_nothing_possible_has_neither_best_nor_front():
-    empty = {"counts": {"ok": 0, "too fast": 2, "out of reach": 1}, "residual": 0.0}
-    found = merged([{**empty, "best": None, "worst": None, "front": []}] * 2)
-    assert found["best"] is found["worst"] is None
-    assert found["front"] == []
-    assert found["counts"]["too fast"] == 4
+def test_without_a_store_only_the_summary_is_kept(tmp_path):
+    kept = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK)
+    seen = {}
+    told = stream(
+        None, LEG, POSTURES, KICK, threads=2,
+        see=lambda first, rows, status: seen.update({first: (rows, status)}),
+    )  # fmt: skip
+    assert told == kept
+    rows = np.concatenate([seen[first][0] for first in sorted(seen)], axis=1)
+    with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
+        for row, name in zip(rows, VARIABLES, strict=True):
+            assert (data[name].values.ravel() == row).all()
+    with pytest.raises(kd.InvalidInput, match="fill a store"):
+        stream(None, LEG, POSTURES, KICK, workers=2)
+    with pytest.raises(kd.InvalidInput, match="looked at there"):
+        stream(tmp_path / "t.zarr", LEG, POSTURES, KICK, see=lambda *_: None)
+
+
+def test_other_carries_are_another_sweep(tmp_path):
+    kick = Kick()
+    stream(tmp_path / "s.zarr", LEG, grid(LEG, ["hip=0:20:5"]), kick)
+    with pytest.raises(kd.InvalidInput, match=r"its carry_error_m is 1e-06, this one's 0\.0"):
+        stream(
+            tmp_path / "s.zarr", LEG, grid(LEG, ["hip=0:20:5"]), kick, carry_error=0, resume=True
+        )
+
+
+def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
+    stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK)
+    script = SCRIPT + (
+        "import resource\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (300, resource.RLIM_INFINITY))\n"
+        "s.stream('s.zarr', leg, postures, kick, resume=True)\n"
+    )
+    zarr_store.Store(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert re.search(r"File too large: 0 of 7 chunks are in s\.zarr, --resume", ended.stderr)
+    stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")

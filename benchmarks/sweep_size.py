@@ -1,0 +1,109 @@
+"""Time a sweep as it grows: cost per posture, two processes beside one, memory of a huge grid.
+
+    python benchmarks/sweep_size.py
+
+Cost per posture is that of the impulse alone, one thread, the best of three runs below 1e8. The
+processes are workers of dask.distributed (`pip install "kickdyn[cluster]"`) that fill a store with
+flight distances, after a sweep that warms them up. The grid of 1e9 postures keeps none of them and
+is stopped on its way, so that only its memory counts.
+"""
+
+from __future__ import annotations
+
+import logging
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+import kickdyn as kd
+from kickdyn.errors import KickdynError
+from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.kernels import Kernel
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.scene import scene_of
+from kickdyn.sweep.stream import stream
+
+LEG, KICK = kd.Leg.human(), Kick(speed=12.0)
+RANGES = ((-0.5, 1.5), (0.0, 2.4), (-0.3, 0.8))
+CHUNK, SECONDS = 131_072, 20.0
+
+
+def grid(most: float) -> Grid:
+    """Return a grid of about so many postures."""
+    each = round(most ** (1 / 3))
+    spans = zip(LEG.joint_names, RANGES, strict=True)
+    return Grid({name: np.linspace(low, high, each) for name, (low, high) in spans})
+
+
+def per_posture(most: float) -> float:
+    """Return the cost of a posture of a grid of that size [us]."""
+    scene, postures = scene_of(LEG, KICK), grid(most)
+    assert scene is not None
+    axes = list(postures.axes.values())
+    kernel, times = Kernel(scene, [1, 2, 3], axes, np.zeros(3), KICK.ball.mass), []
+    for _ in range(3 if most < 1e8 else 1):
+        begin = time.process_time()
+        for first in range(0, postures.size, CHUNK):
+            kernel(first, min(CHUNK, postures.size - first), full=False)
+        times.append((time.process_time() - begin) / postures.size * 1e6)
+    return min(times)
+
+
+def with_processes(count: int, folder: Path) -> float:
+    """Return postures per second of a store filled by so many processes."""
+    from distributed import LocalCluster
+
+    here = "127.0.0.1:0"
+    with LocalCluster(  # type: ignore[no-untyped-call]
+        n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=here,
+        worker_dashboard_address=here, memory_limit=0, silence_logs=logging.CRITICAL,
+    ) as cluster:  # fmt: skip
+        where = cluster.scheduler_address
+        stream(folder / f"warm{count}.zarr", LEG, grid(1e6), KICK, cluster=where)
+        postures = grid(1e7)
+        begin = time.perf_counter()
+        stream(folder / f"{count}.zarr", LEG, postures, KICK, cluster=where)
+        return postures.size / (time.perf_counter() - begin)
+
+
+def huge() -> None:
+    """Sweep a part of 1e9 postures and print what it took."""
+    done: list[int] = []
+    times: list[float] = []
+
+    def stop(count: int) -> None:
+        done.append(count)
+        times.append(time.monotonic())
+        if times[-1] - times[0] > SECONDS:
+            raise KeyboardInterrupt
+
+    try:
+        stream(None, LEG, grid(1e9), KICK, progress=stop)
+    except KickdynError:
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+        print(f"grid of {grid(1e9).size:.0e}: {sum(done) / 1e6:.0f} million postures in, "
+              f"{most:.0f} MB at most")  # fmt: skip
+
+
+def main() -> None:
+    """Print the figures."""
+    per_posture(1e4)
+    sizes = (1e4, 1e6, 1e8)
+    costs = [per_posture(most) for most in sizes]
+    print("postures  " + "  ".join(f"{most:.0e}" for most in sizes))
+    print("us each   " + "  ".join(f"{cost:.4f}" for cost in costs)
+          + f"   largest over smallest {max(costs) / min(costs):.2f}")  # fmt: skip
+    subprocess.run([sys.executable, __file__, "huge"], check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        one, two = (with_processes(count, Path(folder)) for count in (1, 2))
+    print(f"1 process {one / 1e6:.2f}, 2 processes {two / 1e6:.2f} million postures/s, ratio "
+          f"{two / one:.2f}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    huge() if sys.argv[1:] == ["huge"] else main()

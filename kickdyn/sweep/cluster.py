@@ -1,0 +1,135 @@
+"""The chunks of a sweep on dask.distributed: processes of this machine, or of many."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from kickdyn.errors import InvalidInput, KickdynError
+
+if TYPE_CHECKING:
+    from kickdyn.sweep.work import Job
+
+PATIENCE = 5.0
+"""How long an answer of a cluster is waited for [s]."""
+
+AHEAD = 3
+"""Chunks per worker that a scheduler holds: it never waits, and never has them all."""
+
+_LOOPBACK = "127.0.0.1"
+
+
+def spread(
+    job: Job, numbers: list[int], where: str | int, progress: Callable[[int], None] | None
+) -> None:
+    """Run chunks on the workers of a cluster; what one that dies had under way, another does.
+
+    Args:
+        job: what a worker does.
+        numbers: of the chunks.
+        where: address of a scheduler, or how many processes to start on this machine.
+        progress: told the number of postures done, chunk by chunk.
+
+    Raises:
+        InvalidInput: dask.distributed is not installed; no such cluster, or its workers do not see
+            the store or have other versions.
+        KickdynError: workers died again and again.
+        OSError: of a worker, as it is.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise InvalidInput(
+            'workers and clusters need dask.distributed: pip install "kickdyn[cluster]"'
+        ) from None
+    dask: Any = distributed
+    task = pickle.dumps(job)
+    with _client(where) as client:
+        workers = _ready(client, task)
+        left = iter(numbers)
+        under_way = dask.as_completed(loop=client.loop)
+
+        def more(count: int) -> None:
+            for _, k in zip(range(count), left, strict=False):
+                under_way.add(client.submit(_one, task, k, pure=False))
+
+        more(AHEAD * workers)
+        try:
+            for each in under_way:
+                done = each.result()
+                each.release()
+                more(1)
+                if progress is not None:
+                    progress(done)
+        except dask.KilledWorker as error:
+            raise KickdynError(f"workers died again and again ({error})") from None
+
+
+@contextmanager
+def _client(where: str | int) -> Iterator[Any]:
+    """Give the client of a cluster; one of this machine is started, and ended with all it has."""
+    import distributed
+
+    dask: Any = distributed
+    if isinstance(where, str):
+        try:
+            client = dask.Client(where, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise InvalidInput(f"no cluster answers at {where} ({_why(error)})") from None
+        with client:
+            yield client
+        return
+    here = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
+    with (
+        dask.LocalCluster(
+            n_workers=where, threads_per_worker=1, processes=True, host=_LOOPBACK,
+            dashboard_address=here, worker_dashboard_address=here,
+            scheduler_kwargs={"dashboard": False}, memory_limit=0, silence_logs=logging.CRITICAL,
+        ) as cluster,
+        dask.Client(cluster, set_as_default=False) as client,
+    ):  # fmt: skip
+        yield client
+
+
+def _ready(client: Any, task: bytes) -> int:
+    """Return how many workers there are; raise `InvalidInput` where one of them cannot do it."""
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise InvalidInput("the cluster has no workers") from None
+    found = client.run(_look, task, on_error="return")
+    for address, answer in found.items():
+        if answer is not None:
+            said = _why(answer) if isinstance(answer, Exception) else answer
+            raise InvalidInput(f"worker {address} cannot do this sweep: {said}")
+    return len(found)
+
+
+def _why(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+@lru_cache(maxsize=1)
+def _job(task: bytes) -> Job:
+    """Return the job in this worker, ready for all of its chunks."""
+    job: Job = pickle.loads(task)
+    job.prepare()
+    return job
+
+
+def _look(task: bytes) -> str | None:
+    """Return why this worker cannot do the job, if so."""
+    job: Job = pickle.loads(task)
+    try:
+        _ = job.store
+    except KickdynError as error:
+        return str(error)
+    return None
+
+
+def _one(task: bytes, k: int) -> int:
+    return _job(task)(k)

@@ -1,0 +1,20 @@
+"""Machine code that is kept on the disk, for compiling takes seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+
+def compiled(function: Callable[..., Any], signature: Any, **how: Any) -> Callable[..., Any]:
+    """Compile a function now, or take it from the disk where it can be kept there.
+
+    numba looks for changes in the function's own file only: what is made of other files must have
+    their contents among what it closes over, which is part of its name there.
+    """
+    try:
+        return numba.njit(signature, cache=True, nogil=True, **how)(function)  # type: ignore[no-any-return]
+    except (RuntimeError, OSError):  # nowhere to keep it
+        return numba.njit(signature, nogil=True, **how)(function)  # type: ignore[no-any-return]

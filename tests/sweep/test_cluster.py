@@ -1,0 +1,108 @@
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+import time
+
+import psutil
+import pytest
+from distributed import LocalCluster
+
+import kickdyn as kd
+from kickdyn.sweep import cluster, zarr_store
+from kickdyn.sweep.grid import grid
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.stream import stream
+
+LEG = kd.Leg.human()
+KICK = Kick(speed=4.0, air=None)
+POSTURES = grid(LEG, ["hip=0:20:10", "knee=0:130:0.25", "ankle=-20:50:0.25"], 10**7)
+"""Six chunks."""
+
+
+def files(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def kill_one(seen):
+    """Kill a worker of this process once a chunk is done; note who listened beyond loopback."""
+    while len(seen["done"]) < 2:
+        time.sleep(0.01)
+    here = psutil.Process()
+    family = [here, *here.children(recursive=True)]
+    for one in family:
+        seen["open"] += [c.laddr.ip for c in one.net_connections() if c.status == "LISTEN"]
+    workers = [one for one in family[1:] if not one.children() and _works(one)]
+    os.kill(workers[0].pid, signal.SIGKILL)
+    seen["killed"] = workers[0].pid
+
+
+def _works(process):
+    return any(
+        c.laddr.ip == "127.0.0.1" and c.status == "LISTEN" for c in process.net_connections()
+    )
+
+
+def test_a_worker_that_is_killed_costs_time_only(tmp_path):
+    whole = stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK, threads=1)
+    seen = {"done": [], "open": [], "killed": None}
+    killer = threading.Thread(target=kill_one, args=(seen,), daemon=True)
+    killer.start()
+    told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2, progress=seen["done"].append)
+    killer.join(5)
+    assert seen["killed"] is not None
+    assert set(seen["open"]) == {"127.0.0.1"}
+    assert told == whole
+    assert sum(seen["done"]) == POSTURES.size
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{nobody.getsockname()[1]}"
+        with pytest.raises(kd.InvalidInput, match=f"no cluster answers at {address}"):
+            stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, cluster=address)
+    for k, wrong in enumerate(("nowhere", "tcp://", "udp://127.0.0.1:1")):
+        with pytest.raises(kd.InvalidInput, match=f"no cluster answers at {wrong}"):
+            stream(tmp_path / f"{k}.zarr", LEG, POSTURES, KICK, cluster=wrong)
+
+
+def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[cluster\]"'):
+        stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2)
+
+
+def test_workers_must_be_there_see_the_store_and_be_alike(tmp_path, monkeypatch):
+    monkeypatch.setattr(zarr_store, "SLOW_CHUNK", 100)
+    few = grid(LEG, ["hip=0:40:5"])
+    here = "127.0.0.1:0"
+    with LocalCluster(
+        n_workers=0, threads_per_worker=1, processes=False, protocol="tcp",
+        host="127.0.0.1",
+        dashboard_address=here, worker_dashboard_address=here,
+    ) as started:  # fmt: skip
+        monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+        where = started.scheduler_address
+        with pytest.raises(kd.InvalidInput, match="the cluster has no workers"):
+            stream(tmp_path / "a.zarr", LEG, few, KICK, cluster=where)
+        monkeypatch.setattr(cluster, "PATIENCE", 20)
+        started.scale(1)
+        stream(tmp_path / "b.zarr", LEG, few, KICK, cluster=where)
+        monkeypatch.setattr(pickle, "dumps", lambda job: _moved(job, dumps))
+        with pytest.raises(
+            kd.InvalidInput, match=r"worker .* cannot do this sweep: .*is not there"
+        ):
+            stream(tmp_path / "c.zarr", LEG, few, KICK, cluster=where)
+
+
+dumps = pickle.dumps
+
+
+def _moved(job, dumps):
+    object.__setattr__(job, "path", job.path + "-elsewhere")
+    return dumps(job)

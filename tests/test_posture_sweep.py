@@ -42,7 +42,7 @@ def test_table_and_files(tmp_path):
 
 def test_a_zarr_store_says_what_a_file_says(tmp_path):
     speed = ("--speed", "4", "--air", "none")
-    stored = door(*SMALL, *speed, "--out", "s.zarr", "--workers", "2", cwd=tmp_path)
+    stored = door(*SMALL, *speed, "--out", "s.zarr", "--threads", "2", cwd=tmp_path)
     written = door(*SMALL, *speed, "--out", "s.nc", cwd=tmp_path)
     assert (stored.returncode, stored.stderr) == (0, "")
     rows = [each.stdout.split("Restitution")[0] for each in (stored, written)]

@@ -8,6 +8,16 @@ from typing import Any
 import numba
 
 
+def named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Return a function under a name of its own, as each needs that is made in a function.
+
+    The linker goes by names: two of one name, each compiled in a process of its own and kept on the
+    disk, it takes for the same, and the first loaded answers for both.
+    """
+    function.__qualname__ = name
+    return function
+
+
 def compiled(function: Callable[..., Any], signature: Any, **how: Any) -> Callable[..., Any]:
     """Compile a function now, or take it from the disk where it can be kept there.
 

@@ -20,7 +20,7 @@ from kickdyn.checks import Array
 from kickdyn.flight import lanes
 from kickdyn.flight.lanes import HOW, LANES, njit
 from kickdyn.sweep import factors, impulses, planar, spatial
-from kickdyn.sweep.compiled import compiled
+from kickdyn.sweep.compiled import compiled, named
 from kickdyn.sweep.factors import factor, unweigh, weigh
 from kickdyn.sweep.impulses import D33, gather, least, strike
 from kickdyn.sweep.scene import Scene
@@ -122,10 +122,7 @@ def _kernel(motion: Any, width: int) -> Any:
                 answer[NORMAL, c], answer[GIVE, c] = impulse[2 * LANES + i], delassus[D33 + i]
                 answer[DOUBT, c] = doubt[i]
 
-    # the linker goes by names: two kernels of one name, each compiled in a process of its own and
-    # kept on the disk, would be taken for the same
-    sweep.__qualname__ = f"sweep_{motion.__name__.rpartition('.')[2]}"
-    return njit(sweep)
+    return njit(named(sweep, f"sweep_{motion.__name__.rpartition('.')[2]}"))
 
 
 _tuple: Any = numba.types.UniTuple

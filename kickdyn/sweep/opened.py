@@ -17,10 +17,12 @@ from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sweep.block import Block, Numbers, Space
+from kickdyn.sweep.cut import Cut
 from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.front import Front
 from kickdyn.sweep.kick import STATUSES
 from kickdyn.sweep.marginal import Marginal
+from kickdyn.sweep.notes import Notes
 from kickdyn.sweep.optimum import Optimum, optimum
 from kickdyn.sweep.run import VARIABLES
 from kickdyn.sweep.top import Top, lot
@@ -264,30 +266,14 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
         with warnings.catch_warnings():  # of the folder that an unfinished store keeps
             warnings.filterwarnings("ignore", "Object at progress is not recognized")
             data = xr.open_zarr(file, consolidated=False, chunks=None)
-        found = _parts(data.status.shape, data.status.encoding["chunks"])
-        parts = found if "summary" in data.attrs else [found[k] for k in _done(file)]
-        return Sweep(data, str(path), parts)
+        cut = Cut(data.status.shape, data.status.encoding["chunks"])
+        done = range(len(cut)) if "summary" in data.attrs else Notes(file).done()
+        return Sweep(data, str(path), [cut.region(k) for k in done])
     except InvalidInput:
         raise
     except (OSError, ValueError, KeyError, AttributeError) as error:
         why = " ".join(str(error).split())[:100]
         raise InvalidInput(f"{path} cannot be read as a sweep ({why})") from None
-
-
-def _parts(shape: tuple[int, ...], chunk: tuple[int, ...]) -> list[Region]:
-    """Return the region of every chunk, by its number."""
-    blocks = tuple(-(-n // c) for n, c in zip(shape, chunk, strict=True))
-    return [
-        tuple(
-            slice(i * c, min((i + 1) * c, n)) for i, c, n in zip(index, chunk, shape, strict=True)
-        )
-        for index in np.ndindex(blocks)
-    ]
-
-
-def _done(store: Path) -> list[int]:
-    """Return the numbers of the chunks that are in an unfinished store."""
-    return sorted(int(file.stem) for file in (store / "progress").glob("*.json"))
 
 
 def _size(part: Region) -> int:

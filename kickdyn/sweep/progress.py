@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,6 +23,7 @@ from rich.table import Column
 from rich.text import Text
 
 from kickdyn.sweep.block import Space
+from kickdyn.sweep.notes import Notes
 
 Best = tuple[float, int]
 """Ball speed [m/s] and number of a posture."""
@@ -51,17 +51,17 @@ class Watch:
     """
 
     def __init__(self, store: Path) -> None:
-        self._notes, self._read = store / "progress", set[str]()
+        self._notes, self._read = Notes(store), set[int]()
         self.best: Best | None = None
 
     def look(self) -> Best | None:
         """Read new notes; return the best so far."""
-        for note in self._notes.glob("*.json"):
-            if note.name in self._read:
+        for k in self._notes.done():
+            if k in self._read:
                 continue
-            self._read.add(note.name)
+            self._read.add(k)
             with suppress(OSError):  # the store is finished, and tidied up
-                found = json.loads(note.read_text())["best"]
+                found = self._notes.read(k)["best"]
                 if found is not None:
                     self.best = better(self.best, (found[0], found[1]))
         return self.best

@@ -23,6 +23,7 @@ from kickdyn.leg import Leg
 from kickdyn.sweep.cut import Cut
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick
+from kickdyn.sweep.notes import Notes
 from kickdyn.sweep.outcomes import interpolated, kernel_scene
 from kickdyn.sweep.run import VARIABLES, check_names, provenance
 
@@ -72,7 +73,7 @@ class Store:
     ) -> None:
         check_names(grid)
         self.path, self._grid = Path(path), grid
-        self._progress = self.path / "progress"
+        self._notes = Notes(self.path)
         self.cut = cut(leg, grid, kick)
         attributes: dict[str, Any] = {
             **provenance(leg, kick),
@@ -92,7 +93,7 @@ class Store:
 
         self._group: Any = zarr.open_group(self.path, mode="r+")
         if self.summary is not None:  # killed while it tidied up
-            shutil.rmtree(self._progress, ignore_errors=True)
+            self._notes.clear()
 
     def _check(self, attributes: dict[str, Any], resume: bool) -> None:
         if not resume:
@@ -140,8 +141,8 @@ class Store:
 
     def missing(self) -> list[int]:
         """Return the numbers of the chunks that are yet to be computed."""
-        done = {file.stem for file in self._progress.glob("*.json")}
-        return [k for k in range(len(self.cut)) if str(k) not in done]
+        done = set(self._notes.done())
+        return [k for k in range(len(self.cut)) if k not in done]
 
     def write(self, k: int, rows: Array, status: NDArray[np.int8], told: dict[str, Any]) -> None:
         """Write a chunk, then that it is done and what is told of it."""
@@ -149,14 +150,12 @@ class Store:
         shape = tuple(part.stop - part.start for part in region)
         for name, values in zip((*VARIABLES, "status"), (*rows, status), strict=True):
             self._group[name][region] = values.reshape(shape)
-        draft = self._progress / f"{k}.draft"
-        draft.write_text(json.dumps(told))
-        draft.replace(self._progress / f"{k}.json")
+        self._notes.write(k, told)
 
     def told(self) -> Iterator[dict[str, Any]]:
         """Yield what was told of every chunk, in their order, once all are done."""
         for k in range(len(self.cut)):
-            yield json.loads((self._progress / f"{k}.json").read_text())
+            yield self._notes.read(k)
 
     @property
     def summary(self) -> dict[str, Any] | None:
@@ -169,5 +168,5 @@ class Store:
         for file in self.path.rglob("*.partial"):  # of a writer that was killed
             file.unlink()
         self._group.attrs["summary"] = summary
-        shutil.rmtree(self._progress, ignore_errors=True)
+        self._notes.clear()
         return summary

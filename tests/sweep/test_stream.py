@@ -4,7 +4,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ KICK = Kick(speed=4.0, attack=0.0, friction=0.1, air=None)
 POSTURES = grid(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])
 
 SCRIPT = (
-    "import time, kickdyn as kd\n"
+    "import kickdyn as kd\n"
     "from kickdyn.sweep import stream as s, zarr_store\n"
     "from kickdyn.sweep.grid import grid\n"
     "from kickdyn.sweep.kick import Kick\n"
@@ -67,17 +66,18 @@ def test_a_store_is_the_dataset_in_memory(tmp_path):
 
 def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
     stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK)
-    script = (
-        SCRIPT
-        + "s.stream('s.zarr', leg, postures, kick, threads=1,"
-        + " progress=lambda done: time.sleep(0.5))"
+    script = SCRIPT + (
+        "told = []\n"
+        "def wait(count):\n"
+        "    told.append(count)\n"
+        "    if len(told) == 3: print('two chunks are done', flush=True), input()\n"
+        "s.stream('s.zarr', leg, postures, kick, threads=1, progress=wait)\n"
     )
-    with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path) as killed:
-        progress = tmp_path / "s.zarr" / "progress"
-        until = time.monotonic() + 60
-        while len(list(progress.glob("*.json"))) < 2 and time.monotonic() < until:
-            time.sleep(0.02)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, **pipes) as killed:
+        assert killed.stdout.readline() == b"two chunks are done\n"
         os.kill(killed.pid, signal.SIGKILL)
+    progress = tmp_path / "s.zarr" / "progress"
     done = {file.name for file in progress.glob("*.json")}
     assert 2 <= len(done) < 7
     computed = []

@@ -1,0 +1,38 @@
+"""What a store that is being filled says of its chunks: a note of each that is done."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+
+class Notes:
+    """The notes of a store, in its folder `progress`; a finished store has none.
+
+    Args:
+        store: the folder of the store.
+    """
+
+    def __init__(self, store: Path) -> None:
+        self._folder = store / "progress"
+
+    def done(self) -> list[int]:
+        """Return the numbers of the chunks that are done, ascending."""
+        return sorted(int(file.stem) for file in self._folder.glob("*.json"))
+
+    def write(self, k: int, told: dict[str, Any]) -> None:
+        """Note that chunk `k` is done, and what is told of it: the note is there whole, or not."""
+        draft = self._folder / f"{k}.draft"
+        draft.write_text(json.dumps(told))
+        draft.replace(self._folder / f"{k}.json")
+
+    def read(self, k: int) -> dict[str, Any]:
+        """Return what was told of a chunk; raise `OSError` where there is no note."""
+        told: dict[str, Any] = json.loads((self._folder / f"{k}.json").read_text())
+        return told
+
+    def clear(self) -> None:
+        """Remove them all."""
+        shutil.rmtree(self._folder, ignore_errors=True)

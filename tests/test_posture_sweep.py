@@ -23,7 +23,7 @@ def door(*arguments, cwd=None):
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     strict = [sys.executable, "-W", "error", "-W", noise]
     command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd)
 
 
 def test_table_and_files(tmp_path):
@@ -86,11 +86,10 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     quiet = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=quiet,
                           stdout=subprocess.PIPE) as stopped:  # fmt: skip
-        until = time.monotonic() + 100
-        while not list(tmp_path.glob("*/progress/*.json")) and time.monotonic() < until:
+        while not list(tmp_path.glob("*/progress/*.json")) and stopped.poll() is None:
             time.sleep(0.05)
         stopped.send_signal(signal.SIGINT)
-        out, said = stopped.communicate(timeout=60)
+        out, said = stopped.communicate()
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1
     assert re.search(r"interrupted: \d+ of \d+ chunks are in my s\.zarr", said)

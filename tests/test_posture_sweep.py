@@ -81,7 +81,8 @@ def test_conditions_choose_best_and_worst(tmp_path):
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path):
-    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:1"]
+    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:0.1"]
+    large += ["--carry-error", "0"]  # some minutes, were it not stopped
     command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
     quiet = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=quiet,

@@ -38,6 +38,9 @@ ANSWERS = {
     "KickPlan": kd.plan_kick(POSTURE.leg, GOAL, kd.Ball()),
     "Pass": kd.plan_pass((8, 0), 2.0, kd.Ball()),
 }
+SWUNG = kd.plan_kick(POSTURE.leg, kd.Goal(15, time=1), kd.Ball(), swing=True)
+ANSWERS["Swing"] = kd.plan_swing(POSTURE.leg, SWUNG, nodes=12)
+ANSWERS["Part"] = ANSWERS["Swing"].backswing
 
 
 @pytest.mark.parametrize("name", ANSWERS)

@@ -27,14 +27,12 @@ class LegSlopes(NamedTuple):
         foot_q, foot_q_after: of the contact point's velocity by q, before, and after while v_after
             stays, shape `(3, nv)` [m/s per rad].
         v_after_q: of v_after by q, shape `(nv, nv)`.
-        v_after_inertia: of v_after by the links' inertias, shape `(nv, 10 * links)`.
     """
 
     let: Array
     foot_q: Array
     foot_q_after: Array
     v_after_q: Array
-    v_after_inertia: Array
 
 
 class _Load(NamedTuple):
@@ -81,7 +79,6 @@ def leg_slopes(
         # Pinocchio turns the impulse with the body; ours stays as it is in the world.
         for part in (LINEAR, ANGULAR):
             left_over -= jacobian[part].T @ pin.skew(load.given[part]) @ jacobian[ANGULAR]
-    regressor = pin.computeJointTorqueRegressor(model, data, posture.q, still, jump)
 
     answer, let, closed = response(posture), _let(posture), _closed(posture)
     before, after = (_moved(posture, foot, jacobians[0], one)[LINEAR] for one in (v, v_after))
@@ -91,13 +88,27 @@ def leg_slopes(
         foot_q=before @ closed,
         foot_q_after=after @ closed,
         v_after_q=(_followed(posture, v_after, let) - answer @ left_over) @ closed,
-        v_after_inertia=-answer @ np.reshape(regressor, (nv, -1)),
     )
+
+
+def inertia_slopes(posture: Posture, jump: Array) -> Array:
+    """Return d(v_after)/d(links' inertias), shape `(nv, 10 * links)`.
+
+    Args:
+        posture: of the leg.
+        jump: v_after - v, shape `(nv,)` [rad/s].
+    """
+    space, nv = posture.leg.workspace, posture.leg.nv
+    rows = pin.computeJointTorqueRegressor(space.model, space.data, posture.q, space.still, jump)
+    return np.asarray(-response(posture) @ np.reshape(rows, (nv, -1)))
 
 
 def response(posture: Posture) -> Array:
     """Return M^-1, less what supports and loops block of it, shape `(nv, nv)`."""
-    return np.column_stack([posture.solve(unit) for unit in np.eye(posture.leg.nv)])
+    units = np.eye(posture.leg.nv)
+    if posture.hold is None:
+        return posture.solve(units)
+    return np.column_stack([posture.solve(unit) for unit in units])
 
 
 def per_mass(posture: Posture) -> Array:
@@ -163,7 +174,10 @@ def _followed(posture: Posture, velocity: Array, let: Array) -> Array:
 
 def _let(posture: Posture) -> Array:
     """Return the projector on what supports and loops let, by kinetic energy, `(nv, nv)`."""
-    return np.column_stack([posture.admissible(unit) for unit in np.eye(posture.leg.nv)])
+    units = np.eye(posture.leg.nv)
+    if posture.hold is None:
+        return units
+    return np.column_stack([posture.admissible(unit) for unit in units])
 
 
 def _closed(posture: Posture) -> Array:

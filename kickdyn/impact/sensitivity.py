@@ -14,9 +14,9 @@ import pinocchio as pin
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_slopes import leg_slopes, per_mass, response
+from kickdyn.impact.leg_slopes import inertia_slopes, leg_slopes, per_mass, response
 from kickdyn.impact.problem import ball_delassus
-from kickdyn.impact.sources import UNITS, columns
+from kickdyn.impact.sources import OF_LEG, UNITS, columns
 from kickdyn.posture import HELD_TOLERANCE
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Sensitivity(Card):
             yield f"impulse by {source}, at most", gain, f"N s per {UNITS[source]}"
 
 
-def sensitivity(hit: Impact) -> Sensitivity:
+def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
     """Differentiate a strike by law `newton`, analytically.
 
     The impulse p solves R(p, x) = 0: restitution and no sliding, or restitution and Coulomb's cone
@@ -76,6 +76,7 @@ def sensitivity(hit: Impact) -> Sensitivity:
 
     Args:
         hit: from `strike` or `strike_at`.
+        of_leg: whether those by `sources.OF_LEG` are among them.
 
     Raises:
         InvalidInput: another law, or a support that moves, after `unilateral_strike`.
@@ -83,7 +84,8 @@ def sensitivity(hit: Impact) -> Sensitivity:
     if hit.law != "newton":
         raise InvalidInput(f"impact law {hit.law!r} has no sensitivities: choose newton")
     _check_stays(hit)
-    at = columns(hit.posture.leg)
+    names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
+    at = columns(hit.posture.leg, names)
     answer = _at_fixed_impulse(hit, at)
     residual_p, residual_x, tangent = _residual(hit, answer, at)
     impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
@@ -164,22 +166,24 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     spin[:, at["ball_radius"]] = moment / r
     spin[:, at["normal"]] = gain * pin.skew(p) @ across
 
-    leg = leg_slopes(posture, hit.v_before, hit.v_after, p, hit.constraint_impulses)
-    v_after[:, at["v"]] = leg.let
-    v_after[:, at["q"]] = leg.v_after_q
-    v_after[:, at["link_inertia"]] = leg.v_after_inertia
-    v_after[:, at["link_mass"]] = leg.v_after_inertia @ per_mass(posture)
-
     omega, omega_after = hit.ball_before.spin, hit.ball.spin
     before[:, at["ball_velocity"]] = np.eye(3)
-    before[:, at["v"]] = -kic @ leg.let
-    before[:, at["q"]] = -leg.foot_q
     before[:, at["ball_spin"]] = r * turned
     before[:, at["ball_radius"]] = (turned @ omega)[:, None]
     before[:, at["normal"]] = -r * pin.skew(omega) @ across
 
-    after = velocity - kic @ v_after + r * turned @ spin
-    after[:, at["q"]] -= leg.foot_q_after
+    after = velocity + r * turned @ spin
+    if "q" in at:
+        leg = leg_slopes(posture, hit.v_before, hit.v_after, p, hit.constraint_impulses)
+        by_inertia = inertia_slopes(posture, hit.v_after - hit.v_before)
+        v_after[:, at["v"]] = leg.let
+        v_after[:, at["q"]] = leg.v_after_q
+        v_after[:, at["link_inertia"]] = by_inertia
+        v_after[:, at["link_mass"]] = by_inertia @ per_mass(posture)
+        before[:, at["v"]] = -kic @ leg.let
+        before[:, at["q"]] = -leg.foot_q
+        after -= kic @ v_after
+        after[:, at["q"]] -= leg.foot_q_after
     after[:, at["ball_radius"]] += (turned @ omega_after)[:, None]
     after[:, at["normal"]] -= r * pin.skew(omega_after) @ across
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from kickdyn.leg import Leg
 
 UNITS = {
@@ -31,13 +33,17 @@ Links count as `leg.joint_names`, all else in the world frame.
 """
 
 
-def columns(leg: Leg) -> dict[str, slice]:
-    """Return where each source stands when all are written side by side."""
+OF_LEG = ("q", "v", "link_mass", "link_inertia")
+"""Sources that change the leg; all others leave it as it is, and cost a fraction."""
+
+
+def columns(leg: Leg, names: Iterable[str] = UNITS) -> dict[str, slice]:
+    """Return where each source stands when all, or those named, are written side by side."""
     links = len(leg.joint_names)
     sizes = {"q": leg.nv, "v": leg.nv, "normal": 3, "ball_velocity": 3, "ball_spin": 3}
     sizes |= {"link_mass": links, "link_inertia": 10 * links}
     places, start = {}, 0
-    for name in UNITS:
+    for name in names:
         stop = start + sizes.get(name, 1)
         places[name] = slice(start, stop)
         start = stop

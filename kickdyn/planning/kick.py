@@ -25,12 +25,15 @@ from kickdyn.impact.strike import strike_at
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
 from kickdyn.planning.answer import Launch, to_target
+from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Goal
+from kickdyn.planning.heading import turned
 from kickdyn.planning.joints import check_solver
 from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
+from kickdyn.planning.limb import Limb, limb_of
 from kickdyn.planning.objectives import OBJECTIVES, least_scatter
 from kickdyn.planning.passes import plan_pass
-from kickdyn.planning.search import FEASIBLE, Found, Objective, Search
+from kickdyn.planning.search import Found, Search
 from kickdyn.planning.touch import Touch, touch_for
 
 STARTS = 4
@@ -54,7 +57,8 @@ class KickPlan(Card):
         landing_error: distance of its end from the target [m].
         speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
             torque is what keeps the joints' speed, gravity included.
-        binding: limits that are reached, such as `speed of knee`.
+        binding: limits that are reached, such as `speed of knee`; `swing` where a harder kick has
+            no way from rest and to rest.
         heading: how far `leg` is turned to the left about the vertical [rad]; 0 but for a leg
             whose foot moves in a plane, and a goal aside of it.
     """
@@ -177,7 +181,8 @@ def plan_kick(
     else:
         launch = _pass(goal, ball, air, turning, ground)
     touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
-    search = Search(leg, touch, ball_height, limits, turn)
+    limb = limb_of(leg)
+    search = Search(limb.leg, touch, ball_height, limits, turn)
     cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
     found = search.run(cost, STARTS)
     if found is not None and spread is not None:
@@ -186,9 +191,14 @@ def plan_kick(
     if found is None:
         where = "" if ball_height is None else f" that touches a ball at {ball_height:g} m"
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
+    binding: tuple[str, ...] = ()
     if swing:
+        bare = found.share
         found = _swung(search, found, objective)
-    return _carried_out(search, found, goal, launch, objective, air, cost, ground)
+        binding = ("swing",) if found.share < bare - 1e-6 else ()
+    robot = turned(leg, search.heading) if search.heading else leg
+    hit = _struck(robot, limb, search, found)
+    return _carried_out(search, found, hit, goal, launch, objective, air, cost, ground, binding)
 
 
 def _swung(search: Search, found: Found, objective: str) -> Found:
@@ -242,19 +252,24 @@ def _pass(goal: Goal, ball: Ball, air: Air | None, spin: Array, ground: Ground) 
     return Launch(goal, found.velocity, spin, found.time, missed, -1, ball, air)
 
 
+def _struck(robot: Leg, limb: Limb, search: Search, found: Found) -> Impact:
+    q, v = limb.whole(robot, found.posture.q, found.v)
+    return strike_at(robot.posture(q), v, search.touch.ball, search.touch.contact)
+
+
 def _carried_out(
     search: Search,
     found: Found,
+    hit: Impact,
     goal: Goal,
     launch: Launch,
     objective: str,
     air: Air | None,
     cost: Objective,
     ground: Ground | None,
+    binding: tuple[str, ...],
 ) -> KickPlan:
     touch = search.touch
-    plain = search.leg.posture(found.posture.q)
-    hit = strike_at(plain, found.v, touch.ball, touch.contact)
     start = hit.ball
     path: Flight | Course
     if ground is None:
@@ -282,7 +297,8 @@ def _carried_out(
         landing_error=error,
         speed_use=float(fast.max()),
         effort_use=float(used.max()),
-        binding=tuple(
+        binding=binding
+        + tuple(
             f"{what} {name}"
             for what, use in uses.items()
             for name, share in zip(search.names, use.tolist(), strict=True)

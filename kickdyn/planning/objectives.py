@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.air import Air
 from kickdyn.checks import Array
@@ -14,8 +15,8 @@ from kickdyn.errors import NoImpact
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.strike import strike_at
 from kickdyn.planning.answer import Launch
+from kickdyn.planning.equations import Equations, Objective
 from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
-from kickdyn.planning.search import Objective, Search
 from kickdyn.planning.touch import Touch
 from kickdyn.posture import Posture
 
@@ -23,15 +24,27 @@ SMOOTH = 12
 """Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""
 
 
-def _joint_speed(search: Search, touch: Touch) -> Objective:
-    return lambda posture, v: float(np.mean((v[search.vs] / search.speed) ** 2))
+def _joint_speed(search: Equations, touch: Touch) -> Objective:
+    def mean(posture: Posture, v: Array) -> float:
+        return float(np.mean((v[search.vs] / search.speed) ** 2))
+
+    def slope(posture: Posture, v: Array) -> tuple[Array, Array]:
+        return np.zeros_like(v), search.whole(2 * v[search.vs] / search.speed**2 / search.n)
+
+    return Objective(mean, slope)
 
 
-def _effort(search: Search, touch: Touch) -> Objective:
-    return lambda posture, v: 0.5 * float(v @ posture.inertia @ v)
+def _effort(search: Equations, touch: Touch) -> Objective:
+    def slope(posture: Posture, v: Array) -> tuple[Array, Array]:
+        space = posture.leg.workspace
+        momentum_q = pin.computeRNEADerivatives(space.model, space.data, posture.q, space.still, v)
+        by_q = np.reshape(momentum_q[0], (len(v), -1))  # without gravity and speed: of M v
+        return 0.5 * v @ by_q, posture.inertia @ v
+
+    return Objective(lambda posture, v: 0.5 * float(v @ posture.inertia @ v), slope)
 
 
-def _joint_impulse(search: Search, touch: Touch) -> Objective:
+def _joint_impulse(search: Equations, touch: Touch) -> Objective:
     def worst(posture: Posture, v: Array) -> float:
         jump, held = posture.respond(-touch.impulse.dot(posture.jacobian))
         through, _ = joint_impulses(posture, jump, -touch.impulse, held)
@@ -39,7 +52,8 @@ def _joint_impulse(search: Search, touch: Touch) -> Objective:
         top = float(sizes.max())
         return top * math.pow(float(np.sum((sizes / top) ** SMOOTH)), 1 / SMOOTH)
 
-    return worst
+    # Pinocchio has no derivatives of what joints transmit
+    return Objective(worst, by_velocity=False)
 
 
 def least_scatter(
@@ -58,13 +72,13 @@ def least_scatter(
         parts = of_launch(hit, slopes, sizes)
         return math.sqrt(sum(float(np.trace(part)) for part in parts.values()))
 
-    return radius
+    return Objective(radius)
 
 
 NEVER = 1e6
 """Scatter of a foot that does not meet the ball [m]."""
 
-OBJECTIVES: dict[str, Callable[[Search, Touch], Objective]] = {
+OBJECTIVES: dict[str, Callable[[Equations, Touch], Objective]] = {
     "joint speed": _joint_speed,
     "joint impulse": _joint_impulse,
     "effort": _effort,

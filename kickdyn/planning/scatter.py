@@ -23,6 +23,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import LAWS
 from kickdyn.impact.problem import ContactProblem
 from kickdyn.impact.result import Impact
+from kickdyn.impact.sensitivity import sensitivity
 from kickdyn.planning.shooting import Range
 from kickdyn.vectors import cross
 
@@ -169,7 +170,7 @@ def of_launch(hit: Impact, slopes: Array, sizes: Mapping[str, float]) -> dict[st
 
 def _launch_slopes(hit: Impact) -> dict[str, Array]:
     """Return derivatives of velocity and spin by each source's components, shape `(6, k)`."""
-    slopes, ball = hit.sensitivity(), hit.struck
+    slopes, ball = sensitivity(hit, of_leg=False), hit.struck
     # the foot faster is the ball slower; only their relative velocity makes the impulse
     by_foot = -np.vstack(
         [slopes.impulse["ball_velocity"] / ball.mass, slopes.spin["ball_velocity"]]
@@ -190,11 +191,11 @@ def _launch_slopes(hit: Impact) -> dict[str, Array]:
 def _across(way: Array) -> tuple[Array, Array]:
     """Return unit vectors across a direction: upwards, and to the left."""
     along = way / math.hypot(*way)
-    left = np.cross((0.0, 0.0, 1.0), along)
+    left = np.array([-along[1], along[0], 0.0])  # across the vertical
     if np.linalg.norm(left) < 1e-9:
         left = np.array([0.0, 1.0, 0.0])
     left /= np.linalg.norm(left)
-    return np.cross(along, left), left
+    return cross(along, left), left
 
 
 def _struck(hit: Impact, errors: Array) -> tuple[Array, Array]:

@@ -35,6 +35,7 @@ NEARLY = 1e-6
 """How much of the share may be missing."""
 
 OPTIONS = {
+    "expand": True,  # into scalars: a quarter faster
     "print_time": False,
     "error_on_fail": False,
     "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 300, "tol": 1e-8},

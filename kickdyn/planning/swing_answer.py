@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from kickdyn import checks
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.joints import Joints
@@ -36,8 +38,8 @@ class Motion(NamedTuple):
     power: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
+@dataclass(frozen=True, eq=False, repr=False)
+class Part(Card):
     """The backswing or the follow-through: accelerations linear in time between nodes.
 
     Attributes:
@@ -52,6 +54,11 @@ class Part:
     _a: PPoly
     _v: PPoly
     _q: PPoly
+
+    def _rows(self) -> Iterable[Row]:
+        yield "joints", ", ".join(self.joints.names), ""
+        yield "duration", self.duration, "s"
+        yield "nodes", len(self._a.x), ""
 
     @property
     def nodes(self) -> Array:
@@ -82,8 +89,8 @@ class Part:
         return self.sample(np.linspace(low, high, many))
 
 
-@dataclass(frozen=True, eq=False)
-class Swing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Swing(Card):
     """A joint trajectory from rest through the impact to rest, with what proves it.
 
     Attributes:
@@ -106,6 +113,20 @@ class Swing:
     joints: tuple[str, ...]
     backswing: Part
     follow_through: Part
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        if self.limit:
+            yield "limit", self.limit, ""
+        yield "of the planned speed", self.share, ""
+        yield "backswing", self.backswing.duration, "s"
+        yield "follow-through", self.follow_through.duration, "s"
+        yield self.objective, self.value, "s"
+        yield "of the torque limit", self.torque_use, ""
+        yield "of the speed limit", self.speed_use, ""
+        yield "range left", self.range_left, "rad"
+        yield "defect", self.defect, ""
+        yield "impact error", self.impact_error, ""
 
     def sample(self, t: ArrayLike) -> Motion:
         """Return the motion at rising times from the impact [s]; at 0 it is that just before."""

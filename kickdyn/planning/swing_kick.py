@@ -10,8 +10,9 @@ import numpy as np
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.chain import Chain
+from kickdyn.planning.equations import FEASIBLE
 from kickdyn.planning.joints import LONGEST, Joints, joints_of
-from kickdyn.planning.search import FEASIBLE, Found, Search
+from kickdyn.planning.search import Found, Search
 from kickdyn.planning.stop import EAGER, OPTIONS, SHORT, Stop
 
 NODES = 12

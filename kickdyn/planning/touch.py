@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,8 +44,7 @@ class Touch:
         From Eq. (1) along the normal and no sliding after across it. Without friction the part
         across the normal is free: what is returned is along the normal.
         """
-        n, touch = self.contact.normal, self.contact
-        zero = np.zeros(3)
+        n, touch, zero = self.contact.normal, self.contact, np.zeros(3)
         problem = ContactProblem(
             normal=n,
             leg_delassus=posture.delassus(),
@@ -54,9 +54,14 @@ class Touch:
             restitution=touch.restitution,
             friction=touch.friction,
         )
-        change = problem.delassus() @ self.impulse
-        normal = float(n @ change) / (1.0 + touch.restitution) * n
-        return normal if touch.friction == 0.0 else normal + change - (n @ change) * n
+        return np.asarray(self.foot_gain @ (problem.delassus() @ self.impulse))
+
+    @cached_property
+    def foot_gain(self) -> Array:
+        """From the change of the contact points' relative velocity to the foot's, `(3, 3)`."""
+        along = np.outer(self.contact.normal, self.contact.normal)
+        gain = along / (1.0 + self.contact.restitution)
+        return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
 
 
 def touch_for(

@@ -1,0 +1,237 @@
+"""What posture and joint velocity must do for a touch, with derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.leg_slopes import leg_slopes
+from kickdyn.leg import Leg
+from kickdyn.planning.heading import heading_for, turned
+from kickdyn.planning.touch import Touch
+from kickdyn.posture import Posture
+
+FEASIBLE = 1e-4
+"""How far constraints may be missed, each over its own scale; velocities are then made exact, and
+limits are kept this far away."""
+
+STEP = 1e-7
+"""Of the differences that stand for an objective's derivatives, where it has none."""
+
+NOTHING_HELD = np.zeros(0)
+
+
+@dataclass(frozen=True)
+class Objective:
+    """What a search makes least, of posture and joint velocity.
+
+    Attributes:
+        value: the objective.
+        slope: its derivatives by q and by v, shape `(nv,)` each; None leaves them to differences.
+        by_velocity: whether the joint velocity counts.
+    """
+
+    value: Callable[[Posture, Array], float]
+    slope: Callable[[Posture, Array], tuple[Array, Array]] | None = None
+    by_velocity: bool = True
+
+    def __call__(self, posture: Posture, v: Array) -> float:
+        """Return the value."""
+        return self.value(posture, v)
+
+
+class Equations:
+    """Postures and joint velocities of a leg that do what a touch asks for.
+
+    The unknowns are q and v of the joints that move the foot, and the share of the foot's velocity
+    that is reached; the others stay at 0.
+
+    Args:
+        leg: on a fixed base, all of its joints that move the foot of one degree of freedom.
+        touch: what the foot must do.
+        ball_height: of the ball's centre [m, world frame]; None leaves it free.
+        limits: whether velocity and effort limits hold.
+        turn: whether a leg whose foot moves in a plane may be turned towards the launch.
+
+    Attributes:
+        leg: the leg, turned by `heading` [rad].
+        basis: directions that its foot can move in at all, orthonormal rows.
+    """
+
+    def __init__(
+        self, leg: Leg, touch: Touch, ball_height: float | None, limits: bool, turn: bool = True
+    ) -> None:
+        self.leg, self.touch, self.height, self.limits = leg, touch, ball_height, limits
+        self.heading = 0.0
+        model = leg.model
+        self._model, self._data = model, model.createData()
+        joints = [int(j) for j in model.supports[leg.contact_joint] if j > 0]
+        if any(model.nqs[j] != 1 for j in joints):
+            raise InvalidInput(f"{leg.name} is moved by joints without one angle: none is planned")
+        self.qs = np.array([int(model.idx_qs[j]) for j in joints])
+        self.vs = np.array([int(model.idx_vs[j]) for j in joints])
+        self.names = tuple(str(model.names[j]) for j in joints)
+        self.n = len(joints)
+        self.rest = leg.configuration()
+        self.low = np.maximum(leg.lower[self.qs], -math.pi)
+        self.high = np.minimum(leg.upper[self.qs], math.pi)
+        self.speed = np.where(
+            np.isfinite(leg.velocity_limit[self.vs]) & (leg.velocity_limit[self.vs] > 0),
+            *(leg.velocity_limit[self.vs], 100.0),
+        )
+        self.effort = leg.effort_limit[self.vs]
+        self._draw = np.random.default_rng(0)
+        self.basis = self._directions()
+        if turn and self._leaves(touch.impulse):
+            heading = heading_for(self.basis, touch.impulse)
+            if heading is not None:
+                self.leg, self.heading = turned(leg, heading), heading
+                self._model = self.leg.model
+                self._data = self._model.createData()
+                self.basis = self._directions()
+        self._check_directions()
+
+    def _directions(self) -> Array:
+        stacked = np.hstack([self.posture(self._any()).jacobian for _ in range(8)])
+        left, gains, _ = np.linalg.svd(stacked)
+        return np.asarray(left[:, gains > 1e-9 * gains[0]].T)
+
+    def _leaves(self, wish: Array) -> bool:
+        """Return whether a direction leaves those of the foot."""
+        lost = wish - self.basis.T @ (self.basis @ wish)
+        return bool(np.linalg.norm(lost) > 1e-6 * np.linalg.norm(wish))
+
+    def _check_directions(self) -> None:
+        wish, normal = self.touch.impulse, self.touch.contact.normal
+        if self._leaves(wish):
+            raise InvalidInput(
+                f"{self.leg.name} cannot kick so: its foot moves in a plane only, and the launch "
+                f"{(wish / self.touch.ball.mass).round(4).tolist()} m/s leaves that"
+            )
+        if self._leaves(normal):
+            raise InvalidInput(
+                f"{self.leg.name} cannot give this spin: its foot moves in a plane only, and side "
+                "spin takes a foot that moves aside (a robot's leg, such as g1, does)"
+            )
+
+    def _any(self) -> Array:
+        return np.asarray(self._draw.uniform(self.low, self.high))
+
+    def posture(self, q: Array) -> Posture:
+        """Return the posture for the angles of the joints that move the foot."""
+        whole = self.rest.copy()
+        whole[self.qs] = q
+        posture = self.leg.posture(whole)
+        offset = self.touch.contact.offset
+        return posture if offset is None else posture.touched_at(offset)
+
+    def whole(self, v: Array) -> Array:
+        """Return the joint velocity of the whole leg."""
+        full = np.zeros(self.leg.nv)
+        full[self.vs] = v
+        return full
+
+    def torque(self, q: Array, v: Array) -> Array:
+        """Return the torque that keeps joint speeds as they are, gravity included [N m]."""
+        zero = np.zeros(self.leg.nv)
+        return np.asarray(pin.rnea(self._model, self._data, q, v, zero)[self.vs])
+
+    def _height(self, posture: Posture) -> float:
+        """Return how far the ball would lie too high, in its radii."""
+        radius = self.touch.ball.radius
+        centre = posture.contact_point[2] + radius * self.touch.contact.normal[2]
+        return float((centre - (self.height or 0.0)) / radius)
+
+    def at(self, x: Array) -> tuple[Posture, Array]:
+        """Return the posture and the foot velocity that is asked for there."""
+        posture = self.posture(x[: self.n])
+        return posture, self.touch.foot_velocity(posture)
+
+    def _velocity(self, x: Array) -> Array:
+        return self.whole(x[self.n : 2 * self.n] * self.speed)
+
+    @property
+    def asked(self) -> Array:
+        """Directions in which the foot's velocity is given, as rows."""
+        contact = self.touch.contact
+        return self.basis if contact.friction > 0.0 else contact.normal[None]
+
+    def values(
+        self, at: tuple[Posture, Array], x: Array, cost: Objective | None, size: float
+    ) -> Array:
+        """Return objective, equalities, inequalities; velocities count in their limits."""
+        posture, wish = at
+        v, share = self._velocity(x), float(x[-1])
+        missed = (posture.jacobian @ v - share * wish) / math.sqrt(wish @ wish)
+        values = [-share if cost is None else cost(posture, v) / size]
+        values += list(self.asked @ missed)
+        if self.height is not None:
+            values.append(self._height(posture))
+        if self.limits:
+            used = self.torque(posture.q, v) / self.effort
+            values += list(1.0 - 2 * FEASIBLE - used * used)
+        return np.array(values)
+
+    def slopes(
+        self, at: tuple[Posture, Array], x: Array, here: Array, cost: Objective | None, size: float
+    ) -> Array:
+        """Return the derivatives of `values` by the unknowns, one row each."""
+        posture, wish = at
+        v, share, n, at_v = self._velocity(x), float(x[-1]), self.n, slice(self.n, 2 * self.n)
+        impulse, kic = self.touch.impulse, posture.jacobian
+        v_after = v + posture.solve(-impulse.dot(kic))
+        leg = leg_slopes(posture, v, v_after, impulse, NOTHING_HELD)
+        given = leg.foot_q - leg.foot_q_after - kic @ leg.v_after_q  # of J M^-1 J^T p by q
+        wish_q = self.touch.foot_gain @ given
+        fast = math.sqrt(wish @ wish)
+        missed = np.zeros((3, len(x)))
+        off = np.outer(kic @ v - share * wish, wish @ wish_q) / fast**2
+        missed[:, :n] = ((leg.foot_q - share * wish_q - off) / fast)[:, self.vs]
+        missed[:, at_v], missed[:, -1] = kic[:, self.vs] * (self.speed / fast), -wish / fast
+        rows = [self._cost_slope(posture, v, x, float(here[0]), cost, size), *self.asked @ missed]
+        if self.height is not None:
+            rows.append(np.zeros(len(x)))
+            rows[-1][:n] = kic[2, self.vs] / self.touch.ball.radius
+        if self.limits:
+            zero = np.zeros(self.leg.nv)
+            by_q, by_v, _ = pin.computeRNEADerivatives(self._model, self._data, posture.q, v, zero)
+            used = (self._data.tau[self.vs] / self.effort**2)[:, None]
+            both = np.ix_(self.vs, self.vs)
+            room = np.zeros((n, len(x)))
+            room[:, :n] = -2 * used * np.reshape(by_q, (zero.size, -1))[both]
+            room[:, at_v] = -2 * used * np.reshape(by_v, (zero.size, -1))[both] * self.speed
+            rows += list(room)
+        return np.array(rows)
+
+    def _cost_slope(
+        self, posture: Posture, v: Array, x: Array, here: float, cost: Objective | None, size: float
+    ) -> Array:
+        n, slope = self.n, np.zeros(len(x))
+        if cost is None:
+            slope[-1] = -1.0
+        elif cost.slope is not None:
+            by_q, by_v = cost.slope(posture, v)
+            slope[:n], slope[n : 2 * n] = by_q[self.vs] / size, by_v[self.vs] * self.speed / size
+        else:
+            for i in range(2 * n if cost.by_velocity else n):
+                there = x.copy()
+                there[i] += STEP
+                moved = self.posture(there[:n]) if i < n else posture
+                slope[i] = (cost(moved, self._velocity(there)) / size - here) / STEP
+        return slope
+
+    def exact(self, posture: Posture, v: Array, share: float) -> Array:
+        """Return v with the last digits of the foot's velocity put right."""
+        wish = share * self.touch.foot_velocity(posture)
+        rows = posture.jacobian[:, self.vs]
+        missed = wish - rows @ v[self.vs]
+        if self.touch.contact.friction == 0.0:
+            rows = (self.touch.contact.normal @ rows)[None]
+            missed = np.array([self.touch.contact.normal @ missed])
+        return v + self.whole(np.linalg.pinv(rows * self.speed, rcond=1e-9) @ missed * self.speed)

@@ -1,0 +1,36 @@
+"""The equations' derivatives, against differences."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.planning.equations import Equations
+from kickdyn.planning.objectives import OBJECTIVES
+from kickdyn.planning.touch import touch_for
+
+BALL = kd.Ball()
+LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
+
+
+@pytest.mark.parametrize("objective", [*OBJECTIVES, None])
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("name", LEGS)
+def test_slopes_are_those_of_the_values(name, friction, objective):
+    spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
+    touch = touch_for(np.array([6.0, 0.0, 3.0]), spin, BALL, 0.8, friction, (0.02, 0, 0.01))
+    search = Equations(LEGS[name], touch, -0.6, limits=True)
+    cost = OBJECTIVES[objective](search, touch) if objective else None
+    draw, n = np.random.default_rng(0), search.n
+    x = np.append(draw.uniform(0.1, 0.5, 2 * n), 0.8)
+
+    def values(x):
+        return search.values(search.at(x), x, cost, 3.0)
+
+    slopes = search.slopes(search.at(x), x, values(x), cost, 3.0)
+    step = 1e-6 * np.eye(len(x))
+    expected = np.array([(values(x + one) - values(x - one)) / 2e-6 for one in step]).T
+    assert slopes.shape == expected.shape
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    digits = 1e-5 if objective == "joint impulse" else 1e-7
+    assert np.abs(slopes - expected)[:1].max() < digits * size[0]
+    assert (np.abs(slopes - expected)[1:] < 1e-7 * size[1:]).all()

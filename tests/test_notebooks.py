@@ -1,24 +1,30 @@
 """Every notebook runs top to bottom, and is kept without outputs."""
 
+import re
 from pathlib import Path
 
 import nbformat
 import pytest
 from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError
 
-NOTEBOOKS = sorted((Path(__file__).resolve().parent.parent / "notebooks").glob("*.ipynb"))
+ROOT = Path(__file__).resolve().parent.parent
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+by_name = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 
 
 def test_there_is_one():
     assert NOTEBOOKS
 
 
-@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def client_of(notebook, folder):
+    return NotebookClient(notebook, timeout=60, resources={"metadata": {"path": folder}})
+
+
+@by_name
 def test_runs(file, tmp_path):
     notebook = nbformat.read(file, as_version=4)
-    for cell in notebook.cells:
-        assert not cell.get("outputs"), "outputs are not kept in git"
-    NotebookClient(notebook, timeout=60, resources={"metadata": {"path": tmp_path}}).execute()
+    client_of(notebook, tmp_path).execute()
     errors = [
         output
         for cell in notebook.cells
@@ -26,3 +32,46 @@ def test_runs(file, tmp_path):
         if output.output_type == "error" or output.get("name") == "stderr"
     ]
     assert errors == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@by_name
+def test_is_clean(file):
+    """A change of text is a change of that text only: nothing that running leaves behind."""
+    notebook = nbformat.read(file, as_version=4)
+    nbformat.validate(notebook)
+    assert [cell.id for cell in notebook.cells] == [
+        f"cell-{number:02d}" for number in range(len(notebook.cells))
+    ]
+    for cell in notebook.cells:
+        assert not cell.metadata
+        assert cell.get("outputs", []) == []
+        assert cell.get("execution_count") is None
+    assert set(notebook.metadata) == {"kernelspec", "language_info"}
+    assert re.match(r"# \S.*\n\n\S", notebook.cells[0].source), "a title, and what it is about"
+
+
+@by_name
+def test_the_readme_names_it(file):
+    assert f"notebooks/{file.name}" in (ROOT / "README.md").read_text("utf-8")
+
+
+NO_ROBOTS = """
+from importlib import metadata
+
+def files(name):
+    raise metadata.PackageNotFoundError(name)
+
+metadata.files = files
+"""
+
+
+def test_without_the_robots_it_says_so_in_one_line(tmp_path):
+    notebook = nbformat.read(ROOT / "notebooks" / "humanoid_kick.ipynb", as_version=4)
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(NO_ROBOTS))
+    with pytest.raises(CellExecutionError):
+        client_of(notebook, tmp_path).execute()
+    (output,) = (each for cell in notebook.cells for each in cell.get("outputs", []))
+    (line,) = output.traceback
+    assert "\n" not in line
+    assert 'install it with pip install "kickdyn[robots]"' in line

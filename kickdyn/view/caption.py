@@ -15,6 +15,9 @@ from kickdyn.view.kick_scene import Drawn
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.motion import Pace
 
+MANY = 8
+"""Joints up to which all are named; of more, those that move."""
+
 
 def caption_panel(hit: Impact, path: Flight | Course, drawn: Drawn, caption: str) -> str:
     """Return the caption as HTML; every name in it is escaped."""
@@ -32,6 +35,8 @@ def _joints(hit: Impact) -> list[tuple[str, str]]:
     if leg.nv != len(leg.joint_names):
         return []  # a floating base has no one angle
     values = leg.angles_deg(hit.posture.q)
+    if len(values) > MANY:  # of a humanoid's, those that kick
+        values = {name: values[name] for name in values if hit.v_before[leg.velocity_index(name)]}
     return [
         (escape(name), f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°")
         for name, value in values.items()

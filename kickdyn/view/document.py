@@ -34,6 +34,18 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
 #caption td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 #caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
+@media (max-width: 1000px) {  /* a notebook's frame, a telephone: no room beside the leg */
+  #meshcat-pane { height: 66vh; }
+  #caption {
+    position: static; max-width: none; height: 34vh; max-height: none; padding: 8px 14px;
+    border-radius: 0; box-shadow: none; font-size: 12px;
+  }
+  #caption h1 { font-size: 14px; margin: 0 0 2px; }
+  #caption table, #caption tbody { display: block; }
+  #caption tbody { columns: 3 230px; column-gap: 20px; }
+  #caption tr { display: flex; break-inside: avoid; }
+  #caption th { flex: 0 0 132px; }
+}
 """
 
 _PAGE = """<!DOCTYPE html>
@@ -52,6 +64,8 @@ _PAGE = """<!DOCTYPE html>
 <script>{engine}</script>
 <script>
 const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
+const resize = viewer.set_3d_pane_size.bind(viewer);  // to the window's height, not the pane's
+viewer.set_3d_pane_size = () => resize(undefined, viewer.dom_element.offsetHeight);
 {start}
 </script>
 </body>

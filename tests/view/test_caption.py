@@ -90,3 +90,13 @@ def test_names_are_escaped(load, spoil):
 @pytest.mark.parametrize(("caption", "there"), [("", False), ("best of 12", True)])
 def test_the_caption_is_optional(kick, caption, there):
     assert ("<p>" in panel(kick, caption)) is there
+
+
+def test_of_many_joints_those_that_move_are_named():
+    leg = kd.Leg.from_robot("g1")
+    posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
+    hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
+                       kd.Contact([4, 0, 1], 0.8))  # fmt: skip
+    said = rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))
+    assert said["right_knee_joint"] == "28.6°"
+    assert "left_knee_joint" not in said

@@ -33,7 +33,7 @@ def test_bad_heights(height):
 
 def test_in_a_browser(kick, chromium, tmp_path):
     """The kick is drawn above its caption, and its frame sees nothing of the notebook."""
-    spy = """<script>try { parent.document.body.innerHTML = ""; } catch (error) {}</script></body>"""
+    spy = "<script>try { parent.document.body.innerHTML = 0; } catch (e) {}</script></body>"
     frame = Inline(kick_page(*kick).replace("</body>", spy), height=600)._repr_html_()
     file, picture = tmp_path / "notebook.html", tmp_path / "notebook.png"
     file.write_text(f"<!DOCTYPE html><body style='width: 800px'>{frame}")

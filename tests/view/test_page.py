@@ -123,3 +123,17 @@ def test_the_page_plays_for_ever(page, chromium, tmp_path):
     assert actions == 9
     assert for_ever
     assert fetched == 0
+
+
+def test_in_a_narrow_window_the_numbers_stand_below(page, chromium, tmp_path):
+    look = """<script>setTimeout(() => {
+      const box = name => document.querySelector(name).getBoundingClientRect();
+      document.title = JSON.stringify(
+        [box("canvas").height, box("#meshcat-pane").bottom, box("#caption").top, innerHeight]);
+    }, 1500);</script></body>"""
+    (tmp_path / "kick.html").write_text(page.replace("</body>", look))
+    dom = chromium((tmp_path / "kick.html").as_uri(), "--dump-dom", "--window-size=800,600")
+    canvas, bottom, top, window = json.loads(re.search("<title>(.*?)</title>", dom)[1])
+    assert canvas == pytest.approx(bottom, abs=1.0)
+    assert top == pytest.approx(bottom, abs=1.0)
+    assert bottom == pytest.approx(0.66 * window, abs=2.0)

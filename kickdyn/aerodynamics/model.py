@@ -57,7 +57,17 @@ class CoefficientModel:
         return np.logical_not(inside & (least <= spin_parameter) & (spin_parameter <= most))
 
     def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
-        """Return the coefficient (dimensionless)."""
+        """Return the coefficient (dimensionless).
+
+        Raises:
+            InvalidInput: a Reynolds number that is not above 0 and finite, or a spin parameter
+                below 0 or not finite.
+        """
+        if not (0.0 < reynolds < math.inf and 0.0 <= spin_parameter < math.inf):
+            raise InvalidInput(
+                f"{self.kind} {self.name} at Re {reynolds!r}, spin parameter {spin_parameter!r}: "
+                "the first must be above 0, the second 0 or more, both finite"
+            )
         return self.function(reynolds, spin_parameter)
 
 
@@ -77,8 +87,10 @@ def smoothstep(x: float, low: float, high: float) -> float:
     if x >= high:
         return 1.0
     s = math.log(x / low) / math.log(high / low)
-    square = s * s
-    return square * square * (35.0 - 84.0 * s + 70.0 * square - 20.0 * square * s)
+    near = min(s, 1.0 - s)  # the polynomial is its own mirror image, and cancels near 1
+    square = near * near
+    value = square * square * (35.0 - 84.0 * near + 70.0 * square - 20.0 * square * near)
+    return value if s < 0.5 else 1.0 - value
 
 
 def find(

@@ -20,12 +20,17 @@ def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
         drop: 0 or more [m].
         g: downward acceleration [m/s2].
     """
-    square = rise_speed * rise_speed + 2.0 * g * drop
-    if rise_speed < 0.0:
-        if square < 0.0:
+    fallen = 2.0 * g * drop
+    if fallen < 0.0:
+        square = rise_speed * rise_speed + fallen
+        if rise_speed >= 0.0 or square < 0.0:
             return math.inf
-        return 2.0 * drop / (math.sqrt(square) - rise_speed)  # Eq. (24), without cancellation
-    return (rise_speed + math.sqrt(square)) / g if g > 0.0 else math.inf
+        root = math.sqrt(square)
+    else:
+        root = math.hypot(rise_speed, math.sqrt(fallen))  # speeds below 1e-154 have no square
+    if rise_speed < 0.0:
+        return 2.0 * drop / (root - rise_speed)  # Eq. (24), without cancellation
+    return (rise_speed + root) / g if g > 0.0 else math.inf
 
 
 def ballistic(velocity: Array, g: float, t: Array) -> Array:

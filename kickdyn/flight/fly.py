@@ -15,7 +15,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.ballistic import ballistic, time_to_fall
-from kickdyn.flight.forces import downward, is_ballistic
+from kickdyn.flight.forces import GRAVITY, STILL, brakes, downward, is_ballistic
 from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until
 from kickdyn.flight.motion import Motion
 from kickdyn.flight.path import Flight
@@ -88,7 +88,8 @@ def fly(
         _again=partial(fly, state, **scene, time_limit=time_limit),
     )
     g = downward(ball, air)
-    if air is None or (is_ballistic(air, state.spin) and g > 0.0):
+    unmoved = air is None or is_ballistic(air, state.spin) or _creeps(state, ball, air, ends.drop)
+    if air is None or (unmoved and g > 0.0):
         return made(**_fall(state, g, ends))
     if not math.hypot(*state.velocity) <= MAX_SPEED:
         raise InvalidInput(
@@ -134,6 +135,17 @@ def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
             f"{ground.height + ball.radius:g} m"
         )
     return max(gap, 0.0)
+
+
+def _creeps(state: BallState, ball: Ball, air: Air, drop: float) -> bool:
+    """Return whether the ball is too slow, all the way, for the air to matter: see `STILL`.
+
+    An integrator would step to lengths that are no numbers any more.
+    """
+    if callable(air.wind) or air.wind.any() or brakes(air, state.spin):
+        return False
+    fastest = math.hypot(*state.velocity.tolist(), math.sqrt(2.0 * GRAVITY * drop))
+    return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
 
 
 def _windspeed(air: Air, height: float) -> float:

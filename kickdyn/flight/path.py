@@ -91,12 +91,13 @@ class Flight(Card):
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the error of the landing point [m], from a second flight.
+        """Estimate of the error of the landing point [m], from a second flight; not a bound.
 
-        Twice what the landing moves when the tolerance is 10,000 times tighter, but 1e-13 at
-        tightest, or where that says too little, 100 times wider; never less than a thousandth of
-        the tolerance's share of the flight's length, where they happen to agree. Of a closed form,
-        its rounding. Computed when asked for: it costs that flight, and below 1e-9 two.
+        Twice what the landing moves, in space or along the way in its time, when the tolerance is
+        10,000 times tighter, but 1e-13 at tightest, or where that says too little, 100 times wider;
+        never less than a thousandth of the tolerance's share of the flight's length, where they
+        happen to agree. Of a closed form, its rounding. Computed when asked for: it costs that
+        flight, and below 1e-9 two.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
         if self.evaluations == 0:
@@ -110,8 +111,10 @@ class Flight(Card):
         tolerances = [max(1e-4 * self.tol, 1e-13)]
         if self.tol < 1e-9:
             tolerances.append(100 * self.tol)
-        others = [self._again(tol=tol).landing.position for tol in tolerances]
-        moved = max(float(np.linalg.norm(self.landing.position - other)) for other in others)
+        speed, moved = math.hypot(*self.landing.velocity), 0.0
+        for other in (self._again(tol=tol).landing for tol in tolerances):
+            late = speed * abs(self.duration - float(other.time))
+            moved = max(moved, late, float(np.linalg.norm(self.landing.position - other.position)))
         return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length)
 
     @cached_property

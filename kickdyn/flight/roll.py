@@ -20,6 +20,10 @@ from kickdyn.flight.forces import downward, forces
 from kickdyn.flight.integrate import Arc, Event, fly_until
 from kickdyn.ground import Surface
 
+LOOSEST = 1e-9
+"""Relative tolerance of rolling at most: friction turns with the ball, ever faster as it slows, and
+looser steps miss where it rests."""
+
 
 @dataclass(frozen=True, eq=False)
 class Glide:
@@ -107,6 +111,7 @@ def roll(
     Drag acts on the mass of a rolling ball, m + I/r^2. A side wind turns its way; a wind that would
     keep it rolling does so to `time_limit`. A wall, normal and gap [m], may end it before.
     """
+    tol = min(tol, LOOSEST)
     resistance = surface.rolling_deceleration
     share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
     acting = None if air is None or air.density == 0 else forces(ball, air)

@@ -70,3 +70,11 @@ def test_whoever_stays_up_past_the_limit_is_aloft():
     assert (path.status, path.duration) == ("aloft", 3.0)
     assert path.landing.position == pytest.approx([3, 0, 300 - 9.81 * 4.5])
     assert path.height == path.landing.position[2]
+
+
+@pytest.mark.parametrize("speed", [1e-150, 1e-160, 1e-200, 1e-300])
+def test_speeds_without_a_square_keep_their_digits(speed):
+    assert time_to_fall(speed, 0.0, 9.81) == pytest.approx(2 * speed / 9.81, rel=1e-14)
+    down = time_to_fall(-speed, speed, 9.81)
+    assert down == pytest.approx(math.sqrt(2 * speed / 9.81), rel=1e-14)
+    assert time_to_fall(speed, 1.0, -9.81) == math.inf

@@ -376,6 +376,14 @@ def test_functions_that_fail_are_named():
         kd.fly(launch(), BALL, kd.Air(wind=lambda z: (3 * math.log(z / 0.03), 0.0, 0.0)))
 
 
+@pytest.mark.parametrize("speed", [1e-120, 1e-160, 1e-200, 1e-300])
+def test_what_is_too_slow_for_the_air_flies_without_it(speed):
+    launched = kd.BallState(velocity=(speed, 0, speed), spin=(0, 3, 0))
+    path = kd.fly(launched, BALL, kd.Air(torque=None, buoyancy=False))
+    assert path.duration == pytest.approx(2 * speed / 9.81, rel=1e-12)
+    np.testing.assert_allclose(path.landing.velocity, (speed, 0, -speed), rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     "profile", [lambda z: 4 * (z / 10) ** 0.143, lambda z: 3 * math.log(z / 0.03)]
 )

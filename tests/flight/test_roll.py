@@ -75,6 +75,18 @@ def test_a_strong_wind_keeps_it_rolling_and_that_is_said():
     assert course.status == "blown"
 
 
+@pytest.mark.parametrize("tol", [1e-2, 1e-4, 1e-7])
+def test_loose_tolerances_find_the_rest_in_the_wind_too(tol):
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        air, velocity = kd.Air(wind=(*rng.normal(size=2) * 4, 0)), (*rng.normal(size=2) * 3, 0)
+        found, right = (
+            roll(on_ground(velocity), BALL, air, TURF, t, time_limit=50) for t in (tol, 1e-11)
+        )
+        assert found.blown == right.blown
+        np.testing.assert_allclose(found.end.position, right.end.position, rtol=0, atol=1e-6)
+
+
 def test_a_side_wind_turns_the_way_and_the_ball_rests():
     """Against scipy's LSODA on the same law, written down anew."""
     air = kd.Air(wind=(0, 2.5, 0), drag=drag.constant(0.4), lift=None, torque=None)

@@ -1,26 +1,37 @@
-"""Measure everything and write docs/accuracy.md with its pictures; about three minutes.
+"""Measure everything and write docs/accuracy.md, its pictures, and the README's share of it.
 
     python benchmarks/accuracy_page.py
 
-Errors do not depend on the machine, times do.
+Five minutes on a quiet machine. Errors do not depend on the machine, times do.
 """
 
 from __future__ import annotations
 
+import os
+import platform
 import re
+import resource
+import time
 from collections.abc import Iterable, Sequence
+from importlib import metadata
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from kickdyn.accuracy.extremes import cells, rows, summary
 from kickdyn.accuracy.flight import Measured, measure
-from kickdyn.accuracy.gains import gains
+from kickdyn.accuracy.gains import Gain, draws, gains
 from kickdyn.accuracy.impact import MeasuredImpact, measure_impact
 from kickdyn.accuracy.picture import picture
 from kickdyn.accuracy.row import Row
 
-DOCS = Path(__file__).parents[1] / "docs"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+PACKAGES = ("numpy", "scipy", "pin", "mpmath", "mujoco", "heyoka")
+
+USUAL = "1e+05 N/m, dt 0.001 s"
+"""A usual setting of MuJoCo."""
 
 
 def table(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -71,6 +82,53 @@ def extremes_table(found: Sequence[Row]) -> str:
     return table(heads, lines)
 
 
+def gains_table(found: Sequence[Gain], first: str, second: str) -> str:
+    """Return two formulas side by side."""
+    lines = ((g.what, g.plain, f"{g.plain_error:.1e}", g.ours, f"{g.our_error:.1e}") for g in found)
+    return table(("what", first, "error", second, "error"), lines)
+
+
+def kick_table(found: Sequence[MeasuredImpact]) -> str:
+    """Return the paper's kick for the README: kickdyn, MuJoCo as usual and at its most exact."""
+    smooth = [row for row in found if row.kick == "frictionless"]
+    ours = next(row for row in smooth if row.method == "closed form, float64")
+    engine = [row for row in smooth if row.method == "MuJoCo"]
+    chosen = {
+        "`kd.strike`": ours,
+        f"MuJoCo, {USUAL}": next(row for row in engine if row.setting == USUAL),
+    }
+    best = min(engine, key=lambda row: row.error)
+    chosen[f"MuJoCo, {best.setting}"] = best
+    lines = [
+        (name, f"{row.error:.1e}", f"{row.seconds / ours.seconds:.2g}")
+        for name, row in chosen.items()
+    ]
+    return table(("the paper's kick, impulse", "relative error", "time"), lines)
+
+
+def machine(began: float) -> str:
+    """Return where and with what all of it was measured, and what it took."""
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20  # KiB on Linux
+    return (
+        f"This page is one run of that: {os.cpu_count()} CPUs ({platform.machine()}), Python "
+        f"{platform.python_version()}, {versions}. It took {time.process_time() - began:.0f} s of "
+        f"CPU and {most:.1f} GiB of memory, which the chain of 500 joints needs."
+    )
+
+
+def write(page: Path, filled: dict[str, str]) -> None:
+    """Put blocks between their marks."""
+    text = page.read_text(encoding="utf-8")
+    for name, block in filled.items():
+        mark = f"<!-- {name} -->"
+        if text.count(mark) != 2:
+            raise RuntimeError(f"{page.name} has no place for {name}")
+        before, _, after = text.split(mark)
+        text = f"{before}{mark}\n{block}\n{mark}{after}"
+    page.write_text(text, encoding="utf-8")
+
+
 def scatter(found: Sequence[Row]) -> Figure:
     """Return error against condition."""
     figure = Figure(figsize=(6.4, 3.8), layout="constrained")
@@ -92,31 +150,27 @@ def scatter(found: Sequence[Row]) -> Figure:
 
 
 def main() -> None:
-    """Write the page."""
+    """Write the page, and what the README says of it."""
+    began = time.process_time()
     impacts, flights, found = measure_impact(), measure(), list(rows())
-    picture(impacts, flights).savefig(DOCS / "images" / "tradeoff.png", dpi=80)
-    scatter(found).savefig(DOCS / "images" / "extremes.png", dpi=80)
-    filled = {
-        "impact": impact_table(impacts),
-        "flight": flight_table(flights),
-        "extremes": extremes_table(found),
-        "summary": summary(found) + ".",
-        "gains": table(
-            ("what", "the plain formula", "error", "kickdyn's", "error"),
-            (
-                (g.what, g.plain, f"{g.plain_error:.1e}", g.ours, f"{g.our_error:.1e}")
-                for g in gains()
-            ),
-        ),
-    }
-    page = DOCS / "accuracy.md"
-    text = page.read_text(encoding="utf-8")
-    for name, block in filled.items():
-        mark = f"<!-- {name} -->"
-        text = re.sub(
-            f"{mark}.*?{mark}", lambda _, b=block, m=mark: f"{m}\n{b}\n{m}", text, flags=re.S
-        )  # type: ignore[misc]
-    page.write_text(text, encoding="utf-8")
+    for file, figure in (
+        ("tradeoff.png", picture(impacts, flights)),
+        ("extremes.png", scatter(found)),
+    ):
+        figure.savefig(DOCS / "images" / file, dpi=80)
+    write(
+        DOCS / "accuracy.md",
+        {
+            "impact": impact_table(impacts),
+            "flight": flight_table(flights),
+            "extremes": extremes_table(found),
+            "summary": summary(found) + ".",
+            "gains": gains_table(gains(), "the plain formula", "kickdyn's"),
+            "draws": gains_table(draws(), "the plain formula", "kickdyn's"),
+            "machine": machine(began),
+        },
+    )
+    write(ROOT / "README.md", {"kick": kick_table(impacts)})
 
 
 if __name__ == "__main__":

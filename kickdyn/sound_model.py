@@ -102,7 +102,7 @@ def _check_bodies(model: Any, names: list[str]) -> None:
         empty = mass == 0.0 and not moments.any()
         if not (np.isfinite([mass, *inertia.lever, *moments.flat]).all() and (mass > 0 or empty)):
             raise InvalidInput(_unsound(name, mass))
-    data = model.createData()
+    data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
     composites = list(data.Ycrb)[1:]  # all that moves with each joint
     idle = [name for name, moved in zip(names, composites, strict=True) if not moved.mass > 0]

@@ -28,7 +28,9 @@ FLIGHT = "Landing of 6 kicks; against 20 digits; * is the Pareto front"
 @click.option("--flight", is_flag=True, help="Only the integrators of the flight, by tolerance.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the rows; - is stdout.")
 @click.option("--scene", metavar="FILE", help="Only what each effect of a scene (TOML) is worth.")
-@click.option("--plot", metavar="FILE", help="Draw error against time: .png, .svg or .pdf.")
+@click.option(
+    "--plot", metavar="FILE", help="Draw error against time, or effects: .png, .svg or .pdf."
+)
 def tradeoff(
     impact: bool, flight: bool, json_file: str | None, scene: str | None, plot: str | None
 ) -> None:
@@ -44,11 +46,12 @@ def tradeoff(
     from kickdyn.sweep.picture import check_name, save_figure
 
     if scene is not None:
-        if impact or flight or plot is not None:
+        if impact or flight:
             raise InvalidInput(
-                "--scene makes a table of its own: name no --impact, --flight, --plot"
+                "--scene measures effects of a scene, --impact and --flight measure methods: name "
+                "one or the other"
             )
-        show(scene, json_file)
+        show(scene, json_file, plot)
         return
     both = impact == flight
     if json_file is not None and json_file != "-":

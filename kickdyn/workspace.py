@@ -27,7 +27,7 @@ class Workspace(threading.local):
 
     def __init__(self, model: Any) -> None:
         self.model = model
-        self.data = model.createData()
+        self.data = pin.Data(model)  # createData makes two for a while, n^3 numbers each
         self.external = pin.StdVec_Force()
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
         self.pushes = _stacked(self.external)

@@ -214,10 +214,11 @@ def conditions(
 ) -> dict[str, float]:
     """Return the condition number of each answer, by name, at least 1.
 
-    It bounds by how many times e an answer changes, relative to its scale, if every number of the
-    scene changes by up to a share e of itself: float64 inputs then allow 15 - log10(condition)
-    digits, whatever the algorithm. With the change by all N numbers, each up or down at random, of
-    mean square s^2, the worst combination of signs makes at most sqrt(N) s (Cauchy-Schwarz).
+    It estimates by how many times e an answer changes at most, relative to its scale, if every
+    number of the scene changes by up to a share e of itself: float64 inputs then allow
+    15 - log10(condition) digits, whatever the algorithm. With the change by all N numbers, each up
+    or down at random, of mean square s^2, the worst combination of signs makes at most sqrt(N) s
+    (Cauchy-Schwarz); s itself is a mean over a few samples.
 
     Args:
         structure: as `given` returns it.

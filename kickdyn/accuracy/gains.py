@@ -10,9 +10,14 @@ import pinocchio as pin
 
 from kickdyn.accuracy.exact import ExactPosture, described, length, mp, numbers, plus
 from kickdyn.accuracy.exact_impact import Quantity, exact_impact, given
-from kickdyn.accuracy.extreme_impacts import BENT, USUAL, chain, grazes, sizes
+from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, USUAL, Kick, chain, grazes, masses, sizes
+from kickdyn.aerodynamics.model import smoothstep
+from kickdyn.ball import Ball
 from kickdyn.checks import Array
+from kickdyn.contact import Contact
 from kickdyn.flight.ballistic import time_to_fall
+from kickdyn.impact.result import Impact
+from kickdyn.sweep.exact_sum import ExactSum
 from kickdyn.vectors import cross
 
 
@@ -34,7 +39,12 @@ class Gain(NamedTuple):
 
 def gains() -> list[Gain]:
     """Return every such place, measured."""
-    return [_jump(), _approach(), _far_base(), _fall()]
+    return [_jump(), _straight(), _approach(), _far_base(), _fall(), _join(), _mean()]
+
+
+def draws() -> list[Gain]:
+    """Return choices between formulas that are for speed or for their range: no digits in them."""
+    return [_order(), *_two_masses()]
 
 
 def _jump() -> Gain:
@@ -46,6 +56,60 @@ def _jump() -> Gain:
     return Gain(
         "joint velocity after, 50 joints", "Cholesky factor of M", "articulated bodies",
         exact.error(plain), exact.error(hit.v_after),
+    )  # fmt: skip
+
+
+def _order() -> Gain:
+    """The sparse factor of the sweeps begins at the tip; LAPACK's begins at the base."""
+    hit = next(kick for kick in sizes(50) if kick.name == "chain of 50").struck()
+    exact = exact_impact(*given(hit))["effective mass"]
+    row = hit.touch.normal @ hit.posture.jacobian
+
+    def mass(order: slice) -> float:
+        root = np.linalg.cholesky(hit.posture.inertia[order, order])
+        part = np.linalg.solve(root, row[order])
+        return 1.0 / float(part @ part)
+
+    return Gain(
+        "effective mass, 50 joints", "L L^T, from the base", "L^T L, from the tip",
+        exact.error(mass(slice(None))), exact.error(mass(slice(None, None, -1))),
+    )  # fmt: skip
+
+
+def _two_masses() -> list[Gain]:
+    """Eq. (10) as it is printed, and as an impact of two masses."""
+    kicks = [
+        kick for kick in masses() if kick.name.startswith("ball of") and not kick.touch.friction
+    ]
+    found = []
+    for kick in kicks:
+        hit = kick.struck()
+        exact = exact_impact(*given(hit))["impulse"]
+        n, posture, ball = hit.touch.normal, hit.posture, hit.struck
+        leg = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
+        speed = (1.0 + hit.touch.restitution) * float(n @ hit.foot_velocity)
+        printed = speed / float(n @ (leg + np.eye(3) / ball.mass) @ n)
+        found.append(
+            Gain(
+                f"impulse, {kick.name.split(',')[0]}", "Eq. (10) as printed", "two masses",
+                exact.error(printed * n), exact.error(hit.impulse),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _straight() -> Gain:
+    q = (0.4, 1e-5, 0.0)
+    leg = chain(USUAL)
+    along = leg.posture(q).contact_point
+    kick = Kick("bent by 1e-5", leg, q, SPEEDS, Ball(), Contact(along, 0.8), 9.0 * -along)
+    hit: Impact = kick.struck()
+    exact = exact_impact(*given(hit))["effective mass"]
+    n, posture = hit.touch.normal, hit.posture
+    give = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
+    return Gain(
+        "effective mass along a leg bent by 1e-5 rad", "1 / n^T (J M^-1 J^T) n, as in Eq. (10)",
+        "1 / |L^-1 J^T n|^2", exact.error(1.0 / (n @ give @ n)), exact.error(hit.effective_mass),
     )  # fmt: skip
 
 
@@ -93,4 +157,34 @@ def _fall() -> Gain:
     return Gain(
         "fall by 1e-6 m at 1e6 m/s", "root of Eq. (24) as printed", "its other form",
         exact.error(plain), exact.error(time_to_fall(-dive, drop, g)),
+    )  # fmt: skip
+
+
+def _join() -> Gain:
+    """The drag of a soccer ball, where that of a sphere has nearly faded out."""
+    low, high = 2e4, 7e4
+    plain_error = our_error = 0.0
+    for x in np.linspace(6e4, high, 100, endpoint=False).tolist():
+        share = mp.log(mp.mpf(x) / mp.mpf(low)) / mp.log(mp.mpf(high) / mp.mpf(low))
+        right = mp.betainc(4, 4, 0, share, regularized=True)
+        exact = Quantity([right], right)
+        s = math.log(x / low) / math.log(high / low)
+        plain = s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
+        plain_error = max(plain_error, exact.error(plain))
+        our_error = max(our_error, exact.error(smoothstep(x, low, high)))
+    return Gain(
+        "weight of a join, Re 6e4 to 7e4", "polynomial of degree 7", "its mirror image, from 1",
+        plain_error, our_error,
+    )  # fmt: skip
+
+
+def _mean() -> Gain:
+    values = np.random.default_rng(1).uniform(-10.0, 10.0, 100_000)
+    right = mp.fsum(numbers(values)) / len(values)
+    exact, total = Quantity([right], abs(right)), ExactSum(1)
+    total.add(np.zeros(len(values), np.int64), values)
+    return Gain(
+        "mean of 100,000 kicks left and right", "added one by one", "exact sums",
+        exact.error(float(np.cumsum(values)[-1]) / len(values)),
+        exact.error(total.mean(np.array([len(values)]))),
     )  # fmt: skip

@@ -14,14 +14,19 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from kickdyn.accuracy.picture import worth_picture
 from kickdyn.errors import KickdynError
-from kickdyn.files import check_writable, write_json
+from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.scene.read import load_scene
 from kickdyn.scene.scene import Scene
 from kickdyn.simulation.answer import Simulation
 from kickdyn.simulation.effects import EFFECTS
 from kickdyn.simulation.simulate import simulate
 from kickdyn.simulation.whole import ENDS
+from kickdyn.sweep.picture import check_name, save_figure
+
+TOLERANCE = 0.05
+"""What `simulate` answers to unless told; a line in the picture [m]."""
 
 
 @dataclass(frozen=True)
@@ -76,22 +81,29 @@ def worths(
     return sorted(rows, key=lambda row: -row.end if row.end == row.end else math.inf)
 
 
-def show(file: str, json_file: str | None = None) -> None:
-    """Print the effects of a scene file and what each is worth, or write them as JSON.
+def show(file: str, json_file: str | None = None, plot: str | None = None) -> None:
+    """Print the effects of a scene file and what each is worth, draw them, or write them as JSON.
 
     Args:
         file: the scene.
         json_file: where the JSON goes, `-` is stdout; None, none.
+        plot: where the picture goes; None, none.
 
     Raises:
-        InvalidInput: the scene, or where the JSON is to go, cannot be used.
+        InvalidInput: the scene, or where JSON or picture are to go, cannot be used.
     """
     if json_file is not None and json_file != "-":
         check_writable(json_file)
+    if plot is not None:
+        check_name(plot)
+        check_writable(plot)
+    check_distinct(json_file, plot)
     scene = load_scene(file)
     whole = simulate(scene, None)
     with Console(stderr=True).status("measuring") as status:
         rows = worths(scene, lambda name: status.update(f"measuring {name}"), whole)
+    if plot is not None:
+        save_figure(worth_picture(scene.name, rows, TOLERANCE), plot)
     if json_file is not None:
         write_json(json_file, _document(whole, rows))
         if json_file == "-":

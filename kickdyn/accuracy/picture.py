@@ -1,14 +1,20 @@
-"""The picture of the trade: error against time, one panel per scene."""
+"""Pictures: error against time, one panel per scene; and what each effect of a scene is worth."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
 from kickdyn.accuracy.flight import Measured
 from kickdyn.accuracy.impact import MeasuredImpact
+
+if TYPE_CHECKING:
+    from kickdyn.accuracy.models import Worth
+
+LEAST = 1e-9
+"""Distances below it are what integrators miss [m]."""
 
 STYLES = {
     "closed form, float64": ("o", "tab:red"),
@@ -74,3 +80,31 @@ def _panel(axes: Any, title: str, rows: list[Any]) -> None:
     axes.set_ylabel(unit)
     axes.grid(alpha=0.3)
     axes.legend(fontsize=6.5)
+
+
+def worth_picture(title: str, rows: Sequence[Worth], tolerance: float) -> Figure:
+    """Return how far leaving out each effect moves the end, as bars on a scale of decades.
+
+    Args:
+        title: of the scene.
+        rows: as `worths` returns them.
+        tolerance: drawn as a line: half of it is there for all that is left out [m].
+    """
+    figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(rows)), layout="constrained")
+    axes: Any = figure.subplots()
+    seen = [row.end for row in rows if row.end > LEAST]
+    low, high = min([*seen, tolerance]) / 3.0, max([*seen, tolerance]) * 8.0
+    for place, row in enumerate(rows):
+        known = row.end > LEAST
+        if known:
+            axes.barh(place, row.end - low, left=low, color="tab:blue", height=0.65)
+        text = f"{row.end:.2g}" if known else "no answer" if row.why_not else f"below {LEAST:g}"
+        axes.text(1.15 * (row.end if known else low), place, text, va="center", fontsize=8)
+    axes.axvline(tolerance, color="tab:red", linestyle="--", label=f"tolerance {tolerance:g} m")
+    axes.set(title=title, xlabel="leaving it out moves the end by [m]", xscale="log")
+    axes.set_xlim(low, high)
+    axes.set_yticks(range(len(rows)), [row.effect for row in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.grid(alpha=0.3, axis="x")
+    axes.legend(fontsize=7, loc="lower right")
+    return figure

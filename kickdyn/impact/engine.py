@@ -73,7 +73,7 @@ def engine_strike(
     foot = model.frames[leg.frame_id].placement * patch
     frame = pin.Frame("kickdyn_patch", leg.contact_joint, 0, foot, pin.FrameType.OP_FRAME)
     foot_frame = model.addFrame(frame)
-    data = model.createData()
+    data = pin.Data(model)
 
     both_q = np.concatenate([posture.q, centre, [0.0, 0.0, 0.0, 1.0]])
     both_v = np.concatenate([v, before.velocity, before.spin])

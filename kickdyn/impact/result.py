@@ -181,7 +181,7 @@ class Impact(Card):
 
     @property
     def digits(self) -> float:
-        """Digits that rounding leaves of the impulse, at least; velocities after may cancel more.
+        """Digits that rounding leaves of the impulse, an estimate; velocities after may cancel more.
 
         Few, where the approach is hardly more than the rounding of what it is the sum of, or where
         the ball is many times heavier than the leg that it sticks to.
@@ -190,7 +190,7 @@ class Impact(Card):
 
     @property
     def joint_digits(self) -> Array:
-        """Digits that rounding leaves of each joint's linear impulse, at least, `(njoints,)`."""
+        """Digits that rounding leaves of each joint's linear impulse, an estimate, `(njoints,)`."""
         return joint_digits(self.joint_impulses, self.impulse, impulse_rounding(self))
 
     def sensitivity(self) -> Sensitivity:

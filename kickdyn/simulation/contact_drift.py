@@ -29,7 +29,7 @@ some 140 random kicks the largest change of velocity was 0.8 of what comes out, 
 
 
 def contact_drift(scene: Scene, hit: Impact) -> Jump:
-    """Bound how far `collide` is from `strike`: an estimate along the way, with a factor.
+    """Estimate how far `collide` is from `strike` at most: along the way, with a factor.
 
     The leg goes on with the mean of its velocities before and after, its forces of inertia
     included, and the foot's plane turns with it. Half way and at the end the ball is struck anew.

@@ -1,5 +1,6 @@
 """What an effect is worth, against strikes and flights made by hand."""
 
+import inspect
 import json
 import subprocess
 import sys
@@ -7,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.accuracy.models import show, worths
+from kickdyn.accuracy.models import TOLERANCE, show, worths
+from kickdyn.tradeoff import tradeoff
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -93,3 +96,33 @@ def test_the_door(tmp_path):
     lines = ended.stderr.splitlines()
     assert len(lines) == 4
     assert all(line.startswith(f"tradeoff: {bad}: ") for line in lines)
+
+
+def test_the_line_in_the_picture_is_what_is_asked_for_unless_told():
+    assert inspect.signature(kd.simulate).parameters["tolerance"].default == TOLERANCE
+
+
+def test_the_door_draws_and_writes(tmp_path):
+    path, plot, rows = str(SCENES / "paper_kick.toml"), tmp_path / "x.svg", tmp_path / "x.json"
+    named = ["--scene", path, "--plot", str(plot), "--json", str(rows)]
+    ended = CliRunner().invoke(tradeoff, named)
+    assert ended.exit_code == 0
+    assert "drag crisis" in ended.stdout
+    assert json.loads(rows.read_text())["effects"][0]["effect"] in ended.stdout
+    assert "<svg" in plot.read_text()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--impact",), "--scene measures effects"),
+        (("--flight",), "--scene measures effects"),
+        (("--plot", "x.bmp"), "no known ending"),
+        (("--plot", "x.png", "--json", "x.png"), "named for two outputs"),
+    ],
+)
+def test_what_makes_no_sense_beside_a_scene_is_refused(tmp_path, monkeypatch, more, said):
+    monkeypatch.chdir(tmp_path)
+    ended = CliRunner().invoke(tradeoff, ["--scene", str(SCENES / "paper_kick.toml"), *more])
+    assert said in str(ended.exception)
+    assert list(tmp_path.iterdir()) == []

@@ -1,6 +1,11 @@
+import math
+
+import pytest
+
 from kickdyn.accuracy.flight import Measured
 from kickdyn.accuracy.impact import MeasuredImpact
-from kickdyn.accuracy.picture import STYLES, picture
+from kickdyn.accuracy.models import Worth
+from kickdyn.accuracy.picture import STYLES, picture, worth_picture
 
 
 def test_a_panel_per_scene_with_every_row_and_the_front():
@@ -24,3 +29,21 @@ def test_no_two_methods_of_one_panel_look_alike():
     for group in (list(STYLES)[:2] + list(STYLES)[3:9], list(STYLES)[9:]):
         looks = [STYLES[name] for name in group]
         assert len(set(looks)) == len(looks)
+
+
+def test_bars_of_what_effects_are_worth_beside_the_tolerance():
+    rows = [
+        Worth("buoyancy", math.nan, math.nan, "flies off"),
+        Worth("drag", 12.3, 0.0),
+        Worth("lift", 2e-3, 0.0),
+        Worth("wind", 0.0, 0.0),
+    ]
+    (axes,) = worth_picture("a kick", rows, 0.05).axes
+    assert axes.get_xscale() == "log"
+    assert [bar.get_x() + bar.get_width() for bar in axes.patches] == pytest.approx([12.3, 2e-3])
+    low, high = axes.get_xlim()
+    assert low < 2e-3 < 12.3 < high
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [row.effect for row in rows]
+    assert [text.get_text() for text in axes.texts] == ["no answer", "12", "0.002", "below 1e-09"]
+    (line,) = axes.lines
+    assert line.get_xdata() == [0.05, 0.05]

@@ -109,7 +109,7 @@ def _straight() -> Gain:
     give = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
     return Gain(
         "effective mass along a leg bent by 1e-5 rad", "1 / n^T (J M^-1 J^T) n, as in Eq. (10)",
-        "1 / |L^-1 J^T n|^2", exact.error(1.0 / (n @ give @ n)), exact.error(hit.effective_mass),
+        "1 / (L^-1 J^T n)^2", exact.error(1.0 / (n @ give @ n)), exact.error(hit.effective_mass),
     )  # fmt: skip
 
 

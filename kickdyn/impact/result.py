@@ -181,7 +181,7 @@ class Impact(Card):
 
     @property
     def digits(self) -> float:
-        """Digits that rounding leaves of the impulse, an estimate; velocities after may cancel more.
+        """Digits that rounding leaves of the impulse, about; velocities after may cancel more.
 
         Few, where the approach is hardly more than the rounding of what it is the sum of, or where
         the ball is many times heavier than the leg that it sticks to.

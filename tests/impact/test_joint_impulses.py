@@ -6,7 +6,7 @@ import pytest
 from chains import random_kick, random_leg
 
 import kickdyn as kd
-from kickdyn.impact.joint_impulses import joint_digits
+from kickdyn.impact.digits import joint_digits
 from kickdyn.urdf_file import shipped_urdf
 
 

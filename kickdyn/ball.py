@@ -12,6 +12,7 @@ from kickdyn import checks
 from kickdyn.card import shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.sealed import Sealed
 
 SMALLEST = float(np.finfo(float).tiny)
 """Below it a float64 has fewer digits."""
@@ -80,7 +81,7 @@ class Ball:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class BallState:
+class BallState(Sealed):
     """Where a ball is and how it moves, at one time or at many.
 
     Args:

@@ -114,6 +114,13 @@ def made_of(kind: type, *, optional: bool = False, **values: object) -> None:
             raise InvalidInput(f"{name} is {value!r}: it must be a {valid}")
 
 
+def flag(name: str, value: object) -> bool:
+    """Return `value` if it is True or False, or raise `InvalidInput`."""
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInput(f"{name} is {value!r}: it must be True or False")
+    return bool(value)
+
+
 def times(t: ArrayLike, duration: float, what: str) -> Array:
     """Return times from 0 to `duration`, a number or shape `(n,)` [s], or raise `InvalidInput`."""
     moments = floats("t", t, unit="s")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.sealed import Sealed
 from kickdyn.sound_model import frame_id
 
 CLOSED = 1e-9
@@ -22,7 +23,7 @@ FLAT = 1e-6
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Support:
+class Support(Sealed):
     """A frame that stands on the ground and is held there while the ball is struck.
 
     Args:
@@ -51,8 +52,7 @@ class Support:
     ) -> None:
         if not isinstance(frame, str):
             raise InvalidInput(f"support's frame is {frame!r}: it must be a name")
-        if not isinstance(point, bool):
-            raise InvalidInput(f"point of {frame} is {point!r}: it must be True or False")
+        point = checks.flag(f"point of {frame}", point)
         if friction is not None:
             friction = checks.number(f"friction under {frame}", friction, at_least=0)
         corners = None

@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 
 from kickdyn import checks
 from kickdyn.checks import Array
+from kickdyn.sealed import Sealed
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Contact:
+class Contact(Sealed):
     """One point contact, for the instant of the impact.
 
     Args:

@@ -11,13 +11,17 @@ from scipy.linalg import blas, lapack
 from kickdyn.checks import Array
 from kickdyn.constraints import Constraints, Row
 from kickdyn.errors import InvalidInput
+from kickdyn.sealed import Sealed
 from kickdyn.sound_model import listed
+
+HELD_TOLERANCE = 1e-9
+"""Share of what the fastest joint could move it by that a held frame may move at, for rounding."""
 
 INDEPENDENT = 1e-9
 """Share of a row, in the metric of inertia, that others must leave for it to count."""
 
 
-class Hold:
+class Hold(Sealed):
     """Projects on the velocities with A v = 0, orthogonally in the metric of inertia.
 
     With M = L L^T and W = L^-1 A^T = Q R, a velocity L^-T w is admissible where Q^T w = 0.
@@ -73,18 +77,24 @@ class Hold:
             return np.asarray(answer / self._length)
         return np.asarray(self._least @ -blocked)
 
-    def name_of(self, row: int) -> str:
-        """Return the name of the support or loop that a row belongs to."""
-        return next(
-            name
-            for name, block in zip(self.constraints.names, self.blocks, strict=True)
-            if block.at.start <= row < block.at.stop
-        )
+    def moved(self, v: Array) -> tuple[str, float, str] | None:
+        """Return what a velocity moves most of what is held, how fast, and in which unit.
 
-    def unit_of(self, row: int) -> str:
-        """Return the unit of a row's velocity."""
-        block = next(block for block in self.blocks if block.at.start <= row < block.at.stop)
-        return "m/s" if row - block.at.start < 3 else "rad/s"
+        None where that is rounding: of the fastest joint, for those that hold a whole chain still
+        have nothing but rounding themselves.
+        """
+        speeds = abs(self.rows.dot(v)).tolist()
+        fastest = max(map(abs, v.tolist()))
+        reaches = abs(self.rows).sum(axis=1).tolist()
+        for k in range(0, len(speeds), 3):  # a velocity's three parts: one alone may be rounding
+            if max(speeds[k : k + 3]) > HELD_TOLERANCE * max(reaches[k : k + 3]) * fastest:
+                break
+        else:
+            return None
+        worst = speeds.index(max(speeds))
+        at = next(i for i, block in enumerate(self.blocks) if worst < block.at.stop)
+        unit = "m/s" if worst - self.blocks[at].at.start < 3 else "rad/s"
+        return self.constraints.names[at], speeds[worst], unit
 
     @cached_property
     def _least(self) -> Array:

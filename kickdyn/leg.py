@@ -19,9 +19,10 @@ from kickdyn.constraints import Constraints, Support
 from kickdyn.errors import InvalidInput
 from kickdyn.posture import Posture
 from kickdyn.robots import robot, robot_file, robot_model
+from kickdyn.sealed import read_only
 from kickdyn.sound_model import check_model, frame_id
 from kickdyn.urdf_file import UrdfFile, read_urdf, shipped_urdf
-from kickdyn.urdf_model import build_model
+from kickdyn.urdf_model import build_model, reduced_model
 from kickdyn.workspace import Workspace
 
 
@@ -60,15 +61,13 @@ class Leg(Card):
         self.contact_joint = int(self._model.frames[self.frame_id].parentJoint)
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
-        self.contact_lever = self._model.frames[self.frame_id].placement.translation.copy()
+        self.contact_lever = read_only(self._model.frames[self.frame_id].placement.translation)
         self.joint_names: tuple[str, ...] = tuple(self._model.names)[1:]
         self.nq, self.nv = int(model.nq), int(model.nv)
-        self.lower: Array = self._model.lowerPositionLimit.copy()
-        self.upper: Array = self._model.upperPositionLimit.copy()
-        self.velocity_limit: Array = self._model.velocityLimit.copy()
-        self.effort_limit: Array = self._model.effortLimit.copy()
-        for limit in (self.lower, self.upper, self.velocity_limit, self.effort_limit):
-            limit.setflags(write=False)
+        self.lower = read_only(self._model.lowerPositionLimit)
+        self.upper = read_only(self._model.upperPositionLimit)
+        self.velocity_limit = read_only(self._model.velocityLimit)
+        self.effort_limit = read_only(self._model.effortLimit)
         self._held = {"supports": supports, "loops": loops}
         self.constraints: Constraints | None = None
         if supports or loops:
@@ -125,7 +124,8 @@ class Leg(Card):
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model = robot_model(name, base, legs_only=legs_only)
-        frame_id(model, frame or robot(name).foot)
+        frame = robot(name).foot if frame is None else frame
+        frame_id(model, frame)
         try:
             leg = cls.from_model(model, robot(name).foot)
             leg.posture(leg.configuration())  # singular there is singular everywhere
@@ -133,7 +133,7 @@ class Leg(Card):
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
-        return cls(model, frame or leg.frame, robot_file(name))
+        return cls(model, frame, robot_file(name))
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:
@@ -158,11 +158,11 @@ class Leg(Card):
         Raises:
             InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
         """
+        joints = checks.mapping("joints", joints)
         q = self.configuration(joints)
-        numbers = [1 + self.joint_names.index(name) for name in joints]
-        if len(numbers) == len(self.joint_names):
+        if len(joints) == len(self.joint_names):
             raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self._with(pin.buildReducedModel(self.model, numbers, q))
+        return self._with(reduced_model(self.model, joints, q))
 
     def with_armature(self, rotors: Mapping[str, float]) -> Leg:
         """Return the leg with rotors behind its joints.
@@ -186,7 +186,7 @@ class Leg(Card):
         """Return the leg with frames that stand and are held while the ball is struck.
 
         Args:
-            supports: names of frames held as flat feet, or `Support`s; none lets all go.
+            supports: frames' names, held as flat feet, or `Support`s; they replace any before.
 
         Raises:
             InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
@@ -200,7 +200,7 @@ class Leg(Card):
     def with_loops(self, *loops: tuple[str, str]) -> Leg:
         """Return the leg with closed loops: pairs of frames whose origins stay together.
 
-        Each joins two bodies by a ball joint: in a planar mechanism, a pin.
+        Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
 
         Raises:
             InvalidInput: no such frame, or both on one body.
@@ -314,7 +314,7 @@ class Leg(Card):
         """Return lower and upper limit of a joint [rad or m]; +-pi for a continuous one."""
         self.velocity_index(joint)
         index = 1 + self.joint_names.index(joint)
+        at = self._model.idx_qs[index]
         if self._model.nqs[index] != 1:
             return -math.pi, math.pi
-        at = self._model.idx_qs[index]
         return float(self.lower[at]), float(self.upper[at])

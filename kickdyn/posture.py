@@ -18,6 +18,7 @@ from kickdyn.checks import Array
 from kickdyn.conditioning import condition, factored
 from kickdyn.errors import InvalidInput
 from kickdyn.hold import Hold
+from kickdyn.sealed import Sealed
 from kickdyn.sound_model import culprits, listed
 from kickdyn.vectors import crossed
 
@@ -39,11 +40,8 @@ MAX_OFFSET = 1e3
 REACH_TOLERANCE = 1e-9
 """Share of a wished-for velocity that may be missed before it counts as out of reach."""
 
-HELD_TOLERANCE = 1e-9
-"""Share of what the joints contribute that a held frame may move at, for rounding."""
 
-
-class Posture:
+class Posture(Sealed):
     """A leg at a configuration `q`; made by `Leg.posture`, so kinematics has always been run.
 
     Attributes:
@@ -288,16 +286,12 @@ class Posture:
         """Raise `InvalidInput` if a joint velocity moves what a support or loop holds."""
         if self.hold is None:
             return
-        speeds = abs(self.hold.rows.dot(v)).tolist()
-        shares = abs(self.hold.rows).dot(abs(v)).tolist()
-        for k in range(0, len(speeds), 3):  # a velocity's three parts: one alone may be rounding
-            if max(speeds[k : k + 3]) <= HELD_TOLERANCE * max(shares[k : k + 3]):
-                continue
-            worst = speeds.index(max(speeds))
+        moved = self.hold.moved(v)
+        if moved is not None:
+            name, speed, unit = moved
             raise InvalidInput(
-                f"v moves {self.hold.name_of(worst)}, which is held, at {speeds[worst]:.3g} "
-                f"{self.hold.unit_of(worst)} in {self!r}: Posture.admissible(v) gives the nearest "
-                "velocity that does not"
+                f"v moves {name}, which is held, at {speed:.3g} {unit} in {self!r}: "
+                "Posture.admissible(v) gives the nearest velocity that does not"
             )
 
 

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sound_model import listed
 from kickdyn.urdf_file import UrdfFile, read_document
-from kickdyn.urdf_model import BASES, build_model
+from kickdyn.urdf_model import BASES, build_model, reduced_model
 
 PACKAGE = "example-robot-data"
 
@@ -92,19 +93,20 @@ def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
         legs_only: lock every joint outside the legs at its zero.
 
     Raises:
-        InvalidInput: unknown robot or base, or the package is not installed.
+        InvalidInput: unknown robot or base, no flag, or the package is not installed.
     """
+    checks.flag("legs_only", legs_only)
     if base not in BASES:
         raise InvalidInput(f"base is {base!r}: it must be {' or '.join(BASES)}")
     known, file = robot(name), robot_file(name)
     model = build_model(file.text, file.source, "floating")
     model.name = name
     _turn_base(model, pin.rpy.rpyToMatrix(*known.turn))
-    locked = [1] if base == "fixed" else []
+    names = list(model.names)
+    locked = names[1:2] if base == "fixed" else []
     if legs_only:
-        others = range(2, model.njoints)
-        locked += [j for j in others if not model.names[j].startswith(known.legs)]
-    return pin.buildReducedModel(model, locked, pin.neutral(model)) if locked else model
+        locked += [name for name in names[2:] if not name.startswith(known.legs)]
+    return reduced_model(model, locked, pin.neutral(model)) if locked else model
 
 
 def robot_file(name: str) -> UrdfFile:

@@ -44,6 +44,14 @@ def check_model(model: Any) -> None:
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
     names = list(model.names)[1:]
+    for name, joint in zip(names, list(model.joints)[1:], strict=True):
+        if joint.shortname() == "JointModelMimic":
+            raise InvalidInput(
+                f"joint {name!r} mimics another: Pinocchio has no Newton-Euler for it (a model "
+                "built without mimic joints moves it by itself)"
+            )
+    if not np.isfinite(model.gravity.vector).all():
+        raise InvalidInput(f"gravity is {model.gravity.vector.tolist()}: it must be finite [m/s2]")
     _check_order(model)
     for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
         turn = placement.rotation

@@ -1,16 +1,17 @@
-"""From the text of a URDF to a Pinocchio model, with whatever C++ says on the way."""
+"""From the text of a URDF to a Pinocchio model, what C++ says included; locking joints."""
 
 from __future__ import annotations
 
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pinocchio as pin
 
+from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput, UrdfError
 
 BASES = ("fixed", "floating")
@@ -46,6 +47,25 @@ def build_model(text: str, source: str, base: str) -> Any:
     if model.nv == 0:
         raise UrdfError(source, ["has no moving joint"])
     return model
+
+
+def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
+    """Return a model with joints, by name, locked as they are at `q`.
+
+    A link may have the name of a joint, which `pin.buildReducedModel` takes for one frame too many:
+    meanwhile it has another.
+    """
+    own = model.copy()
+    names, moving = list(own.names), pin.FrameType.JOINT
+    renamed = {}
+    for number, frame in enumerate(own.frames):
+        if frame.name in names and frame.type != moving:
+            renamed[f"{frame.name}/{number}"] = frame.name
+            frame.name = f"{frame.name}/{number}"
+    reduced = pin.buildReducedModel(own, [names.index(joint) for joint in joints], q)
+    for frame in reduced.frames:
+        frame.name = renamed.get(frame.name, frame.name)
+    return reduced
 
 
 _stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process

@@ -139,3 +139,11 @@ def test_endless_integers_are_shown_in_brief(digits):
         with pytest.raises(InvalidInput) as refused:
             check("x", 10**digits)
         assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize("value", [None, 1, "no", "", []])
+def test_a_flag_is_true_or_false(value):
+    assert checks.flag("strict", np.True_) is True
+    assert checks.flag("strict", False) is False
+    with pytest.raises(InvalidInput, match=r"^strict is .*: it must be True or False"):
+        checks.flag("strict", value)

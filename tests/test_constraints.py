@@ -22,6 +22,10 @@ def test_supports_are_kept_and_let_go():
     assert leg.locked({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
     assert leg.with_armature({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
     assert leg.standing_on().constraints is None
+    other = leg.standing_on("left_ankle_pitch_link")  # in place of, not as well
+    assert other.constraints.names == ["left_ankle_pitch_link"]
+    loops = ("left_wrist_yaw_link", "right_wrist_yaw_link"), ("left_wrist_yaw_link", "torso_link")
+    assert leg.with_loops(loops[0]).with_loops(loops[1]).constraints.loops == loops[1:]
     assert G1.constraints is None
     with pytest.raises(ValueError, match="read-only"):
         support.sole[0, 0] = 1

@@ -139,3 +139,27 @@ def test_supports_that_leave_no_motion_contradict_each_other():
         bolt.standing_on("FL_FOOT", "FR_FOOT").posture(q)
     points = (kd.Support(frame, point=True) for frame in ("FL_FOOT", "FR_FOOT"))
     assert bolt.standing_on(*points).posture(q).hold.rank == 6
+
+
+def chain_held():
+    """A fixed base and a foot that stands: the whole stance leg cannot move."""
+    leg = kd.Leg.from_robot("g1").standing_on(LEFT)
+    return leg.posture(leg.configuration({"left_knee_joint": 0.4, "right_knee_joint": 0.5}))
+
+
+def test_a_chain_that_is_held_still_may_move_by_rounding():
+    posture = chain_held()
+    v = posture.joint_velocity([6, 0, 2])
+    stance = [posture.leg.velocity_index(n) for n in posture.leg.joint_names if n[:5] == "left_"]
+    assert 0 < np.abs(posture.hold.rows @ v).max() < 1e-13  # nothing but rounding
+    assert np.abs(v[stance]).max() > 0
+    touch = kd.Contact((3, 0, 1), 0.8)
+    hit = kd.strike_at(posture, v, kd.Ball(), touch)
+    assert np.isfinite(hit.sensitivity().impulse["q"]).all()
+    assert np.isfinite(hit.impulse).all()
+    assert kd.engine_strike(posture.leg, posture.q, v, kd.Ball(), touch).impulse == pytest.approx(
+        hit.impulse, rel=1e-12
+    )
+    v[posture.leg.velocity_index("left_knee_joint")] += 1e-6
+    with pytest.raises(kd.InvalidInput, match=f"v moves {LEFT}, which is held, at"):
+        posture.check_velocity(v)

@@ -8,6 +8,7 @@ import pytest
 from chains import random_leg
 
 import kickdyn as kd
+from kickdyn.urdf_file import shipped_urdf
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
 
@@ -102,6 +103,21 @@ def test_unsound_model_is_refused(change, said):
         kd.Leg.from_model(arm(**change), "toe")
 
 
+def test_mimic_joints_are_refused(spoil):
+    text = spoil(('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="hip"/>'))
+    model = pin.buildModelFromXML(text, mimic=True)
+    with pytest.raises(kd.InvalidInput, match=r"^joint 'knee' mimics another"):
+        kd.Leg.from_model(model, "toe")
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_gravity_must_be_finite(bad):
+    model = arm()
+    model.gravity = pin.Motion(np.array([0, 0, bad]), np.zeros(3))
+    with pytest.raises(kd.InvalidInput, match=r"^gravity is .* must be finite"):
+        kd.Leg.from_model(model, "toe")
+
+
 @pytest.mark.parametrize("model", [None, "leg.urdf", pin.GeometryModel(), pin.Data()])
 def test_what_is_no_model_is_refused(model):
     with pytest.raises(kd.InvalidInput, match=r"it must be a pinocchio\.Model"):
@@ -130,7 +146,14 @@ def test_leg_is_its_own():
         other.addFrame(pin.Frame("late", 1, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     assert (leg.posture([0.3, 0.4]).inertia == before).all()
     assert leg.joint_range("j0")[0] < 0
-    for array in (leg.lower, leg.upper, leg.velocity_limit, leg.effort_limit):
+    for array in (
+        leg.contact_lever,
+        leg.posture([0, 0]).contact_lever,
+        leg.lower,
+        leg.upper,
+        leg.velocity_limit,
+        leg.effort_limit,
+    ):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 
@@ -279,6 +302,22 @@ def test_a_rotor_as_heavy_as_the_world_locks_its_joint():
     assert again.model.armature == pytest.approx([0.2, 0.1, 0])
 
 
+def test_links_may_have_the_names_of_joints():
+    """As in the four-bar leg, where rocker_a and rocker_b are both."""
+    leg = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+    q = leg.configuration({"hip": 0.2, "rocker_b": 0.4, "rocker_a": 0.3, "ankle": 0.1})
+    for name in ("ankle", "rocker_a"):
+        locked = leg.locked({name: {"ankle": 0.1, "rocker_a": 0.3}[name]})
+        keep = [k for k, joint in enumerate(leg.joint_names) if joint != name]
+        full, less = leg.posture(q), locked.posture(q[keep])
+        assert less.contact_point == pytest.approx(full.contact_point, abs=1e-15)
+        assert less.inertia == pytest.approx(full.inertia[np.ix_(keep, keep)], abs=1e-14)
+        names = [frame.name for frame in locked.model.frames]
+        assert names.count("rocker_b") == 2  # as in the file
+    loop = ("shank_pin", "rocker_b_tip")
+    assert leg.with_loops(loop).locked({"ankle": 0.1}).constraints.loops == (loop,)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -302,9 +341,11 @@ def test_repr_names_joints_and_frame():
 
 def test_wrong_kinds_are_named():
     leg = kd.Leg.human()
-    for call in (leg.locked, leg.configuration, leg.with_armature):
-        with pytest.raises(kd.InvalidInput, match="must map names to values"):
+    calls = {"joints": leg.locked, "angles": leg.configuration, "rotors": leg.with_armature}
+    for name, call in calls.items():
+        with pytest.raises(kd.InvalidInput, match=rf"^{name} is .*must map names to values"):
             call(["hip"])
+    assert leg.locked(None).joint_names == leg.joint_names
     for loop in (5, None, "hip"):
         with pytest.raises(kd.InvalidInput, match="must be a pair"):
             leg.with_loops(loop)

@@ -141,3 +141,10 @@ def test_what_is_asked_for_is_checked_first():
         kd.Leg.from_robot("icub", "foo")
     with pytest.raises(kd.InvalidInput, match=r"robot \['g1'\] is unknown"):
         kd.Leg.from_robot(["g1"])
+
+
+def test_options_are_not_guessed():
+    with pytest.raises(kd.InvalidInput, match="frame '' is unknown"):
+        kd.Leg.from_robot("bolt", "")
+    with pytest.raises(kd.InvalidInput, match="legs_only is 'no': it must be True or False"):
+        kd.Leg.from_robot("bolt", legs_only="no")

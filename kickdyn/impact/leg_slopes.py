@@ -12,9 +12,15 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.checks import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.hold import INDEPENDENT
 from kickdyn.impact.joint_impulses import at_joint
+from kickdyn.leg import Leg
 from kickdyn.posture import Posture
+from kickdyn.sound_model import listed
+
+ELSEWHERE, STEADY = 0.7, 1e-9
+"""Joint angles [rad, m] and the change of their axes up to which these count as fixed."""
 
 LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
 
@@ -62,8 +68,12 @@ def leg_slopes(
         v_after: and after.
         impulse: on the ball, shape `(3,)` [N s].
         held: impulses of supports and loops, as `Impact.constraint_impulses`.
+
+    Raises:
+        InvalidInput: a joint whose axes depend on its own angles (universal, composite, Euler).
     """
     leg, space = posture.leg, posture.leg.workspace
+    check_steady(leg)
     model, data, nv, still = space.model, space.data, leg.nv, space.still
     push = np.concatenate([-impulse, np.zeros(3)])
     foot = _Load(leg.contact_joint, posture.joint_rotation, posture.contact_lever, push)
@@ -101,6 +111,28 @@ def inertia_slopes(posture: Posture, jump: Array) -> Array:
     space, nv = posture.leg.workspace, posture.leg.nv
     rows = pin.computeJointTorqueRegressor(space.model, space.data, posture.q, space.still, jump)
     return np.asarray(-response(posture) @ np.reshape(rows, (nv, -1)))
+
+
+def check_steady(leg: Leg) -> None:
+    """Raise `InvalidInput` for joints whose axes turn with their own angles, as of a cardan joint.
+
+    Pinocchio's derivatives by q leave out how the axes turn, and do not say so.
+    """
+    model, data, found = leg.workspace.model, leg.workspace.data, []
+    neutral = pin.neutral(model)
+    for q in (neutral, pin.integrate(model, neutral, ELSEWHERE * np.ones(leg.nv))):
+        pin.forwardKinematics(model, data, q)
+        found.append([np.array(joint.S) for joint in list(data.joints)[1:]])
+    turning = [
+        name
+        for name, one, other in zip(leg.joint_names, *found, strict=True)
+        if np.abs(one - other).max() > STEADY
+    ]
+    if turning:
+        raise InvalidInput(
+            f"axes of {listed(turning)} depend on the joint's own angles: Pinocchio's derivatives "
+            "by q are wrong there (joints of one axis in a row move alike, and theirs are right)"
+        )
 
 
 def response(posture: Posture) -> Array:

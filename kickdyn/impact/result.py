@@ -21,6 +21,7 @@ from kickdyn.impact.joint_impulses import joint_impulses, struck
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.posture import Posture
+from kickdyn.sealed import Sealed
 from kickdyn.vectors import largest
 
 ENERGY_ROUNDING = 1e-12
@@ -28,7 +29,7 @@ ENERGY_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impact(Card):
+class Impact(Sealed, Card):
     """What a strike does, with the residuals that prove it.
 
     What the leg does after the impulse is computed when it is first read, and kept.

@@ -17,7 +17,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_slopes import inertia_slopes, leg_slopes, per_mass, response
 from kickdyn.impact.problem import ball_delassus
 from kickdyn.impact.sources import OF_LEG, UNITS, columns
-from kickdyn.posture import HELD_TOLERANCE
+from kickdyn.sealed import Sealed
 
 if TYPE_CHECKING:
     from kickdyn.impact.result import Impact
@@ -29,7 +29,7 @@ Jacobians = Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Card):
+class Sensitivity(Sealed, Card):
     """Derivatives of a strike's results, one Jacobian per source.
 
     Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
@@ -79,7 +79,8 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
         of_leg: whether those by `sources.OF_LEG` are among them.
 
     Raises:
-        InvalidInput: another law, or a support that moves, after `unilateral_strike`.
+        InvalidInput: another law, a support that moves, after `unilateral_strike`, or a joint
+            whose axes depend on its own angles (universal, composite, Euler angles).
     """
     if hit.law != "newton":
         raise InvalidInput(f"impact law {hit.law!r} has no sensitivities: choose newton")
@@ -116,10 +117,7 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
 def _check_stays(hit: Impact) -> None:
     """Raise `InvalidInput` if what the supports hold moves after the impact."""
     hold = hit.posture.hold
-    if hold is None:
-        return
-    rounding = HELD_TOLERANCE * float((np.abs(hold.rows) @ np.abs(hit.v_after)).max())
-    if hit.support_residual > rounding:
+    if hold is not None and hold.moved(hit.v_after) is not None:
         raise InvalidInput(
             f"a support moves at {hit.support_residual:.3g} after the impact (footing "
             f"{hit.footing}): sensitivities are for supports that hold"

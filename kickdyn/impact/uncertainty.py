@@ -17,6 +17,7 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.sources import UNITS, columns
+from kickdyn.sealed import Sealed
 
 if TYPE_CHECKING:
     from kickdyn.impact.result import Impact
@@ -28,7 +29,7 @@ RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uncertainty(Printed):
+class Uncertainty(Sealed, Printed):
     """Covariances of a strike's results, and the budget: which source makes which part.
 
     `print` shows the budget as a table.
@@ -117,13 +118,14 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
     for name, value in spread.items():
         size = places[name].stop - places[name].start
         covariance = _covariance(name, value, size)
-        by_source[name] = {
-            result: _carried(getattr(slopes, result)[name], covariance) for result in RESULTS
-        }
+        parts = {result: _carried(getattr(slopes, result)[name], covariance) for result in RESULTS}
+        by_source[name] = MappingProxyType(parts)
         margin += float(_carried(slopes.margin_slope[name], covariance)[0, 0])
     impulse, velocity, spin = (
         np.sum([parts[result] for parts in by_source.values()], axis=0) for result in RESULTS
     )
+    for array in (impulse, velocity, spin):
+        array.setflags(write=False)
     way = hit.ball.velocity / hit.ball.speed if hit.ball.speed else np.zeros(3)
     return Uncertainty(
         impulse=impulse,
@@ -143,7 +145,9 @@ def _sigmas(slopes: Sensitivity, variance: float) -> float:
 
 
 def _carried(jacobian: Array, covariance: Array) -> Array:
-    return np.asarray(jacobian @ covariance @ jacobian.T)
+    carried: Array = jacobian @ covariance @ jacobian.T
+    carried.setflags(write=False)
+    return carried
 
 
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:

@@ -1,6 +1,7 @@
 """Held legs: derivatives against differences, q and v brought back to what holds the leg."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from chains import any_kick
 from nudges import RESULTS, by_differences, margin
@@ -104,3 +105,53 @@ def test_per_mass_keeps_the_shape_of_a_link():
     for i, one in enumerate(inertias):
         numbers = one.toDynamicParameters()
         assert per_mass(posture)[10 * i : 10 * i + 10, i] * one.mass == pytest.approx(numbers)
+
+
+def composite():
+    joint = pin.JointModelComposite()
+    for part in (pin.JointModelRX(), pin.JointModelRY()):
+        joint.addJoint(part)
+    return joint
+
+
+TURNING = {
+    "universal": pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0])),
+    "euler": pin.JointModelSphericalZYX(),
+    "composite": composite(),
+}
+
+
+def jointed(hip):
+    """A thigh on some joint, and a shank on a hinge."""
+    model, down = pin.Model(), pin.SE3(np.eye(3), np.array([0, 0, -0.4]))
+    model.name = "rig"
+    body = pin.Inertia(1.0, np.array([0, 0, -0.2]), np.diag([0.02, 0.02, 0.01]))
+    first = model.addJoint(0, hip, pin.SE3.Identity(), "hip")
+    knee = model.addJoint(first, pin.JointModelRY(), down, "knee")
+    for joint in (first, knee):
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", knee, 0, down, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe")
+
+
+def jointed_hit(hip):
+    leg = jointed(hip)
+    posture = leg.posture(leg.configuration({"knee": 0.4}))
+    v = np.arange(1.0, 1.0 + leg.nv)
+    return kd.strike_at(posture, v, kd.Ball(), kd.Contact(posture.point_velocity(v), 0.7))
+
+
+@pytest.mark.parametrize("hip", TURNING.values(), ids=TURNING)
+def test_joints_whose_axes_turn_are_refused(hip):
+    hit = jointed_hit(hip)
+    for ask in (hit.sensitivity, lambda: hit.uncertainty(q=0.1)):
+        with pytest.raises(kd.InvalidInput, match=r"^axes of hip depend on the joint's own angles"):
+            ask()
+
+
+STEADY = (pin.JointModelSpherical(), pin.JointModelRUBY(), pin.JointModelHX(0.1))
+
+
+@pytest.mark.parametrize("hip", STEADY, ids=lambda joint: joint.shortname())
+def test_joints_whose_axes_stay_are_not(hip):
+    assert np.isfinite(jointed_hit(hip).sensitivity().impulse["q"]).all()

@@ -2,7 +2,7 @@
 
     python benchmarks/accuracy_page.py
 
-Five minutes on a quiet machine. Errors do not depend on the machine, times do.
+A minute and a half of processor time. Errors do not depend on the machine, times do.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from kickdyn.plan import plan
 from kickdyn.posture_sweep import posture_sweep
 from kickdyn.tradeoff import tradeoff
 from kickdyn.version import __version__
+from kickdyn.view.command import view
 
 
 @click.group("kickdyn", context_settings={"help_option_names": ["-h", "--help"]})
@@ -25,6 +26,7 @@ kickdyn_command.add_command(posture_sweep)
 kickdyn_command.add_command(paper)
 kickdyn_command.add_command(plan)
 kickdyn_command.add_command(tradeoff)
+kickdyn_command.add_command(view)
 
 
 @kickdyn_command.command("completion")

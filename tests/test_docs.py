@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import kickdyn
+from kickdyn.view.photo import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -32,6 +33,8 @@ def test_snippets_print_what_is_said(page, tmp_path):
         return
     for folder in ("urdf", "scenes"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
+    if "save_photo" in page.read_text("utf-8") and not any(map(shutil.which, BROWSERS)):
+        pytest.skip("no chromium or google-chrome to take a picture with")
     blocks = re.findall(r"```(\w+)\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
     names = {"__name__": "__main__"}
     printed = None

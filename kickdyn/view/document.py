@@ -1,6 +1,7 @@
 """The HTML around a meshcat scene: one file that needs nothing else.
 
-meshcat's own controls are hidden; `#controls` at the end of the page's address shows them.
+meshcat's own controls are hidden; `#controls` at the end of the page's address shows them, and
+`#at=1.5` holds its animation at 1.5 s.
 """
 
 from __future__ import annotations
@@ -67,6 +68,11 @@ const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
 const resize = viewer.set_3d_pane_size.bind(viewer);  // to the window's height, not the pane's
 viewer.set_3d_pane_size = () => resize(undefined, viewer.dom_element.offsetHeight);
 {start}
+const at = /^#at=([0-9.]+)$/.exec(location.hash);
+if (at) {{
+  viewer.animator.pause();
+  viewer.animator.seek(Number(at[1]));
+}}
 </script>
 </body>
 </html>

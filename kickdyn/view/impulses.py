@@ -17,7 +17,7 @@ from kickdyn.view.marks import ARROW, draw_arrow
 
 JOINT = 0xF28C00
 
-LEAST = 0.03
+LEAST = 0.05
 """Joints that transmit less, over the largest impulse of the kick, get no arrow."""
 
 

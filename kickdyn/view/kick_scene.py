@@ -165,7 +165,8 @@ def _animation(
                 q = swing.configuration(time) if swing else motion.leg_configuration(hit, time)
                 for joint, place in list(enumerate(joint_places(hit.posture.leg, q)))[1:]:
                     frame[f"leg/{joint}"].set_transform(place)
-    for at, scale in ((0, 1e-3), (pace.impact, 1e-3), (pace.impact + 8, 1.0), (pace.end, 1.0)):
+    grown = pace.impact + motion.GROWING
+    for at, scale in ((0, 1e-3), (pace.impact, 1e-3), (grown, 1.0), (pace.end, 1.0)):
         with film.at_frame(viewer, at) as frame:
             for arrow in arrows:
                 frame[arrow.node].set_property("scale", "vector3", [scale] * 3)

@@ -23,6 +23,9 @@ SWING, FOLLOW, CHANGE, FLY, REST = 1.2, 0.4, 0.6, 1.8, 0.8
 SWUNG = 3.0
 """How long a backswing is shown that was planned [s]."""
 
+GROWING = 8
+"""Pictures from the impact to arrows of full length."""
+
 TRAVEL = 0.6
 """How far the fastest joint swings, before and after the impact each [rad; m if prismatic]."""
 
@@ -77,6 +80,17 @@ def pace_of(hit: Impact, duration: float, backswing: float | None = None) -> Pac
     return Pace(
         times, round(before * RATE), 1 / strike, 1 / flight, len(times) - 1 + round(REST * RATE)
     )
+
+
+def shown_at(pace: Pace, time: float) -> float:
+    """Return when the animation shows a time since the impact, its arrows grown [s].
+
+    Args:
+        pace: of the animation.
+        time: since the impact, 0 or more [s]; what is later than the last picture is that one.
+    """
+    picture = min(int(np.searchsorted(pace.times, time)), len(pace.times) - 1)
+    return max(picture, pace.impact + GROWING) / RATE
 
 
 def leg_configuration(hit: Impact, time: float) -> Array:

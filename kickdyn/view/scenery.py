@@ -11,6 +11,7 @@ import meshcat.transformations as tf
 import numpy as np
 
 from kickdyn.checks import Array
+from kickdyn.plane import Plane
 
 WALL, FRAME = 0x34506E, 0xF7F7F7
 
@@ -18,25 +19,33 @@ GOAL = (7.32, 2.44, 0.12)
 """Width between the posts, height under the bar, thickness [m]: IFAB, Laws of the Game, Law 1."""
 
 
+THICK, SLAB = 0.2, (4.0, 2.5)
+"""Of a plane that is no goal line, as far as it is drawn: thickness; width and height [m]."""
+
+
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box that stands upright.
+    """A box that stands upright, unless it is tilted.
 
     Attributes:
         centre: shape `(3,)` [m, world frame].
         size: along its heading, to its left, upwards, shape `(3,)` [m].
         heading: from x towards y [rad].
         colour: 0xRRGGBB.
+        tilt: of its heading, upwards [rad].
     """
 
     centre: Array
     size: Array
     heading: float
     colour: int
+    tilt: float = 0.0
 
     def place(self) -> Array:
         """Return its placement, shape `(4, 4)`."""
         place: Array = tf.rotation_matrix(self.heading, (0, 0, 1))
+        if self.tilt:
+            place = place @ tf.rotation_matrix(-self.tilt, (0, 1, 0))
         place[:3, 3] = self.centre
         return place
 
@@ -71,15 +80,50 @@ def wall_boxes(
 
 def goal_boxes(foot: Array, distance: float) -> list[Box]:
     """Return a goal across x, straight ahead of a point on the ground `(3,)` [m]."""
+    return goal_at(foot + np.array([distance, 0.0, 0.0]), 0.0)
+
+
+def goal_at(line: Array, heading: float) -> list[Box]:
+    """Return a goal by the middle of its line on the ground `(3,)` [m] and where it faces [rad]."""
     width, height, thick = GOAL
-    line = foot + np.array([distance, 0.0, 0.0])
+    left = np.array([-math.sin(heading), math.cos(heading), 0.0])
     side = (width + thick) / 2
     posts = [
-        Box(line + np.array([0.0, y, height / 2]), np.array([thick, thick, height]), 0.0, FRAME)
+        Box(
+            line + y * left + np.array([0.0, 0.0, height / 2]),
+            np.array([thick, thick, height]),
+            heading,
+            FRAME,
+        )
         for y in (-side, side)
     ]
     bar = np.array([thick, width + 2 * thick, thick])
-    return [*posts, Box(line + np.array([0.0, 0.0, height + thick / 2]), bar, 0.0, FRAME)]
+    return [*posts, Box(line + np.array([0.0, 0.0, height + thick / 2]), bar, heading, FRAME)]
+
+
+def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
+    """Return what a scene's plane looks like: a goal if it is a goal line, else a wall.
+
+    A goal line is upright and reached by the ball's centre or back; the goal stands at the plane's
+    point. A wall is drawn around where the ball's way ends.
+
+    Args:
+        plane: of the scene.
+        end: of the ball's way, shape `(3,)` [m].
+        floor: height of the ground [m].
+    """
+    towards = plane.normal
+    heading = math.atan2(towards[1], towards[0])
+    upright = abs(float(towards[2])) < 1e-9
+    if upright and plane.reached_by != "front":
+        return goal_at(np.array([*plane.point[:2], floor]), heading)
+    middle = end - float(towards @ (end - plane.point)) * towards - THICK / 2 * towards
+    if not upright:
+        tilt = math.asin(float(towards[2]))
+        return [Box(middle, np.array([THICK, *SLAB]), heading, WALL, tilt)]
+    height = max(SLAB[1], float(end[2]) - floor + 0.5)
+    middle = np.array([*middle[:2], floor + height / 2])
+    return [Box(middle, np.array([THICK, SLAB[0], height]), heading, WALL)]
 
 
 def draw_box(viewer: Any, box: Box) -> None:

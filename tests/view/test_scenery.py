@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import umsgpack
 
+import kickdyn as kd
 from kickdyn.view.recorder import recorder
-from kickdyn.view.scenery import GOAL, draw_box, goal_boxes, wall_boxes
+from kickdyn.view.scenery import GOAL, draw_box, goal_boxes, plane_boxes, wall_boxes
 
 
 def test_a_wall_stands_across_the_way_on_the_ground():
@@ -36,3 +37,27 @@ def test_a_box_is_drawn_where_its_corners_are():
     matrix = np.reshape(place, (4, 4)).T
     corner = matrix @ [*(box.size / 2), 1.0]
     assert corner[:3] == pytest.approx(box.corners()[-1])
+
+
+@pytest.mark.parametrize("part", ["centre", "back"])
+def test_a_goal_line_is_a_goal_across_it(part):
+    normal = np.array([-0.6, 0.8, 0.0])
+    boxes = plane_boxes(kd.Plane((20, 5, 0), normal, part), np.array([19.0, 4.0, 0.3]), -0.9)
+    corners = np.vstack([box.corners() for box in boxes]) - (20, 5, -0.9)
+    assert np.abs(corners @ normal).max() == pytest.approx(GOAL[2] / 2)
+    assert corners[:, 2].min() == pytest.approx(0)
+    assert np.abs(corners @ (0.8, 0.6, 0.0)).max() == pytest.approx(GOAL[0] / 2 + GOAL[2])
+
+
+@pytest.mark.parametrize("normal", [(-1, 0, 0), (-0.6, 0.8, 0), (-0.6, 0, -0.8), (0, 0.6, 0.8)])
+def test_a_wall_has_its_face_in_the_plane_where_the_ball_meets_it(normal):
+    plane = kd.Plane((10, 0, 0), normal)
+    end = np.array([9.0, 1.0, 0.5])
+    (box,) = plane_boxes(plane, end, -0.9)
+    depth = (box.corners() - plane.point) @ plane.normal
+    assert depth.max() == pytest.approx(0)
+    assert (depth > -1e-9).sum() == 4
+    face = box.corners()[depth > -1e-9]
+    meet = end - plane.normal * (plane.normal @ (end - plane.point))
+    assert (face.min(axis=0) <= meet + 1e-9).all()
+    assert (face.max(axis=0) >= meet - 1e-9).all()

@@ -1,0 +1,6 @@
+"""Run the view's door."""
+
+from kickdyn.door import run
+from kickdyn.view.command import view
+
+run(view)

@@ -1,0 +1,64 @@
+"""The door to the pictures: `python -m kickdyn.view`."""
+
+from __future__ import annotations
+
+import click
+
+from kickdyn import checks
+from kickdyn.errors import InvalidInput
+from kickdyn.files import check_distinct, check_writable, write_json
+from kickdyn.impact.result import Impact
+from kickdyn.scene.read import load_scene
+from kickdyn.simulation.effects import changed
+from kickdyn.simulation.simulate import simulate
+from kickdyn.view.motion import pace_of, shown_at
+from kickdyn.view.photo import check_photo, save_photo
+
+
+@click.command("view", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("scene_file", metavar="SCENE.toml")
+@click.option("--out", metavar="FILE.html", help="Write the 3-D page.")
+@click.option("--png", metavar="FILE.png", help="Write a picture of the page, by Chromium.")
+@click.option("--at", default=0.0, show_default=True,
+              help="What the picture shows: so long after the impact [s].")  # fmt: skip
+@click.option("--json", "json_file", metavar="FILE", help="Write the numbers; - is stdout.")
+def view(
+    scene_file: str, out: str | None, png: str | None, at: float, json_file: str | None
+) -> None:
+    """Show a scene file: leg, ball, impulses, flight, and the wall or goal it names.
+
+    All it names is modelled; but a contact that takes time is shown as an instant.
+
+    Example: python -m kickdyn.view scenes/free_kick.toml --out kick.html --png kick.png
+    """
+    if out is None and png is None and json_file is None:
+        raise InvalidInput("nothing is to be written: name --out, --png or --json")
+    checks.number("at", at, at_least=0, unit="s")
+    check_distinct(out, png, json_file)
+    for file in (out, png, None if json_file == "-" else json_file):
+        if file is not None:
+            check_writable(file)
+    if png is not None:
+        check_photo(png)
+    # meshcat takes half a second, which other commands shall not wait for
+    from kickdyn.view.page import write_page
+    from kickdyn.view.scene_page import numbers, scene_page
+
+    scene = load_scene(scene_file)
+    answer = simulate(changed(scene, contact_time=None), None)
+    if out is not None or png is not None:
+        html = scene_page(answer, instant=scene.contact_time is not None)
+        if out is not None:
+            write_page(out, html)
+        if png is not None:
+            assert isinstance(answer.hit, Impact)
+            pace = pace_of(answer.hit, float(answer.end.time))
+            save_photo(html, png, shown_at(pace, at))
+    if json_file is not None:
+        write_json(json_file, numbers(answer))
+        if json_file == "-":
+            return
+    click.echo(str(answer))
+    for file in (out, png, json_file):
+        if file is not None:
+            click.echo(f"wrote {file}")

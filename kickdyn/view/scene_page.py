@@ -1,0 +1,55 @@
+"""A scene file as a page, and its numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.result import Impact
+from kickdyn.simulation.answer import Simulation
+from kickdyn.view.impulses import joint_pushes
+from kickdyn.view.page import kick_page
+from kickdyn.view.scenery import plane_boxes
+
+
+def scene_page(answer: Simulation, *, instant: bool = False) -> str:
+    """Return the page of a scene that was simulated with everything modelled, as an instant.
+
+    Args:
+        answer: with its path.
+        instant: whether to say that the contact takes time in truth.
+
+    Raises:
+        InvalidInput: the leg cannot be drawn, as `kick_page` says.
+    """
+    hit, path, scene = answer.hit, answer.path, answer.scene
+    if not isinstance(hit, Impact) or path is None:
+        raise InvalidInput("the scene's impact takes time, or its way is not known: ask for both")
+    floor = min(hit.ball_before.position[2], answer.end.position[2]) - scene.ball.radius
+    boxes = [] if scene.plane is None else plane_boxes(scene.plane, answer.end.position, floor)
+    caption = scene.name + (", its contact shown as an instant" if instant else "")
+    return kick_page(hit, scene.ball, path, caption=caption, scenery=boxes)
+
+
+def numbers(answer: Simulation) -> dict[str, Any]:
+    """Return what the page says, all digits; SI units, joint angles in degrees."""
+    hit, leg = answer.hit, answer.scene.leg
+    assert isinstance(hit, Impact)
+    return {
+        "scene": answer.scene.name,
+        "leg": leg.name,
+        "frame": leg.frame,
+        "angles": leg.angles_deg(answer.scene.q),
+        "impulse": hit.impulse.tolist(),
+        "joint_impulses": {name: push.tolist() for name, _, push in joint_pushes(hit)},
+        "foot_speed": float(np.linalg.norm(hit.foot_velocity)),
+        "ball_velocity": hit.ball.velocity.tolist(),
+        "ball_spin": hit.ball.spin.tolist(),
+        "launch_angle": float(hit.ball.elevation),
+        "end": answer.end.position.tolist(),
+        "time": float(answer.end.time),
+        "error": answer.error if math.isfinite(answer.error) else None,
+    }

@@ -1,0 +1,64 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kickdyn as kd
+from kickdyn.view.command import view
+from kickdyn.view.scene_page import scene_page
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+def run(*arguments):
+    return CliRunner().invoke(view, [str(each) for each in arguments])
+
+
+def test_a_page_and_numbers(tmp_path):
+    page, said = tmp_path / "kick.html", tmp_path / "kick.json"
+    ended = run(SCENES / "free_kick.toml", "--out", page, "--json", said)
+    assert ended.exit_code == 0
+    assert ended.output.endswith(f"wrote {page}\nwrote {said}\n")
+    html = page.read_text("utf-8")
+    assert "free kick with spin, its contact shown as an instant" in html
+    numbers = json.loads(said.read_text())
+    scene = kd.load_scene(SCENES / "free_kick.toml")
+    hit = kd.strike_at(scene.posture, scene.v, scene.ball, scene.touch)
+    assert numbers["impulse"] == pytest.approx(hit.impulse)
+    for joint, sent in enumerate(numbers["joint_impulses"].values()):
+        whole = np.linalg.norm(hit.joint_impulses[joint, :3])
+        assert np.linalg.norm(sent) == pytest.approx(whole)
+    assert f"{np.linalg.norm(hit.impulse):.4g} N s" in html
+
+
+def test_nothing_to_write():
+    ended = run(SCENES / "paper_kick.toml")
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert "name --out, --png or --json" in str(ended.exception)
+
+
+@pytest.mark.parametrize("at", ["-1", "nan"])
+def test_a_bad_moment(at, tmp_path):
+    ended = run(SCENES / "paper_kick.toml", "--png", tmp_path / "a.png", "--at", at)
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_is_escaped(tmp_path):
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    file = tmp_path / "evil.toml"
+    file.write_text(text.replace('name = "the paper', 'name = "<script>alert(1)</script>the paper'))
+    html = scene_page(kd.simulate(kd.load_scene(file), None))
+    assert "<script>alert(1)" not in html
+    assert "&lt;script&gt;alert(1)" in html
+
+
+def test_a_scene_with_a_goal_shows_it(commands_of):
+    said = commands_of(scene_page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)))
+    assert not any(c["path"].startswith("/meshcat/scenery") for c in said)
+    file = SCENES / "free_kick.toml"
+    timed = kd.simulate(kd.load_scene(file), None)
+    with pytest.raises(kd.InvalidInput, match="takes time"):
+        scene_page(timed)

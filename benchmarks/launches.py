@@ -115,10 +115,15 @@ def main() -> None:
         limits["without a nearest"] += found.nearest is None
     spent = time.perf_counter() - began
     print(f"{few} out of reach: {dict(limits)}; {spent / few:.2f} s each")
-    for distance, flown in ((30, 1.5), (50, 2.0), (100, 3.0)):
-        launch = kd.plan_launches(kd.Goal(distance, time=flown), BALL, kd.Air()).solutions[0]
-        missed = np.abs(launch.errors).max()
-        print(f"({distance} m, {flown:g} s): {launch.steps} steps, missed by {missed:.1e}")
+    for name, air in (("standard", kd.Air()), ("the paper's", kd.Air.paper())):
+        for distance, flown in ((30, 1.5), (50, 2.0), (100, 3.0)):
+            launch = kd.plan_launches(kd.Goal(distance, time=flown), BALL, air).solutions[0]
+            missed = np.abs(launch.errors).max()
+            plane = kd.plan_launch(distance, flown, BALL, air).iterations
+            print(
+                f"({distance} m, {flown:g} s) in {name} air: {launch.steps} steps, missed by "
+                f"{missed:.1e}; plan_launch {plane} steps"
+            )
     kicks(int(sys.argv[3]) if len(sys.argv) > 3 else 30)
 
 

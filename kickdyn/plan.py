@@ -58,8 +58,11 @@ from kickdyn.posture_sweep import AIRS, load_leg
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
               "of the foot of the straight leg.")  # fmt: skip
+@click.option("--ball-at", metavar="X,Y,Z",
+              help="Where its centre lies, instead [m]: what is left is the leg's "
+              "self-motion.")  # fmt: skip
 @click.option("--objective", default="joint speed", show_default=True,
-              type=click.Choice(list(OBJECTIVES)), help="What is made least.")  # fmt: skip
+              type=click.Choice(list(OBJECTIVES)), help="What is made least, or most where it says so.")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' speed and effort limits.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
@@ -92,6 +95,7 @@ def plan(
     frame: str | None,
     offset: str | None,
     ball_height: float | None,
+    ball_at: str | None,
     objective: str,
     no_limits: bool,
     restitution: float,
@@ -135,7 +139,8 @@ def plan(
         if file is not None:
             check_writable(file)
     place = None if offset is None else _numbers("offset", offset, ",", 3)
-    if ball_height is None:
+    lies = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
+    if ball_height is None and lies is None:
         standing = leg.posture(leg.configuration())
         standing = standing if place is None else standing.touched_at(place)
         ball_height = float(standing.contact_point[2]) + ball.radius
@@ -153,6 +158,7 @@ def plan(
         spin=(0.0, 0.0, 0.0) if spin is None else _numbers("spin", spin, ",", 3),
         offset=place,
         ball_height=ball_height,
+        ball_at=lies,
         limits=not no_limits,
         arc="high" if arc == "high" else "low",
         surface=surface,

@@ -116,6 +116,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
         (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
         (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),
+        (["--distance", "9", "--time", "1", "--ball-at", "1,2"], "ball-at is '1,2': it must be 3"),
         (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
     ],
 )

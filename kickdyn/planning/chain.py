@@ -23,7 +23,7 @@ class Chain:
         torque: CasADi function of q, v, a: Newton-Euler, gravity and armature included [N m].
         momentum: of q and v: M(q) v, without gravity [N m s].
         point: of q and v: velocity of the contact point, shape `(3,)` [m/s, world axes].
-        height: of q: of the contact point [m, world frame].
+        place: of q: of the contact point [m, world frame].
         impulse: of q and a force on the contact point: J^T f.
     """
 
@@ -39,7 +39,7 @@ class Chain:
         place = self._place(q)
         slope = ca.jacobian(place, q)
         self.point = ca.Function("point", [q, v], [slope @ v])
-        self.height = ca.Function("height", [q], [place[2]])
+        self.place = ca.Function("place", [q], [place])
         self.impulse = ca.Function("impulse", [q, f], [slope.T @ f])
 
     def _step(self, joint: int, angle: Any) -> tuple[Any, Any]:

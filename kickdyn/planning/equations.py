@@ -35,11 +35,13 @@ class Objective:
         value: the objective.
         slope: its derivatives by q and by v, shape `(nv,)` each; None leaves them to differences.
         by_velocity: whether the joint velocity counts.
+        sign: -1 for what shall be most.
     """
 
     value: Callable[[Posture, Array], float]
     slope: Callable[[Posture, Array], tuple[Array, Array]] | None = None
     by_velocity: bool = True
+    sign: float = 1.0
 
     def __call__(self, posture: Posture, v: Array) -> float:
         """Return the value."""
@@ -55,7 +57,8 @@ class Equations:
     Args:
         leg: on a fixed base, all of its joints that move the foot of one degree of freedom.
         touch: what the foot must do.
-        ball_height: of the ball's centre [m, world frame]; None leaves it free.
+        lies: height of the ball's centre, or where it is, shape `(3,)` [m, world frame]; None
+            leaves it free.
         limits: whether velocity and effort limits hold.
         turn: whether a leg whose foot moves in a plane may be turned towards the launch.
 
@@ -65,9 +68,9 @@ class Equations:
     """
 
     def __init__(
-        self, leg: Leg, touch: Touch, ball_height: float | None, limits: bool, turn: bool = True
+        self, leg: Leg, touch: Touch, lies: float | Array | None, limits: bool, turn: bool = True
     ) -> None:
-        self.leg, self.touch, self.height, self.limits = leg, touch, ball_height, limits
+        self.leg, self.touch, self.limits = leg, touch, limits
         self.heading = 0.0
         model = leg.model
         self._model, self._data = model, model.createData()
@@ -96,6 +99,7 @@ class Equations:
                 self._data = self._model.createData()
                 self.basis = self._directions()
         self._check_directions()
+        self._hold_ball(lies)
 
     def _directions(self) -> Array:
         stacked = np.hstack([self.posture(self._any()).jacobian for _ in range(8)])
@@ -142,11 +146,29 @@ class Equations:
         zero = np.zeros(self.leg.nv)
         return np.asarray(pin.rnea(self._model, self._data, q, v, zero)[self.vs])
 
-    def _height(self, posture: Posture) -> float:
-        """Return how far the ball would lie too high, in its radii."""
-        radius = self.touch.ball.radius
-        centre = posture.contact_point[2] + radius * self.touch.contact.normal[2]
-        return float((centre - (self.height or 0.0)) / radius)
+    def _hold_ball(self, lies: float | Array | None) -> None:
+        self.lies, self.held = np.zeros(3), np.zeros((0, 3))
+        if isinstance(lies, float | int):
+            self.lies[2], self.held = lies, np.array([[0.0, 0.0, 1.0]])
+        elif lies is not None:
+            self.lies, self.held = lies, self.basis
+            off = self._apart(self.posture(self._any()))
+            beside = float(np.linalg.norm(off - self.basis.T @ (self.basis @ off)))
+            if beside > FEASIBLE * self.touch.ball.radius:
+                raise InvalidInput(
+                    f"the ball at {lies.tolist()} m is {beside:.4g} m beside the plane that the "
+                    f"foot of {self.leg.name} moves in"
+                )
+
+    def _apart(self, posture: Posture) -> Array:
+        """Return how far the ball would be from where it lies [m]."""
+        contact = self.touch.contact
+        centre = posture.contact_point + self.touch.ball.radius * contact.normal
+        return np.asarray(centre - self.lies)
+
+    def astray(self, posture: Posture) -> Array:
+        """Return how far the ball would be from where it is held, in its radii."""
+        return np.asarray(self.held @ self._apart(posture) / self.touch.ball.radius)
 
     def at(self, x: Array) -> tuple[Posture, Array]:
         """Return the posture and the foot velocity that is asked for there."""
@@ -169,10 +191,9 @@ class Equations:
         posture, wish = at
         v, share = self._velocity(x), float(x[-1])
         missed = (posture.jacobian @ v - share * wish) / math.sqrt(wish @ wish)
-        values = [-share if cost is None else cost(posture, v) / size]
+        values = [-share if cost is None else cost.sign * cost(posture, v) / size]
         values += list(self.asked @ missed)
-        if self.height is not None:
-            values.append(self._height(posture))
+        values += list(self.astray(posture))
         if self.limits:
             used = self.torque(posture.q, v) / self.effort
             values += list(1.0 - 2 * FEASIBLE - used * used)
@@ -195,9 +216,8 @@ class Equations:
         missed[:, :n] = ((leg.foot_q - share * wish_q - off) / fast)[:, self.vs]
         missed[:, at_v], missed[:, -1] = kic[:, self.vs] * (self.speed / fast), -wish / fast
         rows = [self._cost_slope(posture, v, x, float(here[0]), cost, size), *self.asked @ missed]
-        if self.height is not None:
-            rows.append(np.zeros(len(x)))
-            rows[-1][:n] = kic[2, self.vs] / self.touch.ball.radius
+        for row in self.held @ kic[:, self.vs] / self.touch.ball.radius:
+            rows.append(np.append(row, np.zeros(n + 1)))
         if self.limits:
             zero = np.zeros(self.leg.nv)
             by_q, by_v, _ = pin.computeRNEADerivatives(self._model, self._data, posture.q, v, zero)
@@ -217,13 +237,15 @@ class Equations:
             slope[-1] = -1.0
         elif cost.slope is not None:
             by_q, by_v = cost.slope(posture, v)
-            slope[:n], slope[n : 2 * n] = by_q[self.vs] / size, by_v[self.vs] * self.speed / size
+            by_q, by_v = by_q[self.vs], by_v[self.vs] * self.speed
+            slope[: 2 * n] = cost.sign / size * np.concatenate([by_q, by_v])
         else:
             for i in range(2 * n if cost.by_velocity else n):
                 there = x.copy()
                 there[i] += STEP
                 moved = self.posture(there[:n]) if i < n else posture
-                slope[i] = (cost(moved, self._velocity(there)) / size - here) / STEP
+                there_cost = cost.sign * cost(moved, self._velocity(there)) / size
+                slope[i] = (there_cost - here) / STEP
         return slope
 
     def exact(self, posture: Posture, v: Array, share: float) -> Array:

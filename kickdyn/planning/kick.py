@@ -120,6 +120,7 @@ def plan_kick(
     spin: ArrayLike = (0.0, 0.0, 0.0),
     offset: ArrayLike | None = None,
     ball_height: float | None = None,
+    ball_at: ArrayLike | None = None,
     limits: bool = True,
     arc: Literal["low", "high"] = "low",
     turn: bool = True,
@@ -138,14 +139,17 @@ def plan_kick(
         ball: mass and radius.
         air: None is the vacuum.
         objective: `joint speed`, mean square of speeds over their limits; `joint impulse`, the
-            largest linear impulse in a joint [N s]; `effort`, the kinetic energy that the swing
-            must build up [J]; `scatter`, the root mean square error of the landing [m] for errors
-            given by `spread`, searched from the plan of least joint speed.
+            largest linear impulse in a joint [N s], or `most joint impulse`; `foot speed` [m/s]:
+            the posture that makes the most impulse of it; `effort`, the kinetic energy that the
+            swing must build up [J]; `scatter`, the root mean square error of the landing [m] for
+            errors given by `spread`, searched from the plan of least joint speed.
         restitution: of the contact; 0.8 as the paper's Table 2.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
         offset: of the contact point from the leg's frame, as for `Contact`.
         ball_height: of the ball's centre [m, world frame]; free when not named.
+        ball_at: where the ball's centre lies, instead, shape `(3,)` [m, world frame]: what is left
+            is self-motion, the way of a redundant leg to kick from one place in many postures.
         limits: whether velocity and effort limits hold; those of the joints' range always do.
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
@@ -173,6 +177,9 @@ def plan_kick(
         raise InvalidInput(f"arc is {arc!r}: it must be low or high")
     if ball_height is not None:
         ball_height = checks.number("ball height", ball_height, unit="m")
+    if ball_at is not None and ball_height is not None:
+        raise InvalidInput(f"ball_height is {ball_height:g} beside ball_at: name one of the two")
+    lies = ball_height if ball_at is None else checks.vector("ball_at", ball_at, 3, unit="m")
     place = None if offset is None else checks.vector("contact offset", offset, 3, unit="m")
     turning = checks.vector("spin", spin, 3, unit="rad/s")
     ground = None if surface is None else Ground(surface=surface)
@@ -182,14 +189,15 @@ def plan_kick(
         launch = _pass(goal, ball, air, turning, ground)
     touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
     limb = limb_of(leg)
-    search = Search(limb.leg, touch, ball_height, limits, turn)
+    search = Search(limb.leg, touch, lies, limits, turn)
     cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
     found = search.run(cost, STARTS)
     if found is not None and spread is not None:
         cost = least_scatter(touch, launch, air, spread)
         found = search.improve(found, cost)
     if found is None:
-        where = "" if ball_height is None else f" that touches a ball at {ball_height:g} m"
+        there = f"{lies:g}" if isinstance(lies, float) else np.asarray(lies).tolist()
+        where = "" if lies is None else f" that touches a ball at {there} m"
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
     binding: tuple[str, ...] = ()
     if swing:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -44,6 +45,14 @@ def _effort(search: Equations, touch: Touch) -> Objective:
     return Objective(lambda posture, v: 0.5 * float(v @ posture.inertia @ v), slope)
 
 
+def _foot_speed(search: Equations, touch: Touch) -> Objective:
+    return Objective(lambda posture, v: float(np.linalg.norm(posture.jacobian @ v)))
+
+
+def _most_joint_impulse(search: Equations, touch: Touch) -> Objective:
+    return replace(_joint_impulse(search, touch), sign=-1.0)
+
+
 def _joint_impulse(search: Equations, touch: Touch) -> Objective:
     def worst(posture: Posture, v: Array) -> float:
         jump, held = posture.respond(-touch.impulse.dot(posture.jacobian))
@@ -82,5 +91,7 @@ OBJECTIVES: dict[str, Callable[[Equations, Touch], Objective]] = {
     "joint speed": _joint_speed,
     "joint impulse": _joint_impulse,
     "effort": _effort,
+    "foot speed": _foot_speed,
+    "most joint impulse": _most_joint_impulse,
 }
-"""What can be made least, by name; `scatter` besides."""
+"""What can be made least, or most where the name says so; `scatter` besides."""

@@ -58,7 +58,7 @@ class Search(Equations):
         """Return the best near one that was found, or that one."""
         value = objective(found.posture, found.v)
         better = self._from(self._unknowns(found), objective, found.share == 1.0)
-        if better is None or not better.value < value:
+        if better is None or not better.value < objective.sign * value:
             return found._replace(value=value)
         return better
 
@@ -75,7 +75,7 @@ class Search(Equations):
             posture = self.posture(q)
             wish = self.touch.foot_velocity(posture)
             v = np.linalg.pinv(posture.jacobian[:, self.vs] * self.speed, rcond=1e-2) @ wish
-            off = float(np.abs(self._height(posture))) if self.height is not None else 0.0
+            off = float(np.linalg.norm(self.astray(posture)))
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
         return [start for _, _, start in sorted(rated)[:many]]
 
@@ -104,7 +104,7 @@ class Search(Equations):
                 kept["slopes"] = self.slopes(kept["at"], x, here, cost, size)
             return np.asarray(kept["slopes"])
 
-        equal = slice(1, 1 + len(self.asked) + (self.height is not None))
+        equal = slice(1, 1 + len(self.asked) + len(self.held))
         room = slice(equal.stop, None)
         held = [
             {"type": kind, "fun": lambda x, s=s: values(x)[s], "jac": lambda x, s=s: slopes(x)[s]}

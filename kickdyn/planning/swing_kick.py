@@ -90,9 +90,9 @@ class _Problem:
         if touch.contact.friction > 0.0:
             across = _across(search.basis, normal)
             equal += [across @ apart / fast] if len(across) else []
-        if search.height is not None:
-            centre = chain.height(q) + ball.radius * float(normal[2]) - search.height
-            equal.append(centre / ball.radius)
+        if len(search.held):
+            centre = chain.place(q) + ca.DM(ball.radius * normal - search.lies)
+            equal.append(ca.DM(search.held) @ centre / ball.radius)
         still = chain.torque(q, v, ca.DM(n, 1)) / ca.DM(joints.effort)
         rows = [stop.rows(SLACK) for stop in self._stops]
         equal = ca.vertcat(*equal)

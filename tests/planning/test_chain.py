@@ -51,7 +51,8 @@ def test_the_symbols_are_pinocchio_to_rounding(leg):
         )
         posture = leg.posture(whole(leg, joints, q))
         rows = posture.jacobian[:, joints.vs]
-        assert float(chain.height(q)) == pytest.approx(posture.contact_point[2], abs=1e-12)
+        where = np.asarray(chain.place(q)).ravel()
+        assert where == pytest.approx(posture.contact_point, abs=1e-12)
         assert np.asarray(chain.point(q, v)).ravel() == pytest.approx(rows @ v, abs=1e-11)
         force = draw.normal(size=3)
         assert np.asarray(chain.impulse(q, force)).ravel() == pytest.approx(

@@ -62,7 +62,8 @@ from kickdyn.posture_sweep import AIRS, load_leg
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
 @click.option("--objective", default="joint speed", show_default=True,
-              type=click.Choice(list(OBJECTIVES)), help="What is made least, or most where it says so.")  # fmt: skip
+              type=click.Choice(list(OBJECTIVES)),
+              help="What is made least, or most where it says so.")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' speed and effort limits.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")

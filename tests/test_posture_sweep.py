@@ -124,7 +124,7 @@ def test_any_urdf(tmp_path):
         (["--leg", "missing"], "neither human, testbed, g1, talos"),
         (["--frame", "nose"], "frame 'nose' is unknown: leg_human has"),
         (["--joint", "nose=1"], "joint 'nose' is unknown: leg_human has hip, knee, ankle"),
-        (["--joint", "hip=0:200:10"], "its range is -15 to 125 deg"),
+        (["--joint", "hip=0:200:10"], "its range is -30 to 125 deg"),
         (["--restitution", "1.2"], "restitution is 1.2"),
         (["--friction", "-0.1"], "friction is -0.1"),
         (["--joint", "hip=5"], "joint 'hip' is given twice"),

@@ -33,7 +33,7 @@ TABLE_6 = {
     "shank": Limb(0.396, 1.074, 0.01413, 0.198),
     "foot": Limb(0.22, 0.57, 0.00055, 0.073),
 }
-RANGE_DEG = {"hip": (-15, 125), "knee": (0, 130), "ankle": (-20, 50)}
+RANGE_DEG = {"hip": (-30, 125), "knee": (0, 140), "ankle": (-20, 50)}
 
 # Anderson, Madigan & Nussbaum 2007, Table 3, men 18-25: the largest torque is c1 times body
 # weight times height; hip extension, knee extension, plantar flexion.

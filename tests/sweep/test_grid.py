@@ -24,7 +24,7 @@ def test_a_step_that_does_not_divide_stops_below_the_end():
 
 def test_default_stays_inside_every_range():
     default = grid(LEG)
-    assert default.shape == (14, 14, 8)
+    assert default.shape == (16, 15, 8)
     for i, name in enumerate(LEG.joint_names):
         assert default.axes[name].min() >= LEG.lower[i] - 1e-12
         assert default.axes[name].max() <= LEG.upper[i] + 1e-12
@@ -56,8 +56,8 @@ def test_configurations_run_the_last_axis_fastest():
         (["knee=0.1m"], r"'0\.1m' has a unit: write plain numbers, in deg"),
         (["=1"], "joint '' is unknown"),
         ([""], "joint '' cannot be read"),
-        (["hip=-40:20:10"], "joint hip is swept -40 deg: its range is -15 to 125 deg"),
-        (["knee=-1"], "its range is 0 to 130 deg"),
+        (["hip=-40:20:10"], "joint hip is swept -40 deg: its range is -30 to 125 deg"),
+        (["knee=-1"], "its range is 0 to 140 deg"),
         (["hip=1", "hip=2"], "'hip' is given twice"),
         (["hip=0:100:1e-9"], "take a larger step"),
         (["hip=0:100:0.1", "knee=0:100:0.1"], "1,002,001 postures"),

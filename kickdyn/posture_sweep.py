@@ -45,6 +45,7 @@ from kickdyn.sweep.summary import (
     paper_lines,
     worst_residual,
 )
+from kickdyn.sweep.survey import Survey
 from kickdyn.urdf_file import shipped_urdf
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
@@ -88,7 +89,8 @@ class _Typed(click.Command):
               help="For the flight: 20 degC at sea level, the paper's, or none.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
-              "number, to be gone on with if it is stopped.")  # fmt: skip
+              "number, to be gone on with if it is stopped. Without it, of more than a million the "
+              "best, the front, marginals and a sample are kept, for --json.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with what is in DIR.zarr.")
 @click.option("--threads", type=click.IntRange(1, 1024),
               help="Threads that fill DIR.zarr.  [default: one per core]")  # fmt: skip
@@ -142,32 +144,36 @@ def posture_sweep(
         air=AIRS[air](),
     )
     streams = out is not None and Path(out).suffix == ".zarr"
-    most = MOST_POSTURES if streams else MAX_POSTURES
+    most = MOST_POSTURES if streams or out is None else MAX_POSTURES
     postures = grid(leg, joints or (KICKING if leg_name in SHIPPED else ()), most)
     space = Space.of_grid(leg, postures)
     if where is not None:
         Expression(where, space.units)
     if resume and not streams:
         raise InvalidInput("--resume goes on with a Zarr store: name it with --out DIR.zarr")
+    if (workers or cluster) and not streams:
+        raise InvalidInput("--workers and --cluster fill a Zarr store: name it with --out DIR.zarr")
     _check_outputs(None if streams else out, json_file, plot, view)
 
-    data = None
+    data = survey = found = chosen = None
     if out is not None and streams:
         told = _streamed(
             out, leg, postures, kick, resume=resume, threads=threads, workers=workers or 0,
             cluster=cluster, carry_error=carry_error,
         )  # fmt: skip
-        counted, residual, lines = (
-            told["counts"],
-            told["residual"],
-            _extremes(leg, postures, kick, told),
-        )
+        counted, residual = told["counts"], told["residual"]
+        lines = _extremes(leg, postures, kick, told)
+    elif postures.size > MAX_POSTURES:
+        survey = Survey(leg, postures, kick, where, draws=plot is not None)
+        with progress(space) as done:
+            survey.run(threads=threads, carry_error=carry_error, progress=done)
+        counted, residual, lines = survey.counts, survey.residual, survey.lines()
+        chosen = None if where is None else (where, survey.chosen)
     else:
         with progress(space) as done:
             data = sweep(leg, postures, kick, done)
         counted, residual = counts(data), worst_residual(data)
-    found = chosen = None
-    if data is not None or where is not None or plot is not None:
+    if survey is None and (data is not None or where is not None or plot is not None):
         found = open_sweep(str(out)) if data is None else Sweep(data)
         found = found if where is None else found.where(where)
     if found is not None and (data is not None or where is not None):
@@ -177,17 +183,20 @@ def posture_sweep(
     if leg_name == "human":
         lines = [*paper_lines(leg, kick), *lines]
     writers = _writers(
-        data, found, lines, shown, None if streams else out, plot, view
+        data, survey or found, lines, shown, None if streams else out, plot, view
     )  # all made before any is written
     for write in writers:
         write()
     files = [file for file in (out, plot, view) if file is not None]
     if json_file is not None:
-        _write_json(json_file, as_json(leg, kick, counted, lines, chosen))
+        kept = {} if survey is None else {"kept": survey.as_json()}
+        _write_json(json_file, {**as_json(leg, kick, counted, lines, chosen), **kept})
         files += [json_file]
     if json_file != "-":
         Console(highlight=False, width=200).print(table(leg, kick, lines))  # cuts no number off
         click.echo(text(counted, residual, lines, chosen))
+        if survey is not None:
+            click.echo("No posture is kept; --json writes the best, the front and a sample.")
         for file in files:
             click.echo(f"wrote {file}")
     if live and shown:
@@ -254,7 +263,7 @@ def _extremes(leg: Leg, postures: Grid, kick: Kick, told: dict[str, Any]) -> lis
 
 def _writers(
     data: xr.Dataset | None,
-    found: Sweep | None,
+    found: Sweep | Survey | None,
     lines: Sequence[Line],
     shown: Shown | None,
     out: str | None,

@@ -91,8 +91,8 @@ def grid(leg: Leg, joints: Iterable[str] = (), most: int = MAX_POSTURES) -> Grid
         raise InvalidInput(
             f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): they "
             f"would fill {_bytes(result.size)} and take about {_time(result.size)} of one core; "
-            f"at most {most:,} are swept"
-            + (" without a store: name one, --out DIR.zarr" if most < MOST_POSTURES else "")
+            f"at most {most:,} are "
+            + ("held at once: name a store, --out DIR.zarr" if most < MOST_POSTURES else "swept")
             + ", or take larger steps"
         )
     for name in _joints(leg):

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 
 from kickdyn.errors import InvalidInput
 from kickdyn.files import replacing
+from kickdyn.sweep.block import Space
+from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.front import Front
 from kickdyn.sweep.marginal import Marginal
 from kickdyn.sweep.top import Top, lot
@@ -51,28 +53,48 @@ def sweep_figure(sweep: Sweep, lines: Sequence[Line] = ()) -> Figure:
         best over the others), or over the one joint there is; and last that ratio against the
         worst joint impulse, with the postures that no other beats in both.
     """
-    space = sweep.space
-    ratio = sweep.value(RATIO)
-    most = sorted(space.axes, key=lambda name: -len(space.axes[name]))
-    varied = [name for name in space.axes if len(space.axes[name]) > 1]
-    shown = [name for name in varied if name in most[:3]] or most[:1]
-    pairs: list[tuple[str, ...]] = [*combinations(shown, 2)] or [(shown[0],)]
-    maps = [Marginal(space, pair, ratio, PIXELS) for pair in pairs]
-    front = Front(ratio, sweep.value(WORST))
-    cloud = Top(DOTS, lot(), (WORST, RATIO, USE))
-    sweep.reduce(*maps, front, cloud)
+    picture = Picture(sweep.space)
+    sweep.reduce(*picture.parts)
+    share = sweep.postures / sweep.space.size
+    return picture.figure(title(sweep.data.attrs, sweep.conditions, share), lines)
 
-    rows = 2 if len(maps) > 1 else 1
-    figure = Figure(figsize=(11, 4.6 * rows), layout="constrained")
-    panels = figure.subplots(rows, 2).ravel()
-    top = max((each.best.max() for each in maps), default=0.0)
-    low = min((each.best.min(where=each.count > 0, initial=top) for each in maps), default=0.0)
-    for each, panel in zip(maps, panels, strict=False):
-        others = [name for name in varied if name not in each.joints]
-        _map(figure, panel, each, space.units, others, (low, top))
-    _price(figure, panels[-1], cloud, front, lines)
-    figure.suptitle(_title(sweep))
-    return figure
+
+class Picture:
+    """What is drawn of a sweep, seen block by block.
+
+    Args:
+        space: the joints.
+
+    Attributes:
+        parts: what is to see the blocks.
+    """
+
+    def __init__(self, space: Space) -> None:
+        ratio, load = (Expression(of, space.units, "number") for of in (RATIO, WORST))
+        most = sorted(space.axes, key=lambda name: -len(space.axes[name]))
+        self._units = space.units
+        self._varied = [name for name in space.axes if len(space.axes[name]) > 1]
+        shown = [name for name in self._varied if name in most[:3]] or most[:1]
+        pairs: list[tuple[str, ...]] = [*combinations(shown, 2)] or [(shown[0],)]
+        self._maps = [Marginal(space, pair, ratio, PIXELS) for pair in pairs]
+        self._front = Front(ratio, load)
+        self._cloud = Top(DOTS, lot(), (WORST, RATIO, USE))
+        self.parts = (*self._maps, self._front, self._cloud)
+
+    def figure(self, heading: str, lines: Sequence[Line] = ()) -> Figure:
+        """Draw what was seen."""
+        maps = self._maps
+        rows = 2 if len(maps) > 1 else 1
+        figure = Figure(figsize=(11, 4.6 * rows), layout="constrained")
+        panels = figure.subplots(rows, 2).ravel()
+        top = max((each.best.max() for each in maps), default=0.0)
+        low = min((each.best.min(where=each.count > 0, initial=top) for each in maps), default=0.0)
+        for each, panel in zip(maps, panels, strict=False):
+            others = [name for name in self._varied if name not in each.joints]
+            _map(figure, panel, each, self._units, others, (low, top))
+        _price(figure, panels[-1], self._cloud, self._front, lines)
+        figure.suptitle(heading)
+        return figure
 
 
 def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
@@ -82,17 +104,17 @@ def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
         figure.savefig(draft, dpi=150)
 
 
-def _title(sweep: Sweep) -> str:
-    about = sweep.data.attrs
+def title(about: Mapping[str, Any], conditions: Sequence[Expression], share: float = 1.0) -> str:
+    """Return what a sweep is of, by the attributes of its dataset and the share that is done."""
     said = (
         f"{_plain(about['leg'])}: foot {about['foot_speed_m_s']:g} m/s at "
         f"{about['attack_deg']:g}°, e = {about['restitution']:g}, "
         f"μ = {about['friction']:g}, ball {about['ball_mass_kg']:g} kg"
     )
-    if sweep.conditions:
-        said += f"\nwhere {_plain(' and '.join(each.text for each in sweep.conditions))}"
-    if not sweep.finished:
-        said += f"\nunfinished: {sweep.postures / sweep.space.size:.0%} of the postures"
+    if conditions:
+        said += f"\nwhere {_plain(' and '.join(each.text for each in conditions))}"
+    if share < 1.0:
+        said += f"\nunfinished: {share:.0%} of the postures"
     return said
 
 

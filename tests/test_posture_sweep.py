@@ -80,6 +80,25 @@ def test_conditions_choose_best_and_worst(tmp_path):
     assert "best (" not in ended.stdout
 
 
+def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
+    large = ["--joint", "hip=0:40:0.4", "--joint", "knee=10:60:0.5", "--joint", "ankle=0:20:0.2"]
+    asked = ("--where", "knee < 20", "--json", "j.json", "--plot", "p.png", "--view", "v.html")
+    ended = door(*large, *asked, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "No posture is kept" in ended.stdout
+    report = json.loads((tmp_path / "j.json").read_text())
+    assert report["postures"] == 101 * 101 * 101
+    kept = report["kept"]
+    assert max(kept["best"]["knee"] + kept["sample"]["knee"] + kept["front"]["knee"]) < 20
+    best = report["lines"][-2]
+    assert best["angles"]["hip"] == pytest.approx(kept["best"]["hip"][0])
+    assert best["ball_speed"] == pytest.approx(kept["best"]["ball_speed"][0], rel=1e-12)
+    assert {f.name for f in tmp_path.iterdir()} == {"j.json", "p.png", "v.html"}
+    ended = door(*large, "--out", "s.nc", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "name a store, --out DIR.zarr" in ended.stderr
+
+
 def test_ctrl_c_says_how_to_go_on(tmp_path):
     large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:0.1"]
     large += ["--carry-error", "0"]  # some minutes, were it not stopped
@@ -145,6 +164,7 @@ def test_any_urdf(tmp_path):
         (["--view", "no/where.html"], "no/where.html cannot be written"),
         (["--json", "."], "is a folder"),
         (["--nose"], "No such option"),
+        (["--workers", "2"], "--workers and --cluster fill a Zarr store"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):

@@ -20,7 +20,7 @@ from kickdyn.sweep.marginal import Marginal
 from kickdyn.sweep.top import Top, lot
 
 if TYPE_CHECKING:
-    from kickdyn.sweep.opened import Sweep
+    from kickdyn.sweep.opened import Reduction, Sweep
     from kickdyn.sweep.summary import Line
 
 ENDINGS = (".png", ".svg", ".pdf")
@@ -79,7 +79,7 @@ class Picture:
         self._maps = [Marginal(space, pair, ratio, PIXELS) for pair in pairs]
         self._front = Front(ratio, load)
         self._cloud = Top(DOTS, lot(), (WORST, RATIO, USE))
-        self.parts = (*self._maps, self._front, self._cloud)
+        self.parts: tuple[Reduction, ...] = (*self._maps, self._front, self._cloud)
 
     def figure(self, heading: str, lines: Sequence[Line] = ()) -> Figure:
         """Draw what was seen."""

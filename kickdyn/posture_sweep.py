@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import xarray as xr
@@ -45,8 +45,10 @@ from kickdyn.sweep.summary import (
     paper_lines,
     worst_residual,
 )
-from kickdyn.sweep.survey import Survey
 from kickdyn.urdf_file import shipped_urdf
+
+if TYPE_CHECKING:
+    from kickdyn.sweep.survey import Survey
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
 AIRS: dict[str, Callable[[], Air | None]] = {
@@ -162,8 +164,11 @@ def posture_sweep(
             cluster=cluster, carry_error=carry_error,
         )  # fmt: skip
         counted, residual = told["counts"], told["residual"]
-        lines = _extremes(leg, postures, kick, told)
+        numbers = [told[name][1] for name in ("best", "worst") if told[name]]
+        lines = extremes(leg, postures, kick, numbers)
     elif postures.size > MAX_POSTURES:
+        from kickdyn.sweep.survey import Survey
+
         survey = Survey(leg, postures, kick, where, draws=plot is not None)
         with progress(space) as done:
             survey.run(threads=threads, carry_error=carry_error, progress=done)
@@ -252,13 +257,6 @@ def _command(more: str) -> str:
     context = click.get_current_context()
     typed = [each for each in context.meta["typed"] if each != more]
     return f"{context.command_path} {shlex.join([*typed, more])}"
-
-
-def _extremes(leg: Leg, postures: Grid, kick: Kick, told: dict[str, Any]) -> list[Line]:
-    if told["best"] is None:
-        return []
-    best, worst = (postures.configuration(leg, told[name][1]) for name in ("best", "worst"))
-    return extremes(leg, kick, best, worst)
 
 
 def _writers(

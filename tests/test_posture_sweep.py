@@ -26,6 +26,11 @@ def door(*arguments, cwd=None):
     return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd)
 
 
+def interruptible():
+    """Heed Ctrl-C, which what a shell runs in the background does not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_table_and_files(tmp_path):
     files = ["--out", "sweep.nc", "--plot", "sweep.png", "--json", "sweep.json"]
     ended = door(*SMALL, *files, cwd=tmp_path)
@@ -89,6 +94,7 @@ def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
     report = json.loads((tmp_path / "j.json").read_text())
     assert report["postures"] == 101 * 101 * 101
     kept = report["kept"]
+    assert set(kept) == {"best", "front", "marginals", "sample"}
     assert max(kept["best"]["knee"] + kept["sample"]["knee"] + kept["front"]["knee"]) < 20
     best = report["lines"][-2]
     assert best["angles"]["hip"] == pytest.approx(kept["best"]["hip"][0])
@@ -105,7 +111,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
     quiet = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=quiet,
-                          stdout=subprocess.PIPE) as stopped:  # fmt: skip
+                          stdout=subprocess.PIPE, preexec_fn=interruptible) as stopped:  # fmt: skip
         while not list(tmp_path.glob("*/progress/*.json")) and stopped.poll() is None:
             time.sleep(0.05)
         stopped.send_signal(signal.SIGINT)
@@ -258,7 +264,8 @@ def test_page_and_live_view(tmp_path):
     assert ended.returncode == 0
     assert "<title>leg_human: ball at" in (tmp_path / "kick.html").read_text()
     command = [sys.executable, "-m", "kickdyn.posture_sweep", *SMALL, "--live", "--json", "-"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as served:
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                          preexec_fn=interruptible) as served:  # fmt: skip
         said = served.stderr.readline().decode()
         url = said.split(" at ")[1].split(" ")[0]
         assert url.startswith("http://127.0.0.1:")

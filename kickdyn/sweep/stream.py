@@ -118,7 +118,7 @@ def _unkept(
     progress: Progress | None,
     see: See | None,
 ) -> dict[str, Any]:
-    chunks, outcomes = cut(leg, grid, kick), Outcomes(leg, grid, kick, carry_error)
+    chunks, outcomes = cut(leg, grid, kick, parts=4), Outcomes(leg, grid, kick, carry_error)
     so_far: list[dict[str, Any]] = []
     turn = Lock()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,16 +89,14 @@ def best_and_worst(leg: Leg, found: Sweep, kick: Kick) -> list[Line]:
     """Return the postures of highest and lowest ball speed among those of a sweep, if any."""
     best, worst = (Top(1, found.value(of)) for of in ("ball_speed", "-ball_speed"))
     found.reduce(best, worst)
-    if not best.numbers.size:
-        return []
     joints = Grid({name: found.data[name].values for name in found.space.axes})
-    ends = (joints.configuration(leg, int(each.numbers[0])) for each in (best, worst))
-    return extremes(leg, kick, *ends)
+    return extremes(leg, joints, kick, [int(n) for each in (best, worst) for n in each.numbers])
 
 
-def extremes(leg: Leg, kick: Kick, best: Array, worst: Array) -> list[Line]:
-    """Return the lines of the best and the worst posture, by their q."""
-    lines = [_line(leg, kick, label, q) for label, q in (("best", best), ("worst", worst))]
+def extremes(leg: Leg, grid: Grid, kick: Kick, numbers: Sequence[int]) -> list[Line]:
+    """Return the lines of the best and the worst posture, by their numbers; of none, no line."""
+    ends = zip(("best", "worst"), numbers, strict=False)
+    lines = [_line(leg, kick, label, grid.configuration(leg, number)) for label, number in ends]
     return [replace(line, why=_why(line, kick)) for line in lines]
 
 

@@ -129,11 +129,8 @@ class Survey:
 
     def lines(self) -> list[Line]:
         """Return the best and the worst posture, if there is any."""
-        if not self.chosen:
-            return []
-        numbers = int(self.top.numbers[0]), int(self._worst.numbers[0])
-        best, worst = (self._grid.configuration(self._leg, number) for number in numbers)
-        return extremes(self._leg, self._kick, best, worst)
+        numbers = [*self.top.numbers[:1].tolist(), *self._worst.numbers.tolist()]
+        return extremes(self._leg, self._grid, self._kick, numbers)
 
     def plot(self, *, lines: Sequence[Line] = ()) -> Figure:
         """Draw heat maps and the front, as `Sweep.plot`; the survey must have been told so."""

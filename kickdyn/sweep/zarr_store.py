@@ -40,9 +40,10 @@ _FLAGS = {
 }
 
 
-def cut(leg: Leg, grid: Grid, kick: Kick) -> Cut:
-    """Return the chunks of a sweep."""
-    return Cut.of(grid.shape, CHUNK if kernel_scene(leg, kick) else min(CHUNK, SLOW_CHUNK))
+def cut(leg: Leg, grid: Grid, kick: Kick, parts: int = 1) -> Cut:
+    """Return the chunks of a sweep, or so many parts of each."""
+    most = CHUNK if kernel_scene(leg, kick) else min(CHUNK, SLOW_CHUNK)
+    return Cut.of(grid.shape, most // parts)
 
 
 class Store:

@@ -34,7 +34,7 @@ def close_loops(leg: Leg, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
     Raises:
         InvalidInput: the loops stay open; the widest, its gap and the rank of all together.
     """
-    if isinstance(keep, str):
+    if isinstance(keep, str) or not isinstance(keep, Iterable):
         raise InvalidInput(f"keep is {keep!r}: it must be a list of joints' names")
     model = leg.workspace.model
     q, fixed = configuration(model, q), [leg.velocity_index(name) for name in keep]

@@ -24,8 +24,8 @@ class Contact(Sealed):
             Eqs. (8)-(10), when not named; the paper uses 0.4, and 0.37 to 0.63 was measured on
             nine match balls against leather (Proceedings 2020, 49(1):92).
         offset: of the contact point from the origin of the leg's contact frame, in that frame's
-            axes, so that it stays on the foot as the foot turns, shape `(3,)` [m]. None, the
-            origin itself, when not named.
+            axes, so that it stays on the foot as the foot turns, shape `(3,)` [m]; it replaces
+            that of a posture from `touched_at`. None, which leaves the point alone, when not named.
 
     Raises:
         InvalidInput: a normal of length 0, or a coefficient outside its range.

@@ -299,8 +299,20 @@ def configuration(model: Any, q: ArrayLike) -> Array:
     """Return q checked, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
     checked = checks.vector("q", q, model.nq)
     if model.nq != model.nv and not pin.isNormalized(model, checked, 1e-9):
+        name, part = _not_unit(model, checked)
         raise InvalidInput(
-            f"q is {checked.tolist()}: the (cos, sin) pair of a continuous joint must have "
-            "length 1 (Leg.configuration makes one from angles)"
+            f"q is {checked.tolist()}: {part} of {name} must have length 1 (Leg.configuration "
+            "makes one from angles)"
         )
     return checked
+
+
+def _not_unit(model: Any, q: Array) -> tuple[str, str]:
+    """Return the first joint whose part of q has not length 1, and what it is."""
+    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        alone = pin.neutral(model)
+        alone[joint.idx_q : joint.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
+        if not pin.isNormalized(model, alone, 1e-9):
+            free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
+            return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
+    return model.name, "what stands for angles"

@@ -144,6 +144,10 @@ def _spread(inertia: Any) -> Array:
 
 def _check_limits(model: Any) -> None:
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    if np.isnan([lower, upper]).any():
+        raise InvalidInput(
+            f"joint range is {lower.tolist()} to {upper.tolist()}: every limit must be a number"
+        )
     if not (lower <= upper).all():
         raise InvalidInput(
             f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"

@@ -16,9 +16,9 @@ class Workspace(threading.local):
     """Scratch space per thread: two threads in one `pin.Data` would mix their kinematics.
 
     Attributes:
-        model: the leg's model, without gravity; read only.
+        model: the leg's model, for an impact without gravity; read only.
         data: `pin.Data` of that model.
-        external: one zero `pin.Force` per joint.
+        external: one `pin.Force` per joint; whoever needs them sets them all.
         pushes: view of `external`, shape `(njoints, 6)`, the universe included.
         placements: views of `data.oMi`, the universe included.
         forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.

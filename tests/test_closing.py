@@ -119,3 +119,10 @@ def test_what_is_no_configuration_is_refused():
         LEG.closed(np.zeros(5), keep="rocker_b")
     with pytest.raises(kd.InvalidInput, match="must have length 1"):
         kd.Leg.from_robot("g1", base="floating").closed(np.zeros(36))
+
+
+def test_joints_to_keep_are_a_list():
+    leg = kd.Leg.human()
+    for keep in (None, 3, "hip"):
+        with pytest.raises(kd.InvalidInput, match=r"keep is .*must be a list of joints' names"):
+            leg.closed(leg.configuration(), keep=keep)

@@ -349,3 +349,10 @@ def test_wrong_kinds_are_named():
     for loop in (5, None, "hip"):
         with pytest.raises(kd.InvalidInput, match="must be a pair"):
             leg.with_loops(loop)
+
+
+def test_a_limit_that_is_no_number_is_said_to_be_none():
+    model = arm()
+    model.upperPositionLimit = np.array([math.nan, 1.0])
+    with pytest.raises(kd.InvalidInput, match=r"joint range is .*every limit must be a number"):
+        kd.Leg.from_model(model, "toe")

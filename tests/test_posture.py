@@ -339,3 +339,13 @@ def test_a_foot_faster_than_floats_is_refused():
     posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
     with pytest.raises(kd.InvalidInput, match="must be slower"):
         posture.joint_velocity([1e308, 0, 1e308])
+
+
+def test_a_floating_base_without_its_quaternion_is_named():
+    leg = kd.Leg.from_robot("bolt", base="floating")
+    with pytest.raises(kd.InvalidInput, match=r"the quaternion \(xyzw, last\) of root_joint must"):
+        leg.posture(np.zeros(leg.nq))
+    stretched = leg.configuration()
+    stretched[3:7] *= 2
+    with pytest.raises(kd.InvalidInput, match="of root_joint must have length 1"):
+        leg.posture(stretched)

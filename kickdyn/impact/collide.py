@@ -20,6 +20,7 @@ from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.held import check_free
 from kickdyn.impact.hertz import (
+    BRIEFEST,
     HertzContact,
     contact_stiffness,
     expected_contact_time,
@@ -28,6 +29,7 @@ from kickdyn.impact.hertz import (
 )
 from kickdyn.impact.squeeze import Squeeze
 from kickdyn.impact.strike import approach
+from kickdyn.impact.torque import Torque, acting, check_pickles, own_torque
 from kickdyn.leg import Leg
 
 CONTACT_TIME = 0.010
@@ -37,13 +39,9 @@ Ingleton, Peacock & Nunome, Ball impact dynamics in the punt kick, ISBS 2013).""
 PATIENCE = 50.0
 """Expected contact times after which a leg that does not let go of the ball is given up."""
 
-BRIEFEST = 1e-9
-"""Contact time below which the deflection has too few digits beside the leg's size [s]."""
-
 SLOWEST = 1e-6
 """Approach speed below which gravity decides and not the impact [m/s]."""
 
-Torque = Callable[[float, Array, Array], ArrayLike]
 Sample = Callable[[float], tuple[Array, Array, float]]
 
 
@@ -117,7 +115,16 @@ class Collision(Card):
 
     def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
         """Pickle what it was asked; unpickled, it runs again, to the same digits."""
+        check_pickles(self._again.keywords["torque"])
         return (partial(self._again, tol=self.tol), ())
+
+    def __copy__(self) -> Collision:
+        """Return itself, for it does not change."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Collision:
+        """Return itself."""
+        return self
 
     @cached_property
     def error(self) -> float:
@@ -139,15 +146,7 @@ class Collision(Card):
         Raises:
             InvalidInput: a time outside the contact, or more than one dimension.
         """
-        times = checks.floats("t", t, unit="s")
-        if times.ndim > 1:
-            raise InvalidInput(f"t has shape {times.shape}: it must be a number or (n,)")
-        outside = times[(times < 0) | (times > self.contact_time)]
-        if outside.size:
-            raise InvalidInput(
-                f"t is {float(outside.flat[0]):g} s: the contact lasts from 0 to "
-                f"{self.contact_time:g} s"
-            )
+        times = checks.times(t, self.contact_time, "the contact")
         found = [self._sample(float(at)) for at in times.flat]
         force, impulse, deflection = (np.array([one[i] for one in found]) for i in range(3))
         shape = (*times.shape, 3)
@@ -207,6 +206,7 @@ def collide(
     checks.made_of(Ball, ball=ball)
     checks.made_of(Contact, touch=touch)
     check_free(leg, "a contact that takes time is")
+    torque = own_torque(torque, leg.nv)
     posture = leg.posture(q)
     if touch.offset is not None:
         posture = posture.touched_at(touch.offset)
@@ -221,8 +221,7 @@ def collide(
 
     checks.number("contact time", expected, at_least=BRIEFEST, unit="s")
 
-    acting = _torque(torque, leg.nv)
-    squeeze = Squeeze(posture, ball, touch, contact, before, speed, acting)
+    squeeze = Squeeze(posture, ball, touch, contact, before, speed, acting(torque, leg.nv))
     start = squeeze.start(v)
     scale = squeeze.scales(start, expected, speed, mass)
     step, limit = expected / 20.0, PATIENCE * expected
@@ -295,13 +294,6 @@ def _contact(
         return HertzContact(checks.number("stiffness", stiffness, above=0, unit="N/m^1.5"), damping)
     time = CONTACT_TIME if contact_time is None else contact_time
     return HertzContact(contact_stiffness(time, mass, speed, e), damping)
-
-
-def _torque(torque: ArrayLike | Torque | None, nv: int) -> Callable[[float, Array, Array], Array]:
-    if callable(torque):
-        return lambda t, q, v: checks.vector("torque", torque(t, q, v), nv, unit="N m")
-    held = np.zeros(nv) if torque is None else checks.vector("torque", torque, nv, unit="N m")
-    return lambda t, q, v: held
 
 
 def _peaks(sample: Sample, steps: Array) -> tuple[float, float]:

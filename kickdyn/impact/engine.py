@@ -13,7 +13,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.strike import approach
+from kickdyn.impact.strike import approach, check_ball_speed
 from kickdyn.leg import Leg
 
 
@@ -48,6 +48,9 @@ def engine_strike(
     J_foot), which always has rank one thanks to the ball, and those rows of supports and loops
     that are independent; with rows of lower rank it would answer wrongly without a word.
     """
+    checks.made_of(Leg, leg=leg)
+    checks.made_of(Ball, ball=ball)
+    checks.made_of(Contact, touch=touch)
     if touch.friction != 0.0:
         raise InvalidInput(
             f"friction is {touch.friction:g}: Pinocchio's impulseDynamics knows only 0"
@@ -59,6 +62,7 @@ def engine_strike(
         posture = posture.touched_at(touch.offset)
     centre = posture.contact_point + ball.radius * touch.normal
     before = BallState(centre, ball_velocity, ball_spin)
+    check_ball_speed(ball, before)
     approach(posture, v, posture.jacobian @ v, before, touch)
 
     model = leg.workspace.model.copy()

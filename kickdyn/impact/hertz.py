@@ -15,6 +15,9 @@ from scipy.optimize import brentq
 from kickdyn import checks
 from kickdyn.checks import Array
 
+BRIEFEST = 1e-9
+"""Contact time below which the deflection has too few digits beside the leg's size [s]."""
+
 
 @dataclass(frozen=True)
 class HertzContact:

@@ -28,6 +28,7 @@ def joint_impulses(
     """
     leg, space = posture.leg, posture.leg.workspace
     pushes = space.pushes
+    pushes.fill(0.0)  # of the impact before
     pushes[leg.contact_joint] = on_foot(posture, impulse)
     if posture.hold is not None and held is not None:
         for block in posture.hold.blocks:
@@ -36,7 +37,6 @@ def joint_impulses(
             if block.other:
                 pushes[block.other] -= at_joint(block.turns[1], block.levers[1], given)
     left_over = pin.rnea(space.model, space.data, posture.q, space.still, jump, space.external)
-    pushes.fill(0.0)
     return space.forces.copy(), left_over.copy()
 
 
@@ -49,11 +49,11 @@ def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
     leg, space = posture.leg, posture.leg.workspace
     if posture.doubtful:
         return posture.articulated.respond(leg.contact_joint, np.array(on_foot(posture, impulse)))
-    model, data, still, push = space.model, space.data, space.still, space.pushes[leg.contact_joint]
-    push[:] = on_foot(posture, impulse)
+    model, data, still = space.model, space.data, space.still
+    space.pushes.fill(0.0)  # of the impact before
+    space.pushes[leg.contact_joint] = on_foot(posture, impulse)
     jump = pin.aba(model, data, posture.q, still, still, space.external).copy()
     left_over = pin.rnea(model, data, posture.q, still, jump, space.external)
-    push.fill(0.0)
     return jump, space.forces.copy(), left_over.copy()
 
 

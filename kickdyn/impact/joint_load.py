@@ -12,6 +12,7 @@ import pinocchio as pin
 from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.impact.hertz import BRIEFEST
 from kickdyn.impact.result import Impact
 
 
@@ -52,14 +53,14 @@ def joint_loads(
         force_limits: joint name to the largest force it bears [N], above 0.
 
     Raises:
-        InvalidInput: a contact time or limit that is not above 0, limits without a contact time,
-            or no such joint.
+        InvalidInput: a contact time below 1e-9 s, a limit that is not above 0, limits without a
+            contact time, or no such joint.
     """
     checks.made_of(Impact, hit=hit)
     leg, sharpness = hit.posture.leg, None
     limits = checks.mapping("force limits", force_limits)
     if contact_time is not None:
-        time = checks.number("contact time", contact_time, above=0, unit="s")
+        time = checks.number("contact time", contact_time, at_least=BRIEFEST, unit="s")
         sharpness = math.pi / 2 / time
     elif limits:
         raise InvalidInput("force limits need a contact time: without one there is no force")

@@ -79,12 +79,12 @@ def leg_slopes(
     foot = _Load(leg.contact_joint, posture.joint_rotation, posture.contact_lever, push)
     loads = [foot, *(load for _, load in _carried(posture, held))]
     jacobians = [_jacobian(posture, load) for load in loads]
+    space.pushes.fill(0.0)
     for load in loads:
         space.pushes[load.joint] += at_joint(load.turn.T, load.lever, load.given)
     jump = v_after - v
     by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
     left_over = np.array(by_q).reshape(nv, nv)
-    space.pushes.fill(0.0)
     for load, jacobian in zip(loads, jacobians, strict=True):
         # Pinocchio turns the impulse with the body; ours stays as it is in the world.
         for part in (LINEAR, ANGULAR):

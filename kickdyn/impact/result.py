@@ -159,7 +159,8 @@ class Impact(Sealed, Card):
     def footing(self) -> dict[str, str]:
         """What the ground, which only pushes, would let each support do; see `footing`.
 
-        `stands`, or `lifts off`, `slips`, `tips`: then `unilateral_strike` says what happens.
+        `stands`, or `lifts off`, `slips`, `tips`: then `unilateral_strike` says what happens; or
+        `is tilted`, of a sole that is not level.
         """
         return judged(self.posture.hold, self.constraint_impulses, math.hypot(*self.impulse))
 

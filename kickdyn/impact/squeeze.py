@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.hertz import HertzContact
 from kickdyn.posture import Posture
 from kickdyn.vectors import cross
+from kickdyn.workspace import Workspace
 
 CREEP = 1e-3
 """Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,
@@ -82,10 +83,8 @@ class Squeeze:
     ) -> None:
         leg, q = posture.leg, posture.q
         self.model = leg.model  # with gravity, which the leg's workspace leaves out
-        self.data = self.model.createData()
+        self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
-        self.external = pin.StdVec_Force()
-        self.external.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
         self.leg, self.q, self.ball, self.contact = leg, q, ball, contact
         self.before, self.torque = before, torque
         self.friction, self.creep = touch.friction, CREEP * speed * max(touch.friction, 1.0)
@@ -96,6 +95,11 @@ class Squeeze:
         self.arm = joint.actInv(posture.contact_point)
         self.normal = joint.rotation.T @ touch.normal
         self.lever = ball.radius * touch.normal
+
+    @property
+    def data(self) -> Any:
+        """This thread's `pin.Data`: a contact may be sampled by several."""
+        return self._space.data
 
     def start(self, v: Array) -> Array:
         """Return the first column."""
@@ -168,13 +172,15 @@ class Squeeze:
 
         turn = self.data.oMi[self.leg.contact_joint].rotation.T
         moment = turn @ cross(touch.point, -push)
-        self.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
+        self._space.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
         lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
         torque = self.torque(t, state.q, state.v)
         power = float(torque @ state.v)
         if ball.inertia == math.inf:  # an endless store of energy, whose spin it does not change
             power -= float(moment_on_ball @ state.spin)
-        acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, self.external)
+        acceleration = pin.aba(
+            self.model, self.data, state.q, state.v, torque, self._space.external
+        )
         return np.concatenate(
             [
                 self._displacement_rate(state),

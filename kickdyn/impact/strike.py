@@ -20,6 +20,7 @@ from kickdyn.posture import Posture
 from kickdyn.vectors import crossed, largest
 
 MAX_SPEED = 1e140
+"""[m/s]. Squares of it, times a mass, are energies that a float64 still holds."""
 
 FAINT = 1e-9
 """Share of the speeds at hand below which an approach is looked at more closely."""
@@ -81,6 +82,7 @@ def strike_at(
     strict: bool = False,
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
+    checks.flag("strict", strict)
     checks.made_of(Posture, posture=posture)
     checks.made_of(Ball, ball=ball)
     checks.made_of(Contact, touch=touch)
@@ -143,12 +145,25 @@ def strike_at(
         energy_lost=energy_lost,
         sticking=sticking,
     )
-    if strict and hit.creates_energy:
-        raise EnergyCreated(
-            f"law {law!r} creates {-hit.energy_lost:.3g} J in {posture!r} (restitution "
-            f"{touch.restitution:g}, friction {touch.friction:g}): law 'stronge' never does"
-        )
+    if strict:
+        check_energy(hit)
     return hit
+
+
+def check_energy(hit: Impact) -> None:
+    """Raise `EnergyCreated` if the law gained energy."""
+    if hit.creates_energy:
+        raise EnergyCreated(
+            f"law {hit.law!r} creates {-hit.energy_lost:.3g} J in {hit.posture!r} (restitution "
+            f"{hit.touch.restitution:g}, friction {hit.touch.friction:g}): law 'stronge' never does"
+        )
+
+
+def check_ball_speed(ball: Ball, before: BallState) -> None:
+    """Raise `InvalidInput` for a ball that moves or spins beyond double precision."""
+    fastest = max(largest(before.velocity), largest(before.spin) * ball.radius)
+    if not fastest < MAX_SPEED:
+        raise InvalidInput(f"the ball moves at {fastest:g} m/s: it must be below {MAX_SPEED:g} m/s")
 
 
 def approach(

@@ -157,7 +157,13 @@ def _covariance(name: str, value: ArrayLike, size: int) -> Array:
     if array.shape == (size, size) and size > 1:
         lowest = float(np.linalg.eigvalsh(array)[0])
         largest = float(np.abs(array).max())
-        if np.abs(array - array.T).max() > 1e-9 * largest or lowest < -1e-9 * largest:
+        aslant = float(np.abs(array - array.T).max())
+        if aslant > 1e-9 * largest:
+            raise InvalidInput(
+                f"covariance of {name} differs from its transpose by {aslant:.3g}: it must be "
+                "symmetric and positive semidefinite"
+            )
+        if lowest < -1e-9 * largest:
             raise InvalidInput(
                 f"covariance of {name} has a smallest eigenvalue of {lowest:.3g}: it must be "
                 "symmetric and positive semidefinite"

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from kickdyn import checks
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.constraints import Support
@@ -20,7 +21,7 @@ from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.result import Impact
-from kickdyn.impact.strike import strike
+from kickdyn.impact.strike import check_energy, strike
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 from kickdyn.vectors import cross
@@ -87,6 +88,7 @@ def unilateral_strike(
     *,
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
     ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    strict: bool = False,
 ) -> UnilateralImpact:
     """Strike a ball from supports that are not held, but stand on points of the ground.
 
@@ -98,6 +100,7 @@ def unilateral_strike(
     named. Arguments and errors as for `strike`, and
 
     Raises:
+        EnergyCreated: `strict`, and Newton's law gains energy here.
         InvalidInput: another law, the leg has no supports, one lacks its friction, a flat one its
             sole, or a sole is not level.
         KickdynError: no solution was found; the message says how far the best misses the laws.
@@ -108,6 +111,7 @@ def unilateral_strike(
         )
     if law != "newton":
         raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
+    checks.flag("strict", strict)
     held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
     free = leg.standing_on().posture(held.posture.q)
@@ -126,7 +130,10 @@ def unilateral_strike(
             f"no impulses found for the supports: the best miss the contact laws by {residual:.1g} "
             f"(at most {MAX_RESIDUAL:g}; friction up to {max(frictions):g}) in {held.posture!r}"
         )
-    return _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
+    hit = _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
+    if strict:
+        check_energy(hit)
+    return hit
 
 
 class _Contacts(NamedTuple):
@@ -158,6 +165,7 @@ def _contacts(held: Impact, ball: Ball, free: Posture, feet: list[_Foot]) -> _Co
     )
     delassus[:3, :3] += alone.delassus_in(axes)
     before = np.concatenate([axes.T @ alone.velocity, np.zeros(len(jacobian) - 3)])
+    before[2] = -alone.along_normal()[0]  # a fast spin would cost its digits
     return _Contacts(axes, jacobian, (delassus + delassus.T) / 2, before)
 
 

@@ -1,7 +1,9 @@
 """The contact that takes time: closed forms, what is conserved, and the limit of the instant."""
 
+import inspect
 import math
 import pickle
+import threading
 
 import numpy as np
 import pinocchio as pin
@@ -329,3 +331,22 @@ def test_pickled_it_runs_again():
 def test_torques_beyond_reason_are_said():
     with pytest.raises(kd.KickdynError):
         human(torque=[1e300] * 3)
+
+
+def test_the_callers_array_may_change():
+    torque = np.array([50.0, 0.0, 0.0])
+    hit = human(torque=torque, tol=1e-8)
+    torque[:] = -500.0
+    assert hit.error < 1e-5
+    assert (pickle.loads(pickle.dumps(hit)).impulse == hit.impulse).all()
+
+
+def test_threads_have_kinematics_of_their_own():
+    """So that several may sample one contact; a race itself may happen not to be lost."""
+    squeeze = inspect.getclosurevars(human()._sample).nonlocals["squeeze"]
+    seen = [squeeze.data]
+    worker = threading.Thread(target=lambda: seen.append(squeeze.data))
+    worker.start()
+    worker.join()
+    assert seen[0] is not seen[1]
+    assert squeeze.data is seen[0]

@@ -176,3 +176,23 @@ def test_the_more_joints_the_fewer_digits(joints):
     assert joint_digits(whole, foot) == pytest.approx(lost, rel=1e-12)
     assert joint_digits(1e-3 * whole, foot) == pytest.approx(lost - 3, rel=1e-12)
     assert not joint_digits(0.0 * whole, foot).any()
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_an_impact_that_was_interrupted_leaves_nothing(held, monkeypatch):
+    leg = kd.Leg.from_robot("bolt", base="floating")
+    leg = leg.standing_on(kd.Support("FL_FOOT", point=True)) if held else leg
+    posture = leg.posture(leg.configuration({"FR_HFE": 0.4, "FR_KFE": -0.8}))
+    v = posture.joint_velocity([3, 0, 1])
+    kick = posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7)
+    wanted = kd.strike_at(*kick).joint_impulses
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pin, "rnea", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            _ = kd.strike_at(*kick).joint_impulses
+    leg.workspace.pushes[1] += 1.0  # wherever it stopped
+    assert (kd.strike_at(*kick).joint_impulses == wanted).all()

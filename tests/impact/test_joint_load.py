@@ -55,7 +55,7 @@ def test_peak_is_that_of_half_a_sine():
 @pytest.mark.parametrize(
     ("args", "said"),
     [
-        ((0,), "contact time is 0.0: .*above 0"),
+        ((0,), "contact time is 0.0: .*at least 1e-09"),
         ((math.nan,), "contact time is nan"),
         ((0.01, {"hip": 0}), "force limit of hip is 0.0"),
         ((0.01, {"toe": 1}), "joint 'toe' is unknown: leg_human has hip, knee, ankle"),
@@ -70,3 +70,12 @@ def test_bad_input_is_refused(args, said):
 def test_wrong_kinds_are_named():
     with pytest.raises(kd.InvalidInput, match="hit is None"):
         kd.joint_loads(None)
+
+
+@pytest.mark.parametrize("brief", [0.0, 1e-320, 9e-10])
+def test_a_contact_has_a_least_duration(brief):
+    posture = kd.Leg.human().posture([0.1, 0.4, -0.1])
+    v = posture.joint_velocity((9, 0, 3))
+    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7))
+    with pytest.raises(kd.InvalidInput, match=r"contact time is .* at least 1e-09"):
+        kd.joint_loads(hit, brief)

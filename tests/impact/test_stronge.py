@@ -10,6 +10,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+import kickdyn as kd
 from kickdyn.impact.newton import newton
 from kickdyn.impact.stronge import stronge
 
@@ -247,3 +248,15 @@ def test_it_is_linear_in_the_velocities(scale):
         impulse = stronge(contact).impulse
         contact.velocity = contact.velocity * scale
         assert stronge(contact).impulse / scale == pytest.approx(impulse, rel=1e-9)
+
+
+@pytest.mark.parametrize("spin", [1e4, 1e8, 1e12, 1e20])
+def test_a_fast_spin_costs_no_digits(spin):
+    """The sliding cannot turn nor end: along one straight line all laws of restitution agree."""
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
+    v = posture.joint_velocity((1.0, 0.0, 0.3))
+    kick = posture, v, kd.Ball(), kd.Contact((1, 0, 0.3), 0.7, 0.4)
+    ours, theirs = (
+        kd.strike_at(*kick, law, ball_spin=(0, spin, 0)).impulse for law in ("stronge", "newton")
+    )
+    assert ours == pytest.approx(theirs, rel=1e-12)

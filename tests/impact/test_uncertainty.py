@@ -128,3 +128,13 @@ def test_a_covariance_may_be_singular():
     ours = hit.uncertainty(v=0.01 * np.ones((3, 3))).velocity
     assert ours == pytest.approx(0.01 * np.outer(slope, slope), abs=1e-15)
     assert np.isfinite(hit.uncertainty(v=np.zeros((3, 3))).speed)
+
+
+def test_a_lopsided_covariance_is_said_to_be_one():
+    posture = kd.Leg.human().posture([0.1, 0.4, -0.1])
+    hit = kd.strike_at(
+        posture, posture.joint_velocity((9, 0, 3)), kd.Ball(), kd.Contact((3, 0, 1), 0.7)
+    )
+    lopsided = np.eye(3) + np.eye(3, k=1)
+    with pytest.raises(kd.InvalidInput, match="covariance of q differs from its transpose by 1"):
+        hit.uncertainty(q=lopsided)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import Event
 from typing import Any
 
-import numba
+busy = Event()
+"""Set while a function is compiled, or read from the disk."""
 
 
 def named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
@@ -24,7 +26,12 @@ def compiled(function: Callable[..., Any], signature: Any, **how: Any) -> Callab
     numba looks for changes in the function's own file only: what is made of other files must have
     their contents among what it closes over, which is part of its name there.
     """
+    import numba  # here, so that who only asks whether it is busy need not wait for it
+
+    busy.set()
     try:
         return numba.njit(signature, cache=True, nogil=True, **how)(function)  # type: ignore[no-any-return]
     except (RuntimeError, OSError):  # nowhere to keep it
         return numba.njit(signature, nogil=True, **how)(function)  # type: ignore[no-any-return]
+    finally:
+        busy.clear()

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Protocol
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     Progress,
@@ -23,7 +22,13 @@ from rich.table import Column
 from rich.text import Text
 
 from kickdyn.sweep.block import Space
+from kickdyn.sweep.compiled import busy
 from kickdyn.sweep.notes import Notes
+
+PATIENCE = 1.0
+"""After how long a sweep that has not begun says why [s]."""
+
+COMPILING = "compiling, this once"
 
 Best = tuple[float, int]
 """Ball speed [m/s] and number of a posture."""
@@ -42,6 +47,15 @@ class Rate(ProgressColumn):
     def render(self, task: Task) -> Text:
         """Return the speed as text."""
         return Text("" if task.speed is None else f"{task.speed:,.0f}/s")
+
+
+class Said(ProgressColumn):
+    """The best so far; before there is one, why it takes so long."""
+
+    def render(self, task: Task) -> Text:
+        """Return it as text."""
+        slow = busy.is_set() and (task.elapsed or 0.0) >= PATIENCE
+        return Text(task.fields["best"] or (COMPILING if slow else ""))
 
 
 class Watch:
@@ -92,7 +106,7 @@ def progress(
     columns = (
         TextColumn("postures"), BarColumn(8), TaskProgressColumn(), Rate(),
         TimeRemainingColumn(compact=True),
-        TextColumn("{task.fields[best]}", table_column=Column(ratio=1, no_wrap=True)),
+        Said(table_column=Column(ratio=1, no_wrap=True)),
     )  # fmt: skip
     watch = Watch(store) if store is not None else None
     with Progress(*columns, console=console, transient=True, disable=quiet, expand=True) as bar:
@@ -105,7 +119,7 @@ def progress(
                 return
             top = better(top, watch.look() if watch is not None else best)
             said = "" if top is None else f"best {top[0]:.4g} m/s at {_brief(space, top[1])}"
-            bar.update(task, advance=count, best=escape(said))
+            bar.update(task, advance=count, best=said)
 
         yield done
 

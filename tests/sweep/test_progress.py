@@ -1,12 +1,14 @@
 import io
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from kickdyn.sweep.block import Space
-from kickdyn.sweep.progress import Watch, better, progress
+from kickdyn.sweep.compiled import busy
+from kickdyn.sweep.progress import Said, Watch, better, progress
 
 SPACE = Space.of({"hip": np.radians([0.0, 10.0, 20.0])}, {"hip": "rad"})
 
@@ -71,3 +73,17 @@ def test_of_equals_the_first_posture():
     assert better(None, (0.5, 3)) == (0.5, 3)
     assert better((1.0, 5), None) == (1.0, 5)
     assert better(None, None) is None
+
+
+@pytest.mark.parametrize(
+    ("compiles", "elapsed", "best", "said"),
+    [(True, 2.0, "", "compiling, this once"), (True, 0.1, "", ""), (False, 2.0, "", ""),
+     (True, 2.0, "best 3 m/s", "best 3 m/s")],
+)  # fmt: skip
+def test_while_it_compiles_it_says_so(compiles, elapsed, best, said):
+    if compiles:
+        busy.set()
+    try:
+        assert Said().render(SimpleNamespace(fields={"best": best}, elapsed=elapsed)).plain == said
+    finally:
+        busy.clear()

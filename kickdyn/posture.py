@@ -62,7 +62,7 @@ class Posture(Sealed):
         space = leg.workspace
         model, data = space.model, space.data
         self.leg = leg
-        self.q = configuration(model, q)
+        self.q = checked_configuration(model, q)
         pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
@@ -295,7 +295,7 @@ class Posture(Sealed):
             )
 
 
-def configuration(model: Any, q: ArrayLike) -> Array:
+def checked_configuration(model: Any, q: ArrayLike) -> Array:
     """Return q checked, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
     checked = checks.vector("q", q, model.nq)
     if model.nq != model.nv and not pin.isNormalized(model, checked, 1e-9):

@@ -39,8 +39,7 @@ class Robot:
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-_G1 = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
-_HUMAN = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
+_WORDS = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
 _ICUB = tuple(f"{side}_{part}" for side in "lr" for part in ("hip", "knee", "ankle"))
 _ROMEO = tuple(f"{side}{part}" for side in "LR" for part in ("Hip", "Knee", "Ankle"))
 _BACKWARDS = (0.0, 0.0, np.pi)  # iCub looks along -x
@@ -48,7 +47,7 @@ _BACKWARDS = (0.0, 0.0, np.pi)  # iCub looks along -x
 ROBOTS = {
     "g1": Robot(
         "g1_description/urdf/g1_29dof_rev_1_0.urdf",
-        *("right_ankle_roll_link", "left_ankle_roll_link", _G1),
+        *("right_ankle_roll_link", "left_ankle_roll_link", _WORDS),
     ),
     "talos": Robot(
         "talos_data/robots/talos_reduced.urdf", "right_sole_link", "left_sole_link", ("leg_",)
@@ -62,7 +61,7 @@ ROBOTS = {
     "romeo": Robot("romeo_description/urdf/romeo.urdf", "r_sole", "l_sole", _ROMEO),
     "human": Robot(
         "human_description/robots/human.urdf",
-        *("right_foot", "left_foot", _HUMAN),
+        *("right_foot", "left_foot", _WORDS),
         turn=(np.pi / 2, 0.0, 0.0),  # its y axis points up
     ),
     "simple_humanoid": Robot(

@@ -28,7 +28,7 @@ from kickdyn.impact.hertz import (
     until,
 )
 from kickdyn.impact.squeeze import Squeeze
-from kickdyn.impact.strike import approach
+from kickdyn.impact.strike import AT_REST, approach
 from kickdyn.impact.torque import Torque, acting, check_pickles, own_torque
 from kickdyn.leg import Leg
 
@@ -165,14 +165,14 @@ def collide(
     contact_time: float | None = None,
     stiffness: float | None = None,
     torque: ArrayLike | Torque | None = None,
-    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
-    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
     tol: float = 1e-9,
 ) -> Collision:
     """Strike a ball through a Hertz contact, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces. The foot
-    is a plane through its contact point that turns with it, the ball a rigid shell behind a spring;
+    is a plane through its contact point that turns with it, the ball a rigid body behind a spring;
     the force acts along the plane's normal through the ball's centre, and Coulomb's friction across
     it, against the sliding. For growing stiffness this tends to `strike`, law `newton`, where the
     contact slips one way all along; where it comes to stick, only if friction does not change the

@@ -13,7 +13,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.strike import approach, check_ball_speed
+from kickdyn.impact.strike import AT_REST, approach, check_ball_speed
 from kickdyn.leg import Leg
 
 
@@ -39,8 +39,8 @@ def engine_strike(
     ball: Ball,
     touch: Contact,
     *,
-    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
-    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
 ) -> EngineImpact:
     """Strike a ball by `pin.impulseDynamics`; arguments and errors as for `strike`.
 
@@ -68,8 +68,8 @@ def engine_strike(
     model = leg.workspace.model.copy()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # it will not turn, a particle neither
-    shell = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
-    model.appendBodyToJoint(joint, shell, pin.SE3.Identity())
+    rigid = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
+    model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
     lever = pin.SE3(np.eye(3), -ball.radius * touch.normal)
     frame = pin.Frame("kickdyn_contact", joint, 0, lever, pin.FrameType.OP_FRAME)
     ball_frame = model.addFrame(frame)

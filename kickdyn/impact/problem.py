@@ -19,7 +19,7 @@ class ContactProblem(NamedTuple):
     Attributes:
         normal: unit vector from the foot into the ball, shape `(3,)`.
         leg_delassus: J M^-1 J^T of the leg, shape `(3, 3)` [1/kg].
-        ball: the ball, a rigid shell.
+        ball: the ball, rigid.
         centre_velocity: of the ball's centre relative to the foot's contact point [m/s].
         spin: of the ball [rad/s].
         restitution: coefficient e.
@@ -43,7 +43,7 @@ class ContactProblem(NamedTuple):
         return np.array((u - r * x, v - r * y, w - r * z))
 
     def delassus(self) -> Array:
-        """Return leg and ball together, shape `(3, 3)` [1/kg]; the shell may turn."""
+        """Return leg and ball together, shape `(3, 3)` [1/kg]; the ball may turn."""
         return self.leg_delassus + ball_delassus(self.ball, self.normal)
 
     def delassus_in(self, axes: Array) -> Array:

@@ -148,7 +148,7 @@ class _Answer:
 def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     posture, ball, n, p = hit.posture, hit.struck, hit.touch.normal, hit.impulse
     kic, turned = posture.jacobian, pin.skew(n)
-    r, gain = ball.radius, ball.radius / ball.inertia  # gain is 3 / (2 m r)
+    r, gain = ball.radius, ball.radius / ball.inertia  # of a shell, 3 / (2 m r)
     width = max(place.stop for place in at.values())
     across = np.eye(3) - np.outer(n, n)
 

@@ -25,7 +25,7 @@ Of a leg that supports or loops hold, v and q count as far as they let: v withou
 them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
 of angles is taken off), whereas supports hold wherever q puts them.
 `normal` is the direction of the contact normal as a unit vector: what is along it has no effect.
-`ball_mass` takes the shell's inertia along. `link_mass` scales a link as a whole: centre of mass
+`ball_mass` takes the ball's inertia along. `link_mass` scales a link as a whole: centre of mass
 and radii of gyration stay; massless links do not count. `link_inertia`
 holds ten numbers per link as Pinocchio orders them: mass [kg], mass times centre of mass [kg m],
 and xx, xy, yy, xz, yz, zz of the inertia about the joint's origin [kg m2], in the joint's axes.

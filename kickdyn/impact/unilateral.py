@@ -21,7 +21,7 @@ from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.result import Impact
-from kickdyn.impact.strike import check_energy, strike
+from kickdyn.impact.strike import AT_REST, check_energy, strike
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 from kickdyn.vectors import cross
@@ -86,8 +86,8 @@ def unilateral_strike(
     touch: Contact,
     law: str = "newton",
     *,
-    ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
-    ball_spin: ArrayLike = (0.0, 0.0, 0.0),
+    ball_velocity: ArrayLike = AT_REST,
+    ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> UnilateralImpact:
     """Strike a ball from supports that are not held, but stand on points of the ground.

@@ -20,6 +20,9 @@ PATIENCE = 5.0
 AHEAD = 3
 """Chunks per worker that a scheduler holds: it never waits, and never has them all."""
 
+_DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""Workers leave Ctrl-C, which a terminal sends to all, to the process that started them."""
+
 _LOOPBACK = "127.0.0.1"
 
 
@@ -89,6 +92,7 @@ def _client(where: str | int) -> Iterator[Any]:
             n_workers=where, threads_per_worker=1, processes=True, host=_LOOPBACK,
             dashboard_address=here, worker_dashboard_address=here,
             scheduler_kwargs={"dashboard": False}, memory_limit=0, silence_logs=logging.CRITICAL,
+            preload=[_DEAF],
         ) as cluster,
         dask.Client(cluster, set_as_default=False) as client,
     ):  # fmt: skip

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from kickdyn.flight.lanes import LANES, njit
+from kickdyn.flight.lanes import LANES
+from kickdyn.sweep.arithmetic import njit
 
 PIVOT = 1e-9
 """Share of its diagonal that a pivot may lose before the posture is computed with more care."""

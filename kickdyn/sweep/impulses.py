@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from kickdyn.flight.lanes import LANES, njit
+from kickdyn.flight.lanes import LANES
+from kickdyn.sweep.arithmetic import njit
 
 NEAR = 1e-10
 """Share of its square that a direction may keep of the others before a posture is doubted."""

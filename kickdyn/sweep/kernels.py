@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from kickdyn.checks import Array
 from kickdyn.flight import lanes
-from kickdyn.flight.lanes import HOW, LANES, njit
-from kickdyn.sweep import factors, impulses, planar, spatial
+from kickdyn.flight.lanes import LANES
+from kickdyn.sweep import arithmetic, factors, impulses, planar, spatial
+from kickdyn.sweep.arithmetic import HOW, njit
 from kickdyn.sweep.compiled import compiled, named
 from kickdyn.sweep.factors import factor, unweigh, weigh
 from kickdyn.sweep.impulses import D33, gather, least, strike
@@ -141,7 +142,7 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
     """Return a kernel from the disk if it can be kept there: compiling takes seconds."""
     # numba looks for changes in this file only; what a function closes over is part of its name,
     # and must be plain: two functions, for a compiled one would be a new name each time
-    parts = (lanes, factors, impulses, planar if in_plane else spatial)
+    parts = (lanes, arithmetic, factors, impulses, planar if in_plane else spatial)
     made_of = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
 
     def flat(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]

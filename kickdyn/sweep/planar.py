@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 
-from kickdyn.flight.lanes import LANES, njit
+from kickdyn.flight.lanes import LANES
+from kickdyn.sweep.arithmetic import njit
 
 (C, S, OU, OW, COS, SIN, AU, AW, BU, BW, HU, HW, TURNED, TURN, VU, VW, FU, FW, N) = (
     row * LANES for row in range(19)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from kickdyn.flight.lanes import LANES, njit
+from kickdyn.flight.lanes import LANES
+from kickdyn.sweep.arithmetic import njit
 
 (R00, R01, R02, R10, R11, R12, R20, R21, R22, OX, OY, OZ, COS, SIN,
  BX, BY, BZ, BXX, BXY, BXZ, BYY, BYZ, BZZ,

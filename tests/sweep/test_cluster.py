@@ -46,6 +46,7 @@ def _works(process):
 
 
 def test_a_worker_that_is_killed_costs_time_only(tmp_path):
+    """On a fresh machine the kernel is compiled here, and read from the disk by the workers."""
     whole = stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK, threads=1)
     seen = {"done": [], "open": [], "killed": None}
     killer = threading.Thread(target=kill_one, args=(seen,), daemon=True)

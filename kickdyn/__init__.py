@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from kickdyn.air import Air as Air
 from kickdyn.ball import Ball as Ball
 from kickdyn.ball import BallState as BallState
@@ -19,12 +22,6 @@ from kickdyn.flight.follow import follow as follow
 from kickdyn.flight.path import Flight as Flight
 from kickdyn.ground import Ground as Ground
 from kickdyn.ground import Surface as Surface
-from kickdyn.impact.collide import Collision as Collision
-from kickdyn.impact.collide import collide as collide
-from kickdyn.impact.engine import EngineImpact as EngineImpact
-from kickdyn.impact.engine import engine_strike as engine_strike
-from kickdyn.impact.hertz import HertzContact as HertzContact
-from kickdyn.impact.hertz import contact_stiffness as contact_stiffness
 from kickdyn.impact.joint_load import JointLoad as JointLoad
 from kickdyn.impact.joint_load import joint_loads as joint_loads
 from kickdyn.impact.laws import normal_impulse as normal_impulse
@@ -35,38 +32,77 @@ from kickdyn.impact.strike import strike as strike
 from kickdyn.impact.strike import strike_at as strike_at
 from kickdyn.impact.uncertainty import Uncertainty as Uncertainty
 from kickdyn.impact.uncertainty import uncertainty as uncertainty
-from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
-from kickdyn.impact.unilateral import unilateral_strike as unilateral_strike
 from kickdyn.leg import Leg as Leg
 from kickdyn.plane import Plane as Plane
-from kickdyn.planning.answer import Launch as Launch
-from kickdyn.planning.answer import Launches as Launches
-from kickdyn.planning.goal import Goal as Goal
-from kickdyn.planning.kick import KickPlan as KickPlan
-from kickdyn.planning.kick import plan_kick as plan_kick
-from kickdyn.planning.launch import LaunchPlan as LaunchPlan
-from kickdyn.planning.launch import plan_launch as plan_launch
-from kickdyn.planning.launches import plan_launches as plan_launches
-from kickdyn.planning.passes import Pass as Pass
-from kickdyn.planning.passes import plan_pass as plan_pass
-from kickdyn.planning.swing import plan_swing as plan_swing
-from kickdyn.planning.swing_answer import Swing as Swing
 from kickdyn.posture import Posture as Posture
-from kickdyn.scene.read import load_scene as load_scene
-from kickdyn.scene.scene import Scene as Scene
-from kickdyn.simulation.answer import Simulation as Simulation
-from kickdyn.simulation.simulate import simulate as simulate
 from kickdyn.version import __version__ as __version__
+
+if TYPE_CHECKING:  # loaded when they are asked for: see below
+    from kickdyn.flight.batch import fly_many as fly_many
+    from kickdyn.impact.collide import Collision as Collision
+    from kickdyn.impact.collide import collide as collide
+    from kickdyn.impact.engine import EngineImpact as EngineImpact
+    from kickdyn.impact.engine import engine_strike as engine_strike
+    from kickdyn.impact.hertz import HertzContact as HertzContact
+    from kickdyn.impact.hertz import contact_stiffness as contact_stiffness
+    from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
+    from kickdyn.impact.unilateral import unilateral_strike as unilateral_strike
+    from kickdyn.planning.answer import Launch as Launch
+    from kickdyn.planning.answer import Launches as Launches
+    from kickdyn.planning.goal import Goal as Goal
+    from kickdyn.planning.kick import KickPlan as KickPlan
+    from kickdyn.planning.kick import plan_kick as plan_kick
+    from kickdyn.planning.launch import LaunchPlan as LaunchPlan
+    from kickdyn.planning.launch import plan_launch as plan_launch
+    from kickdyn.planning.launches import plan_launches as plan_launches
+    from kickdyn.planning.passes import Pass as Pass
+    from kickdyn.planning.passes import plan_pass as plan_pass
+    from kickdyn.planning.swing import plan_swing as plan_swing
+    from kickdyn.planning.swing_answer import Swing as Swing
+    from kickdyn.scene.read import load_scene as load_scene
+    from kickdyn.scene.scene import Scene as Scene
+    from kickdyn.simulation.answer import Simulation as Simulation
+    from kickdyn.simulation.simulate import simulate as simulate
+    from kickdyn.sweep.opened import open_sweep as open_sweep
+
+_LATE = {
+    "fly_many": "kickdyn.flight.batch",
+    "Collision": "kickdyn.impact.collide",
+    "collide": "kickdyn.impact.collide",
+    "EngineImpact": "kickdyn.impact.engine",
+    "engine_strike": "kickdyn.impact.engine",
+    "HertzContact": "kickdyn.impact.hertz",
+    "contact_stiffness": "kickdyn.impact.hertz",
+    "UnilateralImpact": "kickdyn.impact.unilateral",
+    "unilateral_strike": "kickdyn.impact.unilateral",
+    "Launch": "kickdyn.planning.answer",
+    "Launches": "kickdyn.planning.answer",
+    "Goal": "kickdyn.planning.goal",
+    "KickPlan": "kickdyn.planning.kick",
+    "plan_kick": "kickdyn.planning.kick",
+    "LaunchPlan": "kickdyn.planning.launch",
+    "plan_launch": "kickdyn.planning.launch",
+    "plan_launches": "kickdyn.planning.launches",
+    "Pass": "kickdyn.planning.passes",
+    "plan_pass": "kickdyn.planning.passes",
+    "plan_swing": "kickdyn.planning.swing",
+    "Swing": "kickdyn.planning.swing_answer",
+    "load_scene": "kickdyn.scene.read",
+    "Scene": "kickdyn.scene.scene",
+    "Simulation": "kickdyn.simulation.answer",
+    "simulate": "kickdyn.simulation.simulate",
+    "open_sweep": "kickdyn.sweep.opened",
+}
 
 
 def __getattr__(name: str) -> object:
-    """Load what brings numba and xarray when it is asked for."""
-    if name == "fly_many":
-        from kickdyn.flight.batch import fly_many
+    """Load what not every user needs, and what brings numba and xarray, when it is asked for."""
+    if name not in _LATE:
+        raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")
+    found = globals()[name] = getattr(import_module(_LATE[name]), name)
+    return found
 
-        return fly_many
-    if name == "open_sweep":
-        from kickdyn.sweep.opened import open_sweep
 
-        return open_sweep
-    raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")
+def __dir__() -> list[str]:
+    """Name what is loaded late, too."""
+    return sorted([*globals(), *_LATE])

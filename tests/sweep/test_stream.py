@@ -91,17 +91,19 @@ def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
 
 def test_a_full_disk_or_ctrl_c_leaves_what_can_be_resumed(tmp_path, monkeypatch):
     stream(tmp_path / "whole.zarr", LEG, POSTURES, KICK)
-    write, calls = zarr_store.Store.write, []
+    write, troubles = zarr_store.Store.write, []
 
     def fail(self, k, *args):
-        calls.append(k)
-        if len(calls) in (3, 5):
-            raise OSError(28, "No space left on device") if len(calls) == 3 else KeyboardInterrupt
+        trouble = troubles.pop() if troubles else None  # a thread may be at the next chunk already
+        if trouble is not None:
+            raise trouble
         write(self, k, *args)
 
     monkeypatch.setattr(zarr_store.Store, "write", fail)
+    troubles[:] = [OSError(28, "No space left on device"), None, None]
     with pytest.raises(kd.KickdynError, match=r"No space left on device: \d of 7 chunks"):
         stream(tmp_path / "s.zarr", LEG, POSTURES, KICK)
+    troubles[:] = [KeyboardInterrupt()]
     with pytest.raises(kd.KickdynError, match=r"interrupted: \d of 7 chunks"):
         stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True)
     stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=True)

@@ -1,0 +1,63 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from kickdyn.flight import compiling
+
+FLIGHTS = """
+import sys
+import numba
+import kickdyn as kd
+from kickdyn.flight.batch import march  # kept where it always is
+from kickdyn.flight.compiling import compiled_rates
+
+numba.config.CACHE_DIR = sys.argv[1]
+
+def model(level):
+    def drag(reynolds, spin_parameter):
+        return level
+    return drag
+
+launch = kd.BallState([[0, 0, 0]], [[20, 1, 9]], [[0, -30, 0]], [0])
+for level in map(float, sys.argv[2:]):
+    air = kd.Air(drag=model(level), lift=None)
+    carry = kd.fly_many(launch, kd.Ball(), air).range.values[0]
+    hits = sum(compiled_rates(kd.Ball(), air).stats.cache_hits.values())
+    print(level, hits, float(carry).hex())
+"""
+
+
+@pytest.fixture
+def flights(tmp_path):
+    def run(*levels):
+        command = [sys.executable, "-W", "error", "-c", FLIGHTS, str(tmp_path), *levels]
+        told = subprocess.run(command, check=True, capture_output=True, text=True)
+        return {line.split()[0]: line.split()[1:] for line in told.stdout.splitlines()}
+
+    return run
+
+
+def test_equations_from_the_disk_are_their_own(flights):
+    # compiled in two processes, read in a third: the linker must not take one for the other
+    made = {**flights("0.1"), **flights("0.3")}
+    assert [hits for hits, _ in made.values()] == ["0", "0"]
+    read = flights("0.3", "0.1")
+    assert [hits for hits, _ in read.values()] == ["1", "1"]
+    assert {level: carry for level, (_, carry) in read.items()} == {
+        level: carry for level, (_, carry) in made.items()
+    }
+    assert read["0.1"][1] != read["0.3"][1]
+
+
+def test_the_oldest_equations_go(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiling, "_ON_DISK", 3)
+    for age in range(6):
+        file = tmp_path / f"compiling.equations_{age}.nbi"
+        file.write_bytes(b"")
+        os.utime(file, (1e9 - age, 1e9 - age))
+    (tmp_path / "march.nbi").write_bytes(b"")
+    compiling._forget(tmp_path)
+    left = sorted(file.name for file in tmp_path.iterdir())
+    assert left == [*(f"compiling.equations_{age}.nbi" for age in range(3)), "march.nbi"]

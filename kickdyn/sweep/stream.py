@@ -20,7 +20,7 @@ from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.outcomes import Outcomes
-from kickdyn.sweep.work import Job, merged, told
+from kickdyn.sweep.work import TOGETHER, Job, merged, told
 from kickdyn.sweep.zarr_store import Store, cut
 
 Progress = Callable[[int], None]
@@ -127,7 +127,9 @@ def _unkept(
         rows, status = outcomes(first, count)
         part = told(first, rows, status)
         with turn:
-            so_far[:] = [merged([*so_far, part])]
+            so_far.append(part)
+            if len(so_far) == TOGETHER:
+                so_far[:] = [merged(so_far)]
             if see is not None:
                 see(first, rows, status)
         return count
@@ -136,7 +138,7 @@ def _unkept(
         run(one, range(len(chunks)), threads, progress)
     except KeyboardInterrupt:
         raise Unfinished("interrupted: without a store nothing is kept") from None
-    return so_far[0]
+    return merged(so_far)
 
 
 def run(

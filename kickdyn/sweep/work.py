@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,9 @@ _SPEED, _WORST = _NAMES.index("ball_speed"), _NAMES.index("worst_joint_impulse")
 _RESIDUALS = slice(_NAMES.index("restitution_residual"), _NAMES.index("momentum_residual") + 1)
 
 _BINS = 256
+
+TOGETHER = 32
+"""Chunks that are merged at once: their fronts are thousands of postures each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +105,22 @@ def _unbeaten(speed: Array, load: Array) -> NDArray[np.intp]:
 
 def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     """Return what is to be known of chunks together; of equals, the first posture."""
-    return reduce(_both, parts)
+    waiting: list[dict[str, Any]] = []
+    for part in parts:
+        waiting.append(part)
+        if len(waiting) == TOGETHER:
+            waiting = [_together(waiting)]
+    return _together(waiting)
 
 
-def _both(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    best = [part["best"] for part in (one, other) if part["best"]]
-    worst = [part["worst"] for part in (one, other) if part["worst"]]
-    points = np.array([*one["front"], *other["front"]])
-    front = front_of(points).tolist() if points.size else []
+def _together(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    best = [part["best"] for part in parts if part["best"]]
+    worst = [part["worst"] for part in parts if part["worst"]]
+    points = front_of(np.array([point for part in parts for point in part["front"]]))
     return {
-        "counts": {name: one["counts"][name] + other["counts"][name] for name in STATUSES},
-        "residual": max(one["residual"], other["residual"]),
+        "counts": {name: sum(part["counts"][name] for part in parts) for name in STATUSES},
+        "residual": max(part["residual"] for part in parts),
         "best": max(best, key=lambda each: (each[0], -each[1]), default=None),
         "worst": min(worst, default=None),
-        "front": [[speed, load, int(number)] for speed, load, number in front],
+        "front": [[speed, load, int(number)] for speed, load, number in points.tolist()],
     }

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from kickdyn.accuracy.extremes import cells, rows, summary
@@ -24,6 +25,7 @@ from kickdyn.accuracy.gains import Gain, draws, gains
 from kickdyn.accuracy.impact import MeasuredImpact, measure_impact
 from kickdyn.accuracy.picture import picture
 from kickdyn.accuracy.row import Row
+from kickdyn.style import STYLE
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -129,23 +131,27 @@ def write(page: Path, filled: dict[str, str]) -> None:
     page.write_text(text, encoding="utf-8")
 
 
+@rc_context(STYLE)
 def scatter(found: Sequence[Row]) -> Figure:
     """Return error against condition."""
-    figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+    figure = Figure(figsize=(6.4, 3.8))
     axes = figure.subplots()
     worst = max(10.0, *(row.condition for row in found))
     axes.loglog(
         [1, worst], [1e-15, 1e-15 * worst], "-", color="0.7", label="what the condition allows"
     )
-    for verdict, colour in (("right", "tab:green"), ("as claimed", "tab:orange"), ("WRONG", "red")):
+    for verdict, colour in (
+        ("right", "tab:green"),
+        ("as claimed", "tab:orange"),
+        ("WRONG", "tab:red"),
+    ):
         mine = [row for row in found if row.verdict == verdict]
         errors = [min(max(row.error, 1e-17), 1.0) for row in mine]
         axes.loglog(
             [row.condition for row in mine], errors, "o", markersize=4, color=colour, label=verdict
         )
     axes.set(xlabel="condition", ylabel="relative error")
-    axes.legend(fontsize=7)
-    axes.grid(alpha=0.3)
+    axes.legend()
     return figure
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from kickdyn.accuracy.flight import Measured
 from kickdyn.accuracy.impact import MeasuredImpact
+from kickdyn.style import STYLE
 
 if TYPE_CHECKING:
     from kickdyn.accuracy.models import Worth
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 LEAST = 1e-9
 """Distances below it are what integrators miss [m]."""
 
-STYLES = {
+LOOKS = {
     "closed form, float64": ("o", "tab:red"),
     "closed form, float32": ("v", "tab:red"),
     "closed form": ("o", "tab:red"),
@@ -37,6 +39,7 @@ STYLES = {
 """Marker and colour of each method."""
 
 
+@rc_context(STYLE)
 def picture(impacts: Sequence[MeasuredImpact], flights: Sequence[Measured]) -> Figure:
     """Return error against time for every kick and flight that was measured.
 
@@ -51,7 +54,7 @@ def picture(impacts: Sequence[MeasuredImpact], flights: Sequence[Measured]) -> F
         panels.setdefault(f"flight, {path.scene}", []).append(path)
     panels = {title: rows for title, rows in panels.items() if len(rows) > 1}
     lines = -(-len(panels) // 2)
-    figure = Figure(figsize=(9.0, 3.7 * lines), layout="constrained")
+    figure = Figure(figsize=(11.5, 3.7 * lines))
     grid = figure.subplots(lines, 2, squeeze=False).ravel()
     for axes, (title, rows) in zip(grid, panels.items(), strict=True):
         _panel(axes, title, rows)
@@ -64,7 +67,7 @@ def _panel(axes: Any, title: str, rows: list[Any]) -> None:
     axes.loglog(seconds, errors, "-", color="0.8", linewidth=5, zorder=0, label="Pareto front")
     for method in dict.fromkeys(row.method for row in rows):
         mine = [row for row in rows if row.method == method]
-        marker, colour = STYLES[method]
+        marker, colour = LOOKS[method]
         line = "" if method == "MuJoCo" else ":"  # two settings at once
         axes.loglog(
             [row.seconds for row in mine],
@@ -78,10 +81,10 @@ def _panel(axes: Any, title: str, rows: list[Any]) -> None:
     axes.set(title=title, xlabel="time per evaluation [s]")
     unit = "relative error of the impulse" if title.startswith("impact") else "landing error [m]"
     axes.set_ylabel(unit)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=6.5)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))  # beside: lines are everywhere
 
 
+@rc_context(STYLE)
 def worth_picture(title: str, rows: Sequence[Worth], tolerance: float) -> Figure:
     """Return how far leaving out each effect moves the end, as bars on a scale of decades.
 
@@ -90,7 +93,7 @@ def worth_picture(title: str, rows: Sequence[Worth], tolerance: float) -> Figure
         rows: as `worths` returns them.
         tolerance: drawn as a line: half of it is there for all that is left out [m].
     """
-    figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(rows)))
     axes: Any = figure.subplots()
     seen = [row.end for row in rows if row.end > LEAST]
     low, high = min([*seen, tolerance]) / 3.0, max([*seen, tolerance]) * 8.0
@@ -105,6 +108,6 @@ def worth_picture(title: str, rows: Sequence[Worth], tolerance: float) -> Figure
     axes.set_xlim(low, high)
     axes.set_yticks(range(len(rows)), [row.effect for row in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.grid(alpha=0.3, axis="x")
-    axes.legend(fontsize=7, loc="lower right")
+    axes.grid(visible=False, axis="y")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     return figure

@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 
 import click
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
@@ -18,6 +19,8 @@ from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import Section, chosen
+from kickdyn.style import STYLE
+from kickdyn.sweep.picture import save_figure
 
 
 @click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})
@@ -59,7 +62,7 @@ def paper(
         if sensitivity and section.sensitivity
     }
     for file, draw in drawings.items():
-        _save(draw, file)
+        save_figure(_figure(draw), file)
     if view is not None and page is not None:
         with replacing(view) as draft:
             draft.write_text(page, encoding="utf-8")
@@ -92,11 +95,11 @@ def _file(section: Section, folder: str | None) -> Path:
     return Path(folder or "") / f"{name}.png"
 
 
-def _save(draw: Callable[[Figure], None], file: Path) -> None:
-    figure = Figure(figsize=(9, 5), layout="constrained")
+@rc_context(STYLE)
+def _figure(draw: Callable[[Figure], None]) -> Figure:
+    figure = Figure(figsize=(9, 5))
     draw(figure)
-    with replacing(file) as draft:
-        figure.savefig(draft, dpi=150)
+    return figure
 
 
 def _make_folder(name: str) -> None:

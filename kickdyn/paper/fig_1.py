@@ -71,10 +71,9 @@ def draw(figure: Figure) -> None:
     left.set(
         xlabel="X [m]",
         ylabel="Y [m]",
-        aspect="equal",
-        xlim=(-0.35, 0.55),
         title="two postures, one contact point",
     )
+    left.set_aspect("equal", adjustable="datalim")
     left.legend(loc="upper right")
     right.plot(np.degrees([hit.posture.q[1] for hit in hits]), sizes)
     right.set(xlabel="knee along the self-motion [deg]", ylabel="impulse on the ball [N s]")

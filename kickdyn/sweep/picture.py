@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from kickdyn.errors import InvalidInput
 from kickdyn.files import replacing
+from kickdyn.style import STYLE
 from kickdyn.sweep.block import Space
 from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.front import Front
@@ -81,11 +84,12 @@ class Picture:
         self._cloud = Top(DOTS, lot(), (WORST, RATIO, USE))
         self.parts: tuple[Reduction, ...] = (*self._maps, self._front, self._cloud)
 
+    @rc_context(STYLE)
     def figure(self, heading: str, lines: Sequence[Line] = ()) -> Figure:
         """Draw what was seen."""
         maps = self._maps
         rows = 2 if len(maps) > 1 else 1
-        figure = Figure(figsize=(11, 4.6 * rows), layout="constrained")
+        figure = Figure(figsize=(11, 4.6 * rows))
         panels = figure.subplots(rows, 2).ravel()
         top = max((each.best.max() for each in maps), default=0.0)
         low = min((each.best.min(where=each.count > 0, initial=top) for each in maps), default=0.0)
@@ -126,8 +130,8 @@ def _map(
     others: list[str],
     span: tuple[float, float],
 ) -> None:
-    over = f", best over {', '.join(map(_plain, others))}" if others else ""
-    axes.set_title(f"{_LABEL}{over}")
+    if others:
+        axes.set_title(f"best over {', '.join(map(_plain, others))}")
     labels = [f"{_plain(name)} [{units[name]}]" for name in marginal.joints]
     values, best = list(marginal.coordinates().values()), marginal.best_values()
     if len(labels) == 1:
@@ -153,16 +157,17 @@ def _price(figure: Figure, axes: Any, cloud: Top, front: Front, lines: Sequence[
         x, y = line.numbers[WORST], line.numbers[RATIO]
         if np.isfinite(x):
             axes.plot(x, y, "o", markerfacecolor="none", color="tab:red", markersize=8)
-            axes.annotate(
+            axes.annotate(  # at the side where no posture is better
                 line.label,
                 (x, y),
-                xytext=(8, -3),
+                xytext=(-6, 2),
                 textcoords="offset points",
+                ha="right",
                 color="tab:red",
-                bbox={"boxstyle": "round,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.7},
+                path_effects=[withStroke(linewidth=3, foreground="white")],
             )
     if len(best):
-        axes.legend(loc="lower right")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     axes.set(xlabel="worst joint impulse [N s]", ylabel=_LABEL)
     axes.set_title("what the joints pay")
-    axes.margins(0.12)
+    axes.margins(0.2, 0.1)

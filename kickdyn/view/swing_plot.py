@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from kickdyn.planning.swing_answer import Swing
+from kickdyn.style import STYLE
 
 
+@rc_context(STYLE)
 def swing_figure(swing: Swing) -> Figure:
     """Draw speeds and torques over their limits, and powers [W], against time [s].
 
@@ -15,7 +18,7 @@ def swing_figure(swing: Swing) -> Figure:
     """
     joints = swing.backswing.joints
     parts = [swing.backswing.fine(), swing.follow_through.fine()]
-    figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 8.0))
     rows = figure.subplots(3, 1, sharex=True)
     gap = np.full((1, len(swing.joints)), np.nan)  # no line across the impact
     time = np.concatenate([parts[0].time, [0.0], parts[1].time])
@@ -29,10 +32,9 @@ def swing_figure(swing: Swing) -> Figure:
             line.set_label(name.replace("$", r"\$"))  # matplotlib reads formulas between dollars
         axes.axvline(0.0, color="0.6", linewidth=1, linestyle=":")
         axes.set_ylabel(label)
-        axes.grid(alpha=0.3)
         if axes is not rows[2]:
             axes.set_ylim(-105, 105)
-    rows[0].legend(fontsize=7, ncols=3)
+    figure.legend(handles=rows[0].lines[: len(swing.joints)], loc="outside lower center", ncols=3)
     rows[2].set_xlabel("time from the impact [s]")
     name = (swing.plan.hit.posture.leg.name or "leg").replace("$", r"\$")
     figure.suptitle(f"{name}: least {swing.objective}, {swing.share:.0%} of the planned speed")

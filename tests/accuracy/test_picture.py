@@ -5,7 +5,7 @@ import pytest
 from kickdyn.accuracy.flight import Measured
 from kickdyn.accuracy.impact import MeasuredImpact
 from kickdyn.accuracy.models import Worth
-from kickdyn.accuracy.picture import STYLES, picture, worth_picture
+from kickdyn.accuracy.picture import LOOKS, picture, worth_picture
 
 
 def test_a_panel_per_scene_with_every_row_and_the_front():
@@ -26,8 +26,8 @@ def test_a_panel_per_scene_with_every_row_and_the_front():
 
 
 def test_no_two_methods_of_one_panel_look_alike():
-    for group in (list(STYLES)[:2] + list(STYLES)[3:9], list(STYLES)[9:]):
-        looks = [STYLES[name] for name in group]
+    for group in (list(LOOKS)[:2] + list(LOOKS)[3:9], list(LOOKS)[9:]):
+        looks = [LOOKS[name] for name in group]
         assert len(set(looks)) == len(looks)
 
 

@@ -1,8 +1,10 @@
-"""How plots look: `plt.rcParams.update(STYLE)`."""
+"""How plots look: `@rc_context(STYLE)` on what makes one, `rcParams.update(STYLE)` in a notebook."""
 
 from __future__ import annotations
 
-STYLE = {
+from typing import Any
+
+STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
     "figure.dpi": 96,
     "axes.grid": True,
@@ -10,6 +12,7 @@ STYLE = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.titlesize": "medium",
+    "figure.titlesize": "medium",
     "grid.alpha": 0.3,
     "legend.frameon": False,
     "legend.fontsize": "small",

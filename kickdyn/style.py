@@ -1,4 +1,4 @@
-"""How plots look: `@rc_context(STYLE)` on what makes one, `rcParams.update(STYLE)` in a notebook."""
+"""How plots look: `@rc_context(STYLE)` on what makes one; a notebook updates its `rcParams`."""
 
 from __future__ import annotations
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
+from base64 import b64decode, b64encode
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 
 class Notes:
@@ -23,14 +26,21 @@ class Notes:
         return sorted(int(file.stem) for file in self._folder.glob("*.json"))
 
     def write(self, k: int, told: dict[str, Any]) -> None:
-        """Note that chunk `k` is done, and what is told of it: the note is there whole, or not."""
+        """Note that chunk `k` is done, and what is told of it: the note is there whole, or not.
+
+        Args:
+            k: number of the chunk.
+            told: plain values, and `front`, shape `(n, 3)`.
+        """
         draft = self._folder / f"{k}.draft"
-        draft.write_text(json.dumps(told))
+        front = b64encode(told["front"].astype("<f8").tobytes()).decode()
+        draft.write_text(json.dumps({**told, "front": front}))  # as text it would take longest
         draft.replace(self._folder / f"{k}.json")
 
     def read(self, k: int) -> dict[str, Any]:
         """Return what was told of a chunk; raise `OSError` where there is no note."""
         told: dict[str, Any] = json.loads((self._folder / f"{k}.json").read_text())
+        told["front"] = np.frombuffer(b64decode(told["front"]), "<f8").reshape(-1, 3)
         return told
 
     def clear(self) -> None:

@@ -73,14 +73,17 @@ class Job:
 
 
 def told(first: int, rows: Array, status: NDArray[np.int8]) -> dict[str, Any]:
-    """Return what is to be known of a chunk that begins with posture `first`, as plain values."""
+    """Return what is to be known of a chunk that begins with posture `first`.
+
+    All of it is plain but the front, shape `(n, 3)`: thousands of postures.
+    """
     counts = np.bincount(status, minlength=len(STATUSES)).tolist()
     about: dict[str, Any] = {
         "counts": dict(zip(STATUSES, counts, strict=True)),
         "residual": float(np.fmax.reduce(rows[_RESIDUALS], axis=None, initial=0.0)),
         "best": None,
         "worst": None,
-        "front": [],
+        "front": np.empty((0, 3)),
     }
     possible = np.flatnonzero(status == STATUSES.index("ok"))
     if possible.size:
@@ -89,7 +92,7 @@ def told(first: int, rows: Array, status: NDArray[np.int8]) -> dict[str, Any]:
             about[name] = [float(speed[i]), first + int(possible[i])]
         near = _unbeaten(speed, load)
         points = np.column_stack([speed[near], load[near], first + possible[near]])
-        about["front"] = [[s, w, int(number)] for s, w, number in front_of(points).tolist()]
+        about["front"] = front_of(points)
     return about
 
 
@@ -104,23 +107,29 @@ def _unbeaten(speed: Array, load: Array) -> NDArray[np.intp]:
 
 
 def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Return what is to be known of chunks together; of equals, the first posture."""
+    """Return what is to be known of chunks together, as plain values; of equals, the first posture.
+
+    Args:
+        parts: of chunks, or merged already.
+    """
     waiting: list[dict[str, Any]] = []
     for part in parts:
         waiting.append(part)
         if len(waiting) == TOGETHER:
             waiting = [_together(waiting)]
-    return _together(waiting)
+    whole = _together(waiting)
+    points = whole["front"].tolist()
+    return {**whole, "front": [[speed, load, int(number)] for speed, load, number in points]}
 
 
 def _together(parts: list[dict[str, Any]]) -> dict[str, Any]:
     best = [part["best"] for part in parts if part["best"]]
     worst = [part["worst"] for part in parts if part["worst"]]
-    points = front_of(np.array([point for part in parts for point in part["front"]]))
+    points = np.concatenate([np.reshape(part["front"], (-1, 3)) for part in parts])
     return {
         "counts": {name: sum(part["counts"][name] for part in parts) for name in STATUSES},
         "residual": max(part["residual"] for part in parts),
         "best": max(best, key=lambda each: (each[0], -each[1]), default=None),
         "worst": min(worst, default=None),
-        "front": [[speed, load, int(number)] for speed, load, number in points.tolist()],
+        "front": front_of(points),
     }

@@ -1,5 +1,4 @@
 import io
-import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +7,7 @@ from rich.console import Console
 
 from kickdyn.sweep.block import Space
 from kickdyn.sweep.compiled import busy
+from kickdyn.sweep.notes import Notes
 from kickdyn.sweep.progress import Said, Watch, better, progress
 
 SPACE = Space.of({"hip": np.radians([0.0, 10.0, 20.0])}, {"hip": "rad"})
@@ -61,7 +61,7 @@ def test_notes_of_chunks_say_what_is_best(tmp_path):
     watch = Watch(tmp_path)
     assert watch.look() is None
     for k, best in enumerate(([2.0, 7], None, [4.0, 9], [4.0, 8])):
-        (tmp_path / "progress" / f"{k}.json").write_text(json.dumps({"best": best}))
+        Notes(tmp_path).write(k, {"best": best, "front": np.empty((0, 3))})
         watch.look()
     assert watch.look() == (4.0, 8)
     (tmp_path / "progress" / "5.draft").write_text("{")

@@ -10,40 +10,73 @@ import numpy as np
 from kickdyn.flight.follow import Course
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
-from kickdyn.view.impulses import JOINT
+from kickdyn.view.impulses import JOINT, LEAST
 from kickdyn.view.kick_scene import Drawn
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.motion import Pace
 
-MANY = 8
-"""Joints up to which all are named; of more, those that move."""
+FEW = 4
+"""Joints up to which the angles are in sight; of more, they are folded with what passes through."""
+
+Row = tuple[str, str]
 
 
 def caption_panel(hit: Impact, path: Flight | Course, drawn: Drawn, caption: str) -> str:
     """Return the caption as HTML; every name in it is escaped."""
-    rows = [*_joints(hit), *_numbers(hit, path, drawn)]
+    few = len(hit.posture.leg.joint_names) <= FEW
     said = f"<p>{escape(caption)}</p>\n" if caption else ""
-    table = "\n".join(f"<tr><th>{head}</th><td>{value}</td></tr>" for head, value in rows)
+    shown = [*(_angles(hit).items() if few else ()), *_numbers(hit, path, drawn)]
     return (
         f'<aside id="caption">\n<h1>{escape(hit.posture.leg.name or "leg")}</h1>\n{said}'
-        f"<table>\n{table}\n</table>\n</aside>"
+        f"{_table(shown)}\n{'' if few else _folded(hit)}</aside>"
     )
 
 
-def _joints(hit: Impact) -> list[tuple[str, str]]:
+def _table(rows: list[Row]) -> str:
+    lines = (
+        f"<tr{LONG if len(value) > MOST else ''}><th>{head}</th><td>{value}</td></tr>"
+        for head, value in rows
+    )
+    return "<table>\n" + "\n".join(lines) + "\n</table>"
+
+
+MOST = 16
+LONG = ' class="long"'
+"""Rows that get a line of their own where they stand side by side."""
+
+
+def _angles(hit: Impact) -> dict[str, str]:
     leg = hit.posture.leg
     if leg.nv != len(leg.joint_names):
-        return []  # a floating base has no one angle
-    values = leg.angles_deg(hit.posture.q)
-    if len(values) > MANY:  # of a humanoid's, those that kick
-        values = {name: values[name] for name in values if hit.v_before[leg.velocity_index(name)]}
-    return [
-        (escape(name), f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°")
-        for name, value in values.items()
+        return {}  # a floating base has no one angle
+    return {
+        _name(name): f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°"
+        for name, value in leg.angles_deg(hit.posture.q).items()
+    }
+
+
+def _folded(hit: Impact) -> str:
+    """Return the joints that move or transmit something to speak of, the most loaded first."""
+    names = [_name(name) for name in hit.posture.leg.joint_names]
+    sizes = dict(zip(names, np.linalg.norm(hit.joint_impulses[:, :3], axis=1), strict=True))
+    angles, least = _angles(hit), LEAST * max(sizes.values())
+    moving = dict(zip(names, hit.v_before, strict=True)) if angles else {}
+    rows = [
+        (name, ", ".join([*([angles[name]] if angles else []), f"{size:.3g} N s"]))
+        for name, size in sorted(sizes.items(), key=lambda one: -one[1])
+        if size > least or moving.get(name)
     ]
+    what = "angle and impulse" if angles else "impulse"
+    head = f"<summary>{len(rows)} joints: {what} {_key(JOINT)}</summary>"
+    return f"<details>{head}\n{_table(rows)}\n</details>\n"
 
 
-def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[tuple[str, str]]:
+def _name(name: str) -> str:
+    """Return a joint's name as HTML, which may be broken after an underscore."""
+    return escape(name).replace("_", "_<wbr>")
+
+
+def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[Row]:
     if isinstance(path, Course):
         way = [
             (f"way {_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
@@ -71,9 +104,9 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[tuple[str
     ]
 
 
-def _worst(hit: Impact) -> list[tuple[str, str]]:
+def _worst(hit: Impact) -> list[Row]:
     name, size = hit.worst_joint
-    return [(f"worst joint {_key(JOINT)}", f"{size:.4g} N s at {escape(name)}")]
+    return [(f"worst joint {_key(JOINT)}", f"{size:.4g} N s at {_name(name)}")]
 
 
 def _spin(hit: Impact) -> str:

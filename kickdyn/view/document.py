@@ -12,6 +12,8 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 
+from kickdyn.view.camera import LEFT, RIGHT, UP
+
 # Only what is written in the page may run or load; a browser refuses all else.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
@@ -34,6 +36,10 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption th, #caption td { padding: 1px 0; text-align: left; vertical-align: top; }
 #caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
 #caption td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
+#caption details { margin-top: 4px; }
+#caption summary { cursor: pointer; color: #5b6774; }
+#caption details th { white-space: normal; }
+#caption details td { white-space: nowrap; }
 #caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
 @media (max-width: 1000px) {  /* a notebook's frame, a telephone: no room beside the leg */
   #meshcat-pane { height: 66vh; }
@@ -43,9 +49,13 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
   }
   #caption h1 { font-size: 14px; margin: 0 0 2px; }
   #caption table, #caption tbody { display: block; }
-  #caption tbody { columns: 3 230px; column-gap: 20px; }
-  #caption tr { display: flex; break-inside: avoid; }
-  #caption th { flex: 0 0 132px; }
+  #caption tbody {
+    display: grid; grid-template-columns: repeat(auto-fill, minmax(160px, 1fr)); column-gap: 20px;
+  }
+  #caption tr { display: flex; }
+  #caption tr.long { grid-column: 1 / -1; }
+  #caption th { flex: 0 0 auto; }
+  #caption details tbody { grid-template-columns: repeat(auto-fill, minmax(300px, 1fr)); }
 }
 """
 
@@ -66,7 +76,16 @@ _PAGE = """<!DOCTYPE html>
 <script>
 const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
 const resize = viewer.set_3d_pane_size.bind(viewer);  // to the window's height, not the pane's
-viewer.set_3d_pane_size = () => resize(undefined, viewer.dom_element.offsetHeight);
+const below = matchMedia("(max-width: 1000px)");  // where the caption is not over the scene
+viewer.set_3d_pane_size = () => {{
+  const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
+  const lens = viewer.camera, beside = (width - 2 * {panel_width}) / {left};
+  const room = below.matches ? width / {spread} : Math.min(width / {right}, beside);
+  lens.zoom = Math.min(1, room / height);  // all that the camera was placed to see
+  lens.aspect = width / height;
+  lens.filmOffset = below.matches ? {aside} * lens.getFilmWidth() : 0;
+  resize(width, height);
+}};
 {start}
 const at = /^#at=([0-9.]+)$/.exec(location.hash);
 if (at) {{
@@ -118,6 +137,11 @@ def _document(start: str, title: str, panel: str, connect: str) -> str:
         panel=panel,
         engine=_engine(),
         start=start,
+        panel_width=316,
+        left=LEFT / UP,
+        right=RIGHT / UP,
+        spread=1.1 * (LEFT + RIGHT) / (2 * UP),
+        aside=(RIGHT - LEFT) / 2,
     )
 
 

@@ -66,7 +66,8 @@ def flights_page(paths: Mapping[str, Flight], *, title: str) -> str:
 
 def _legend(title: str, paths: Mapping[str, Flight], stripe: float) -> str:
     rows = "\n".join(
-        f'<tr><th><span class="key" style="background:#{colour:06x}"></span> {escape(name)}</th>'
+        '<tr class="long">'
+        f'<th><span class="key" style="background:#{colour:06x}"></span> {escape(name)}</th>'
         f"<td>{path.range:.4g} m, {path.height:.4g} m high, {path.duration:.3g} s</td></tr>"
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
     )

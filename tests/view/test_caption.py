@@ -18,7 +18,8 @@ def panel(kick, caption=""):
 
 
 def rows(text):
-    found = re.findall(r"<tr><th>(.*?)</th><td>(.*?)</td></tr>", text)
+    text = text.replace("<wbr>", "")
+    found = re.findall(r"<tr[^>]*><th>(.*?)</th><td>(.*?)</td></tr>", text)
     return {re.sub(r" ?<.*?>", "", head): html.unescape(value) for head, value in found}
 
 
@@ -92,11 +93,32 @@ def test_the_caption_is_optional(kick, caption, there):
     assert ("<p>" in panel(kick, caption)) is there
 
 
-def test_of_many_joints_those_that_move_are_named():
+def test_many_joints_are_folded_the_most_loaded_first():
     leg = kd.Leg.from_robot("g1")
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
     hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
                        kd.Contact([4, 0, 1], 0.8))  # fmt: skip
-    said = rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))
-    assert said["right_knee_joint"] == "28.6°"
+    plain, folded = panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))).split("<details>")
+    name, size = hit.worst_joint
+    assert rows(plain)["worst joint"] == f"{size:.4g} N s at {name}"
+    assert not any(joint in rows(plain) for joint in leg.joint_names)
+    said = rows(folded)
+    assert f"{len(said)} joints: angle and impulse" in folded
+    knee = np.linalg.norm(hit.joint_impulses[leg.joint_names.index("right_knee_joint"), :3])
+    assert said["right_knee_joint"] == f"28.6°, {knee:.3g} N s"
     assert "left_knee_joint" not in said
+    assert next(iter(said)) == name
+    sizes = [float(value.split(", ")[1][:-4]) for value in said.values()]
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_a_floating_robot_says_what_its_joints_transmit():
+    leg = kd.Leg.from_robot("g1", base="floating")
+    posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
+    hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
+                       kd.Contact([4, 0, 1], 0.8))  # fmt: skip
+    folded = panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))).split("<details>")[1]
+    said = rows(folded)
+    assert "joints: impulse" in folded
+    assert re.fullmatch(r"[\d.]+ N s", said["right_knee_joint"])
+    assert len(said) < len(leg.joint_names)

@@ -8,6 +8,7 @@ import trimesh
 
 import kickdyn as kd
 from kickdyn.view import marks
+from kickdyn.view.camera import LEFT, RIGHT, UP
 from kickdyn.view.page import kick_page, write_page
 
 
@@ -137,3 +138,21 @@ def test_in_a_narrow_window_the_numbers_stand_below(page, chromium, tmp_path):
     assert canvas == pytest.approx(bottom, abs=1.0)
     assert top == pytest.approx(bottom, abs=1.0)
     assert bottom == pytest.approx(0.66 * window, abs=2.0)
+
+
+@pytest.mark.parametrize("size", ["500,900", "1280,800"])
+def test_every_window_shows_what_the_camera_was_placed_for(size, page, chromium, tmp_path):
+    """Slopes at the edges of the picture, from the lens; where the caption lies over it, beside."""
+    look = """<script>setTimeout(() => {
+      const {elements: m} = viewer.camera.projectionMatrix, box = name =>
+        document.querySelector(name).getBoundingClientRect();
+      const over = box("#caption").top < box("#meshcat-pane").bottom ? box("#caption").right : 0;
+      document.title = JSON.stringify([2 * over / innerWidth - 1, m[0], m[8], m[5]]);
+    }, 1500);</script></body>"""
+    (tmp_path / "kick.html").write_text(page.replace("</body>", look))
+    dom = chromium((tmp_path / "kick.html").as_uri(), "--dump-dom", f"--window-size={size}")
+    start, x, shift, y = json.loads(re.search("<title>(.*?)</title>", dom)[1])
+    assert (start > -1) == size.startswith("1280")
+    assert (start + shift) / x <= -LEFT
+    assert (1 + shift) / x >= RIGHT - 1e-9
+    assert 1 / y >= UP - 1e-9

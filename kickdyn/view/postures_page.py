@@ -93,7 +93,8 @@ def _panel(title: str, hits: Mapping[str, Impact]) -> str:
         joint, worst = hit.worst_joint
         rows.append(
             f'<tr class="long"><th>{escape(name)}</th>'
-            f"<td>{float(np.linalg.norm(hit.impulse)):.4g} N s on the ball, {float(hit.ball.speed):.4g} m/s<br>{worst:.4g} N s at {escape(joint)}</td></tr>"
+            f"<td>{float(np.linalg.norm(hit.impulse)):.4g} N s on the ball, "
+            f"{float(hit.ball.speed):.4g} m/s<br>{worst:.4g} N s at {escape(joint)}</td></tr>"
         )
     table = "\n".join(rows)
     return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n<table>\n{table}\n</table>\n</aside>'

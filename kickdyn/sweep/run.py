@@ -38,6 +38,9 @@ VARIABLES = {
 
 _SPEED, _OK = list(VARIABLES).index("ball_speed"), STATUSES.index("ok")
 
+KERNEL_FROM = 4000
+"""Postures of a grid from which a kernel is worth its start, the first time half a minute."""
+
 
 def sweep(
     leg: Leg,
@@ -51,7 +54,8 @@ def sweep(
         leg: the leg.
         grid: the postures.
         kick: what they share.
-        progress: told 1 posture, and its ball speed [m/s] and number if it is possible.
+        progress: told how many postures more, and of those that are possible the highest ball speed
+            [m/s] and its number.
 
     Returns:
         A dataset with one dimension per joint of the grid [rad or m], the variables of
@@ -59,15 +63,25 @@ def sweep(
         `out of reach`, there is no impact and the numbers are nan.
     """
     check_names(grid)
-    rows = np.full((grid.size, len(VARIABLES)), np.nan)
+    rows = np.full((len(VARIABLES), grid.size), np.nan)
     status = np.empty(grid.size, dtype=np.int8)
-    for i, q in enumerate(grid.configurations(leg)):
-        outcome = kick_from(leg.posture(q), kick)
-        status[i] = STATUSES.index(outcome.status)
-        rows[i] = _row(outcome, kick)
+
+    def see(first: int, found: Array, how: NDArray[np.int8]) -> None:
+        part = slice(first, first + len(how))
+        rows[:, part], status[part] = found, how
         if progress is not None:
-            best = (float(rows[i, _SPEED]), i) if status[i] == _OK else None
-            progress(1, best)
+            speed = np.where(how == _OK, found[_SPEED], -np.inf)
+            i = int(speed.argmax())
+            progress(len(how), (float(speed[i]), first + i) if how[i] == _OK else None)
+
+    if grid.size < KERNEL_FROM:
+        for i, q in enumerate(grid.configurations(leg)):
+            outcome = kick_from(leg.posture(q), kick)
+            see(i, _row(outcome, kick)[:, None], np.array([STATUSES.index(outcome.status)], "i1"))
+    else:
+        from kickdyn.sweep.stream import stream  # which stands on this file
+
+        stream(None, leg, grid, kick, carry_error=0.0, see=see)
     return _dataset(leg, grid, kick, rows, status)
 
 
@@ -122,7 +136,7 @@ def _dataset(leg: Leg, grid: Grid, kick: Kick, rows: Array, status: NDArray[np.i
             data.coords[f"{name}_deg"] = (name, np.degrees(values), {"units": "deg"})
     for column, (name, (unit, meaning)) in enumerate(VARIABLES.items()):
         attributes = {"units": unit, "long_name": meaning}
-        data[name] = (dims, rows[:, column].reshape(grid.shape), attributes)
+        data[name] = (dims, rows[column].reshape(grid.shape), attributes)
     data["status"] = (
         dims,
         status.reshape(grid.shape),

@@ -31,6 +31,29 @@ def test_every_cell_is_the_posture_it_says(swept):
             assert float(cell.worst_joint_impulse) == outcome.hit.worst_joint[1]
 
 
+def test_many_are_what_each_is(monkeypatch):
+    kick, postures = (
+        Kick(attack=0.0, speed=9.0),
+        ["hip=-20:100:8", "knee=0:130:13", "ankle=-20:50:7"],
+    )
+    told = []
+    one_by_one = sweep(LEG, grid(LEG, postures), kick, lambda *done: told.append(done))
+    assert [count for count, _ in told] == [1] * one_by_one.status.size
+    best = max(each for _, each in told if each is not None)
+    monkeypatch.setattr("kickdyn.sweep.run.KERNEL_FROM", 1)
+    told.clear()
+    kicked = []
+    monkeypatch.setattr("kickdyn.sweep.run.kick_from", lambda *_: kicked.append(1))
+    together = sweep(LEG, grid(LEG, postures), kick, lambda *done: told.append(done))
+    assert not kicked
+    assert sum(count for count, _ in told) == one_by_one.status.size
+    assert max(each for _, each in told if each is not None) == pytest.approx(best, rel=1e-12)
+    assert set(np.unique(one_by_one.status)) == {0, 1}
+    for name in {*VARIABLES, "status"} - {"restitution_residual", "momentum_residual"}:
+        slack = 1e-8 if name == "carry" else 1e-12
+        assert together[name].values == pytest.approx(one_by_one[name].values, rel=slack, abs=1e-12)
+
+
 def test_units_and_provenance(swept):
     assert {name: swept[name].attrs["units"] for name in VARIABLES} == {
         name: unit for name, (unit, _) in VARIABLES.items()

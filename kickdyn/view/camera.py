@@ -62,7 +62,9 @@ class Camera:
         return np.array([away @ right, away @ np.cross(right, into)]) / (away @ into)
 
 
-def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False) -> Camera:
+def camera_for(
+    near: Array, far: Array, forward: Array, *, marks: Array | None = None, behind: bool = False
+) -> Camera:
     """Place the camera so that all is in the picture and what is near stays recognisable.
 
     A kick of some metres is seen from the right side. The longer the flight, the further the
@@ -72,22 +74,24 @@ def camera_for(near: Array, far: Array, forward: Array, *, behind: bool = False)
         near: points of leg and ball, shape `(n, 3)` [m, world frame].
         far: points of the flight, likewise.
         forward: horizontal unit vector of the flight, shape `(3,)`.
+        marks: what is drawn over everything, under the ground too, likewise.
         behind: whether to look along the flight in any case, at what stands across it.
     """
     floor = min(near[:, 2].min(), far[:, 2].min())
+    points = np.vstack([near, far] if marks is None else [near, far, marks])
     shots = []
     for turn, tilt in product(TURNS[TURNS > BEHIND] if behind else TURNS, TILTS):
         axes = _axes(forward, turn, tilt)
-        position = _fitted(np.vstack([near, far]) @ axes.T)
+        position = _fitted(points @ axes.T)
         seen = near @ axes.T - position
         share = float(np.ptp(seen[:, 1] / seen[:, 2])) / (2 * UP)
         depth = float(np.median(seen[:, 2]))
         camera = Camera(position @ axes, (position + np.array([0.0, 0.0, depth])) @ axes)
-        if camera.position[2] > floor + LOWEST * depth:
-            shots.append((share, camera))
-            if share > SHARE:
-                return camera
-    return max(shots, key=lambda shot: shot[0])[1]
+        above = bool(camera.position[2] > floor + LOWEST * depth)
+        shots.append((above, share, camera))
+        if above and share > SHARE:
+            return camera
+    return max(shots, key=lambda shot: shot[:2])[2]
 
 
 def set_camera(viewer: Any, camera: Camera) -> None:

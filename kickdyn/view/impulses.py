@@ -10,8 +10,8 @@ import numpy as np
 
 from kickdyn.checks import Array
 from kickdyn.impact.result import Impact
-from kickdyn.view.camera import Camera
 from kickdyn.view.label import Label
+from kickdyn.view.label_places import LabelPlaces
 from kickdyn.view.leg_figure import joint_places
 from kickdyn.view.marks import ARROW, draw_arrow
 
@@ -30,7 +30,7 @@ class Arrow:
         start: shape `(3,)` [m, world frame].
         impulse: shape `(3,)` [N s, world frame].
         colour: 0xRRGGBB.
-        label: None where it would cover that of a larger impulse.
+        label: None where there is no room beside those of larger impulses.
     """
 
     node: str
@@ -60,15 +60,40 @@ def largest(hit: Impact) -> float:
     return max(float(np.linalg.norm(push)) for push in pushes)
 
 
-def impulse_arrows(hit: Impact, scale: float, least: float, camera: Camera) -> list[Arrow]:
+def arrow_tips(hit: Impact, scale: float, least: float) -> Array:
+    """Return where the arrows of a kick end, shape `(n, 3)` [m]; `impulse_arrows` says of what."""
+    return np.array([start + scale * push for _, start, push, _ in _drawn(hit, least)])
+
+
+def impulse_arrows(
+    hit: Impact,
+    scale: float,
+    least: float,
+    places: LabelPlaces,
+    moved: Array | None = None,
+) -> list[Arrow]:
     """Return the arrows of a kick: the ball's first, then the joints', largest first.
 
     Args:
         hit: the impact.
         scale: length of an arrow, over its impulse [m per N s].
         least: impulse that a joint must transmit for an arrow [N s].
-        camera: the labels shall not cover each other as it sees them.
+        places: of the labels.
+        moved: how far all is moved in the picture, shape `(3,)` [m]; not at all if not named.
     """
+    found, shift = _drawn(hit, least), np.zeros(3) if moved is None else moved
+    for _, start, push, _ in found:
+        places.keep_clear(start + shift, start + scale * push + shift)
+    arrows = []
+    for node, start, push, colour in found:
+        text = f"{float(np.linalg.norm(push)):.3g} N s"
+        label = places.label(text, colour, start + scale * push + shift)
+        arrows.append(Arrow(node, start, push, colour, label))
+    return arrows
+
+
+def _drawn(hit: Impact, least: float) -> list[tuple[str, Array, Array, int]]:
+    """Return node, start [m], impulse [N s] and colour of each arrow, in order."""
     found = [("arrow", hit.posture.contact_point, hit.impulse, ARROW)]
     joints = [
         (f"joint_arrows/{number}", start, push, JOINT)
@@ -76,19 +101,7 @@ def impulse_arrows(hit: Impact, scale: float, least: float, camera: Camera) -> l
         if np.linalg.norm(push) > least
     ]
     found += sorted(joints, key=lambda one: -float(np.linalg.norm(one[2])))
-    labelled: list[Array] = []
-    arrows = []
-    for node, start, push, colour in found:
-        size = float(np.linalg.norm(push))
-        if size == 0.0:
-            continue
-        label = Label(f"{size:.3g} N s", colour)
-        at = camera.across(start + scale * push)
-        clear = all((abs(at - other) > label.size).any() for other in labelled)
-        arrows.append(Arrow(node, start, push, colour, label if clear else None))
-        if clear:
-            labelled.append(at)
-    return arrows
+    return [one for one in found if one[2].any()]
 
 
 def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:

@@ -20,7 +20,15 @@ from kickdyn.planning.swing_answer import Swing
 from kickdyn.view import motion
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera
-from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest
+from kickdyn.view.impulses import (
+    LEAST,
+    Arrow,
+    arrow_tips,
+    draw_impulse,
+    impulse_arrows,
+    largest,
+)
+from kickdyn.view.label_places import LabelPlaces
 from kickdyn.view.leg_figure import draw_leg, joint_places
 from kickdyn.view.marks import draw_curve, draw_ground, draw_landing, draw_shadow
 from kickdyn.view.scenery import Box, draw_box
@@ -82,7 +90,11 @@ def draw_kick(
     near = np.vstack([around(joints, ball.radius), around(hit.ball.position[None], ball.radius)])
     figure = draw_leg(viewer["leg"], hit.posture.leg, hit.posture.q)
     far = np.vstack([around(curve, ball.radius), figure, *(box.corners() for box in scenery)])
-    camera = camera_for(near, far, forward, behind=bool(scenery))
+    size = float(np.linalg.norm(np.ptp(near, axis=0)))
+    most = largest(hit)
+    scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
+    tips = arrow_tips(hit, scale, LEAST * most) if most > 0 else near[:0]
+    camera = camera_for(near, far, forward, marks=tips, behind=bool(scenery))
     width = THIN * camera.distance(curve)
 
     prepare(viewer, camera)
@@ -90,10 +102,7 @@ def draw_kick(
     viewer["ball"].set_transform(tf.translation_matrix(before.position))
     draw_shadow(viewer["shadow"], ball.radius)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
-    size = float(np.linalg.norm(np.ptp(near, axis=0)))
-    most = largest(hit)
-    scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
-    arrows = impulse_arrows(hit, scale, LEAST * most, camera)
+    arrows = impulse_arrows(hit, scale, LEAST * most, LabelPlaces(camera))
     for arrow in arrows:
         draw_impulse(viewer[arrow.node], arrow, scale)
     foot = np.array([*before.position[:2], floor])

@@ -15,7 +15,7 @@ from kickdyn.view.camera import camera_for
 from kickdyn.view.document import static_document
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest
 from kickdyn.view.kick_scene import prepare, stripe_width
-from kickdyn.view.label import Label
+from kickdyn.view.label_places import LabelPlaces
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import draw_ground
 from kickdyn.view.recorder import recorder
@@ -67,14 +67,16 @@ def postures_page(hits: Mapping[str, Impact], *, title: str) -> str:
     edge = [*heads, *(head + aside for head in heads), *tips]
     camera = camera_for(points, np.vstack([points, *edge]), np.array([1.0, 0.0, 0.0]))
     prepare(viewer, camera)
-    for number, ((name, hit), move) in enumerate(zip(hits.items(), moves, strict=True)):
+    places = LabelPlaces(camera)
+    names = [places.label(name, 0x1D2733, head) for name, head in zip(hits, heads, strict=True)]
+    for number, (hit, move) in enumerate(zip(hits.values(), moves, strict=True)):
         node = viewer[str(number)]
         node.set_transform(tf.translation_matrix(move))
         draw_ball(node["ball"], hit.struck.radius)
         node["ball"].set_transform(tf.translation_matrix(hit.ball_before.position))
-        for arrow in impulse_arrows(hit, scale, LEAST * most, camera):
+        for arrow in impulse_arrows(hit, scale, LEAST * most, places, move):
             draw_impulse(node[arrow.node], arrow, scale)
-        node["name"].set_object(Label(name, 0x1D2733))
+        node["name"].set_object(names[number])
         node["name"].set_transform(tf.translation_matrix(heads[number] - move))
     centre = points.mean(axis=0)
     draw_ground(

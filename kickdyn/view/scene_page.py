@@ -12,7 +12,10 @@ from kickdyn.impact.result import Impact
 from kickdyn.simulation.answer import Simulation
 from kickdyn.view.impulses import joint_pushes
 from kickdyn.view.page import kick_page
-from kickdyn.view.scenery import plane_boxes
+from kickdyn.view.scenery import Box, plane_boxes
+
+BEYOND = 10.0
+"""How far ahead a plane is drawn that the ball does not reach, over the length of its way."""
 
 
 def scene_page(answer: Simulation, *, instant: bool = False) -> str:
@@ -31,7 +34,18 @@ def scene_page(answer: Simulation, *, instant: bool = False) -> str:
     floor = min(hit.ball_before.position[2], answer.end.position[2]) - scene.ball.radius
     boxes = [] if scene.plane is None else plane_boxes(scene.plane, answer.end.position, floor)
     caption = scene.name + (", its contact shown as an instant" if instant else "")
+    if boxes and not _in_sight(answer, boxes):
+        boxes, caption = [], caption + ", its plane out of the picture"
     return kick_page(hit, scene.ball, path, caption=caption, scenery=boxes)
+
+
+def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
+    """Return whether what stands there leaves a kick to see: it is ahead, and not far beyond."""
+    start, end = answer.hit.ball.position[:2], answer.end.position[:2]
+    ahead = np.mean([box.centre for box in boxes], axis=0)[:2] - start
+    way = end - start
+    reached = answer.status == "at plane"
+    return reached or 0.0 < float(ahead @ way) < BEYOND * float(way @ way)
 
 
 def numbers(answer: Simulation) -> dict[str, Any]:

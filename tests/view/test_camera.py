@@ -84,3 +84,17 @@ def test_from_behind_when_asked():
     curve = parabola(6, 1)
     assert across(camera_for(LEG, curve, X)) > 0.8
     assert across(camera_for(LEG, curve, X, behind=True)) < 0.32
+
+
+def test_marks_are_in_the_picture_and_do_not_lower_the_camera_under_the_ground():
+    curve, marks = parabola(1.0, 0.2), np.array([[0.4, 0.0, -1.6], [0.9, 0.0, 0.4]])
+    camera = camera_for(LEG, curve, X, marks=marks)
+    assert (np.abs(seen(camera, np.vstack([LEG, curve, marks]))) <= 1).all()
+    assert camera.position[2] > -0.9
+
+
+@pytest.mark.parametrize("away", [-5.0, -1e3, -1e9, 1e5])
+def test_whatever_stands_around_there_is_a_camera(away):
+    wall = np.array([(away, y, z) for y in (-2.0, 2.0) for z in (-0.9, 1.6)])
+    camera = camera_for(LEG, np.vstack([parabola(10.0, 1.0), wall]), X, behind=True)
+    assert np.isfinite(camera.position).all()

@@ -55,6 +55,20 @@ def test_a_name_is_escaped(tmp_path):
     assert "&lt;script&gt;alert(1)" in html
 
 
+@pytest.mark.parametrize(
+    ("x", "shown"), [(5.0, True), (60.0, True), (-5.0, False), (-1e3, False), (-1e9, False),
+                     (1e6, False)]
+)  # fmt: skip
+def test_a_wall_is_shown_where_the_ball_could_come_to_it(x, shown, tmp_path, commands_of):
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    file = tmp_path / "wall.toml"
+    file.write_text(f"{text}\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n")
+    html = scene_page(kd.simulate(kd.load_scene(file), None))
+    drawn = any(c["path"].startswith("/meshcat/scenery") for c in commands_of(html))
+    assert drawn is shown
+    assert ("its plane out of the picture" in html) is not shown
+
+
 def test_a_scene_with_a_goal_shows_it(commands_of):
     said = commands_of(scene_page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)))
     assert not any(c["path"].startswith("/meshcat/scenery") for c in said)

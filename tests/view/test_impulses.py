@@ -5,7 +5,14 @@ import umsgpack
 
 import kickdyn as kd
 from kickdyn.view.camera import Camera
-from kickdyn.view.impulses import draw_impulse, impulse_arrows, joint_pushes, largest
+from kickdyn.view.impulses import (
+    arrow_tips,
+    draw_impulse,
+    impulse_arrows,
+    joint_pushes,
+    largest,
+)
+from kickdyn.view.label_places import LabelPlaces
 from kickdyn.view.recorder import recorder
 
 ASIDE = Camera(np.array([0.0, -5.0, -0.5]), np.array([0.0, 0.0, -0.5]))
@@ -34,7 +41,7 @@ def test_the_foot_loses_what_the_ball_gets(kick):
 def test_arrows_are_to_one_scale_and_say_their_impulse(kick):
     hit = kick[0]
     viewer = recorder()
-    arrows = impulse_arrows(hit, 0.2, 0.0, ASIDE)
+    arrows = impulse_arrows(hit, 0.2, 0.0, LabelPlaces(ASIDE))
     assert [arrow.node for arrow in arrows] == [
         "arrow",
         *(f"joint_arrows/{1 + joint}" for joint in
@@ -55,17 +62,29 @@ def test_arrows_are_to_one_scale_and_say_their_impulse(kick):
         np.testing.assert_allclose(tip, 0.2 * arrow.impulse)
 
 
-def test_labels_do_not_cover_each_other(kick):
-    near = impulse_arrows(kick[0], 0.2, 0.0, ASIDE)
-    away = Camera(100 * ASIDE.position, ASIDE.target)
-    far = impulse_arrows(kick[0], 0.2, 0.0, away)
-    assert all(arrow.label for arrow in near)
-    assert [bool(arrow.label) for arrow in far] == [True, False, False, False]
+@pytest.mark.parametrize("away", [1, 100])
+def test_every_arrow_is_labelled_the_largest_joint_nearest(kick, away):
+    """From far away all tips are one point: the ball's label is there, the others beside it."""
+    camera = Camera(away * ASIDE.position, ASIDE.target)
+    labels = [arrow.label for arrow in impulse_arrows(kick[0], 0.2, 0.0, LabelPlaces(camera))]
+    assert all(labels)
+    rows = [abs(label.row) for label in labels]
+    assert rows[0] == 0.0
+    if away == 100:
+        assert rows == sorted(rows)
+        assert len({(label.row, label.left) for label in labels}) == 4
+
+
+def test_tips_are_where_arrows_end(kick):
+    arrows = impulse_arrows(kick[0], 0.2, 0.0, LabelPlaces(ASIDE))
+    np.testing.assert_allclose(
+        arrow_tips(kick[0], 0.2, 0.0), [arrow.start + 0.2 * arrow.impulse for arrow in arrows]
+    )
 
 
 def test_small_ones_get_no_arrow(kick):
     pushes = sorted(np.linalg.norm(push) for _, _, push in joint_pushes(kick[0]))
-    drawn = impulse_arrows(kick[0], 0.2, (pushes[0] + pushes[1]) / 2, ASIDE)
+    drawn = impulse_arrows(kick[0], 0.2, (pushes[0] + pushes[1]) / 2, LabelPlaces(ASIDE))
     assert len(drawn) == 3
 
 
@@ -73,5 +92,5 @@ def test_no_impulse_no_arrow():
     hit = kd.strike(kd.Leg.human(), np.zeros(3), [1, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.0))
     idle = kd.Impact.known(**{**vars(hit), "impulse": np.zeros(3),
                               "joint_impulses": np.zeros((3, 6))})  # fmt: skip
-    assert impulse_arrows(idle, 1.0, 0.0, ASIDE) == []
+    assert impulse_arrows(idle, 1.0, 0.0, LabelPlaces(ASIDE)) == []
     assert largest(idle) == 0.0

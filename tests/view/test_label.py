@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import umsgpack
 
-from kickdyn.view.label import HEIGHT, Label
+from kickdyn.view.label import HEIGHT, PIXELS, Label
 from kickdyn.view.recorder import recorder
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -24,7 +24,6 @@ def test_a_label_is_a_sprite_with_its_text():
     width, height = (float(drawn.get(name)) for name in ("width", "height"))
     scale = np.reshape(said["object"]["matrix"], (4, 4)).diagonal()
     assert scale[:2] == pytest.approx([HEIGHT * width / height, HEIGHT])
-    assert label.size == pytest.approx((scale[0] / 2, HEIGHT))
     used = said["materials"][0]
     assert said["object"]["material"] == used["uuid"]
     assert used["map"] == said["textures"][0]["uuid"]
@@ -32,10 +31,35 @@ def test_a_label_is_a_sprite_with_its_text():
 
 
 def test_a_label_stands_to_the_right_of_where_it_is_put():
-    svg, _ = Label("12 N s", 0).picture()
+    svg, _, _ = Label("12 N s", 0).picture()
     drawn = ET.fromstring(svg)
     half = float(drawn.get("width")) / 2
     frame = drawn.find(f"{SVG}rect")
     left = float(frame.get("x"))
     assert half < left < left + float(frame.get("width")) < 2 * half
     assert half < float(drawn.find(f"{SVG}text").get("x")) < 2 * half
+    assert drawn.find(f"{SVG}line") is None
+
+
+@pytest.mark.parametrize("left", [False, True])
+@pytest.mark.parametrize("row", [0.0, 1.5, -2.0])
+def test_its_frame_is_where_it_says_and_a_line_leads_there(row, left):
+    label = Label("12 N s", 0, row=row, left=left)
+    svg, width, height = label.picture()
+    drawn = ET.fromstring(svg)
+    assert (width, height) == tuple(float(drawn.get(name)) for name in ("width", "height"))
+    x, y, w, h = (
+        float(drawn.find(f"{SVG}rect").get(name)) for name in ("x", "y", "width", "height")
+    )
+    assert min(x, y, width - x - w, height - y - h) >= 0
+    pixel = HEIGHT / PIXELS
+    centre, half = label.frame
+    assert centre / pixel == pytest.approx((x + w / 2 - width / 2, height / 2 - y - h / 2))
+    assert half / pixel == pytest.approx((w / 2, PIXELS / 2))
+    assert bool(centre[0] < 0) is left
+    if row:
+        line = {name: float(value) for name, value in drawn.find(f"{SVG}line").items()
+                if name[0] in "xy"}  # fmt: skip
+        assert (line["x1"], line["y1"]) == (width / 2, height / 2)
+        assert line["x2"] == (x + w if left else x)
+        assert line["y2"] == pytest.approx(y + h / 2)

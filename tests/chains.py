@@ -11,27 +11,33 @@ def random_rotation(rng):
     return pin.Quaternion(q / np.linalg.norm(q)).matrix()
 
 
-def random_inertia(rng):
+def random_inertia(rng, share=1.0):
     a, b, c = rng.uniform(0.001, 0.05, size=3)  # sums of pairs keep the triangle inequality
     turn = random_rotation(rng)
     moments = turn @ np.diag([a + b, b + c, c + a]) @ turn.T
-    return pin.Inertia(rng.uniform(0.2, 8.0), rng.uniform(-0.2, 0.2, size=3), moments)
+    mass, lever = rng.uniform(0.2, 8.0), rng.uniform(-0.2, 0.2, size=3)
+    return pin.Inertia(share * mass, share * lever, share**3 * moments)
 
 
-def random_leg(rng, joints=None):
-    """A leg of revolute joints about any axis, now and then a prismatic one."""
+def random_leg(rng, joints=None, last=1.0):
+    """A leg of revolute joints about any axis, now and then a prismatic one.
+
+    The last body's mass and lengths are `last` times what they would be.
+    """
     model = pin.Model()
     model.name = "chain"
     parent = 0
-    for k in range(joints or rng.integers(1, 8)):
+    count = joints or rng.integers(1, 8)
+    for k in range(count):
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         kind = pin.JointModelPrismaticUnaligned if rng.random() < 0.15 else None
         kind = kind or pin.JointModelRevoluteUnaligned
         offset = pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
         parent = model.addJoint(parent, kind(axis), offset, f"joint{k + 1}")
-        model.appendBodyToJoint(parent, random_inertia(rng), pin.SE3.Identity())
-    tip = pin.SE3(random_rotation(rng), rng.uniform(0.1, 0.4, size=3))
+        body = random_inertia(rng, last if k == count - 1 else 1.0)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    tip = pin.SE3(random_rotation(rng), last * rng.uniform(0.1, 0.4, size=3))
     model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
     return kd.Leg.from_model(model, "toe")
 

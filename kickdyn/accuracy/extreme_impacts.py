@@ -215,6 +215,17 @@ def cancellations() -> Iterator[Kick]:
         yield Kick(f"approach of {share:g} of the speed", leg, BENT, SPEEDS, Ball(), touch)
 
 
+def centrals() -> Iterator[Kick]:
+    """Yield feet that come along the normal but for a share: sliding cancels, friction needs it."""
+    leg = chain(USUAL)
+    normal, aside = np.array([0.8, 0.0, 0.6]), np.array([-0.6, 0.0, 0.8])
+    for share in (1e-3, 1e-6, 1e-9, 1e-11, 1e-13):
+        v = leg.posture(BENT).joint_velocity(3.0 * (normal + share * aside))
+        for mu in (0.05, 3.0):
+            name = f"slides at {share:g} of the approach, mu {mu:g}"
+            yield Kick(name, leg, BENT, v, Ball(), Contact(normal, 0.8, mu))
+
+
 def ranks() -> Iterator[Kick]:
     """Yield Jacobians of rank 1 and 2, their empty rows in every order."""
     for joints in (1, 2, 3):
@@ -240,6 +251,7 @@ FAMILIES: dict[str, Callable[[], Iterator[Kick]]] = {
     "slow": slows,
     "heavy ball": heavies,
     "cancelling": cancellations,
+    "central": centrals,
     "rank": ranks,
 }
 

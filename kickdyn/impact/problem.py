@@ -121,11 +121,16 @@ def contact_axes(n: Array, u: Array) -> Array:
     ux, uy, uz = u.tolist()
     along = ux * nx + uy * ny + uz * nz
     x, y, z = ux - along * nx, uy - along * ny, uz - along * nz
-    if max(abs(x), abs(y), abs(z)) <= 1e-12 * max(abs(ux), abs(uy), abs(uz)):
+    slides, moves = max(abs(x), abs(y), abs(z)), max(abs(ux), abs(uy), abs(uz))
+    if slides <= 1e-12 * moves:
         least = min(range(3), key=lambda axis: abs(normal[axis]))
         aside = [-normal[least] * part for part in normal]
         aside[least] += 1.0
         x, y, z = aside
+    elif slides < 0.1 * moves:  # what is left cancelled, with rounding along the normal: once more
+        x, y, z = x / slides, y / slides, z / slides
+        along = x * nx + y * ny + z * nz
+        x, y, z = x - along * nx, y - along * ny, z - along * nz
     length = math.hypot(x, y, z)
     x, y, z = first = x / length, y / length, z / length
     a, b, c = crossed(normal, first)

@@ -14,7 +14,8 @@ from kickdyn.accuracy.gains import draws, gains
 from kickdyn.accuracy.row import Row, compared, digits, refused
 from kickdyn.errors import InvalidInput
 
-EXACT = ("posture", "mass", "coefficient", "approach", "rank", "short link", "turning", "slow")
+EXACT = ("posture", "mass", "coefficient", "approach", "central", "rank", "short link", "turning")
+EXACT += ("slow",)
 """Families of which every row has the digits that its condition allows."""
 
 

@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+from chains import random_leg
+
+import kickdyn as kd
+from kickdyn.accuracy.exact_impact import exact_impact, given
+from kickdyn.impact.problem import contact_axes
+
+
+@pytest.mark.parametrize("decade", range(14))
+def test_contact_axes_are_a_rotation_however_little_slides(decade):
+    rng = np.random.default_rng(decade)
+    for _ in range(50):
+        normal, aside = rng.normal(size=(2, 3))
+        normal /= np.linalg.norm(normal)
+        aside -= normal * (aside @ normal)
+        moving = normal + 10.0**-decade * aside / np.linalg.norm(aside)
+        axes = contact_axes(normal, rng.uniform(1e-3, 1e3) * moving)
+        assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-14)
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+        assert (axes[:, 2] == normal).all()
+        if decade < 12:  # below, what slides is taken for rounding
+            assert axes[:, 0] @ moving > 0.9 * 10.0**-decade
+
+
+@pytest.mark.parametrize("mu", [0.05, 0.15, 3.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_foot_that_comes_centrally_but_for_rounding_has_its_digits(seed, mu):
+    leg = random_leg(np.random.default_rng(seed), 5, last=1e-5)
+    normal = np.array([0.8, 0.0, 0.6])
+    posture = leg.posture(np.linspace(0.2, 1.2, 5))
+    hit = kd.strike(
+        leg, posture.q, posture.joint_velocity(3.0 * normal), kd.Ball(), kd.Contact(normal, 0.6, mu)
+    )
+    error = exact_impact(*given(hit))["impulse"].error(hit.impulse)
+    assert error < 10**-hit.digits
+    if not hit.sticking:  # which takes the inverse of the whole matrix
+        assert error < 2e-14

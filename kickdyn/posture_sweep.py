@@ -155,6 +155,10 @@ def posture_sweep(
         raise InvalidInput("--resume goes on with a Zarr store: name it with --out DIR.zarr")
     if (workers or cluster) and not streams:
         raise InvalidInput("--workers and --cluster fill a Zarr store: name it with --out DIR.zarr")
+    if sum(each is not None for each in (threads, workers, cluster)) > 1:
+        raise InvalidInput("--threads, --workers and --cluster exclude each other: choose one")
+    if resume and not Path(str(out)).exists():
+        click.echo(f"{out} is not there: nothing to resume, a new sweep begins", err=True)
     _check_outputs(None if streams else out, json_file, plot, view)
 
     data = survey = found = chosen = None

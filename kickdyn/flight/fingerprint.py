@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,12 @@ _LIBRARIES = (math, np)
 _PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.BuiltinFunctionType)
 
 
-def fingerprint(function: Callable[..., Any], *more: bytes) -> str | None:
+def fingerprint(value: Any, *more: bytes) -> str | None:
     """Return a name that two functions share only if they and all that they call do the same.
 
     Args:
-        function: whose code, defaults, and the values of the names it uses count.
+        value: a function, whose code, defaults, and the values of the names it uses count; a plain
+            value; or a tuple of those.
         more: what counts besides.
 
     Returns:
@@ -31,7 +32,7 @@ def fingerprint(function: Callable[..., Any], *more: bytes) -> str | None:
     """
     digest = hashlib.sha256()
     try:
-        for part in (*more, *_parts(function, set())):
+        for part in (*more, *_parts(value, set())):
             digest.update(b"%d:" % len(part) + part)
     except TypeError:
         return None

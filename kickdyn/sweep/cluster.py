@@ -40,8 +40,7 @@ def spread(
     Raises:
         InvalidInput: dask.distributed is not installed; no such cluster, or its workers do not see
             the store or have other versions.
-        KickdynError: workers died again and again.
-        OSError: of a worker, as it is.
+        OSError: of a worker, as it is; workers died again and again, or the scheduler is gone.
     """
     try:
         import distributed
@@ -69,7 +68,9 @@ def spread(
                 if progress is not None:
                     progress(done)
         except dask.KilledWorker as error:
-            raise KickdynError(f"workers died again and again ({error})") from None
+            raise ChildProcessError(f"workers died again and again ({error})") from None
+        except (dask.client.FutureCancelledError, dask.comm.CommClosedError):
+            raise ConnectionError(f"lost the scheduler at {where}") from None
 
 
 @contextmanager
@@ -80,11 +81,18 @@ def _client(where: str | int) -> Iterator[Any]:
     dask: Any = distributed
     if isinstance(where, str):
         try:
+            dask.comm.get_address_host_port(where, strict=True)  # a client would ask for 10 s more
             client = dask.Client(where, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise InvalidInput(f"no cluster answers at {where} ({_why(error)})") from None
-        with client:
-            yield client
+        logger = logging.getLogger("distributed")
+        level = logger.level
+        logger.setLevel(logging.CRITICAL)  # of a scheduler that is lost it prints tracebacks
+        try:
+            with client:
+                yield client
+        finally:
+            logger.setLevel(level)
         return
     here = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
     with (

@@ -92,7 +92,11 @@ def grid(leg: Leg, joints: Iterable[str] = (), most: int = MAX_POSTURES) -> Grid
             f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): they "
             f"would fill {_bytes(result.size)} and take about {_time(result.size)} of one core; "
             f"at most {most:,} are "
-            + ("held at once: name a store, --out DIR.zarr" if most < MOST_POSTURES else "swept")
+            + (
+                "held at once: name a store, --out DIR.zarr (in Python, most=)"
+                if most < MOST_POSTURES
+                else "swept"
+            )
             + ", or take larger steps"
         )
     for name in _joints(leg):
@@ -122,7 +126,11 @@ def _axis(leg: Leg, text: str) -> tuple[str, Array]:
         )
     intervals = (high - low) / step * (1 + 1e-12) + 1e-9  # so that 0:1:0.1 ends at 1
     if intervals >= MAX_POSTURES:
-        raise InvalidInput(f"joint {text!r} has over {MAX_POSTURES:,} values: take a larger step")
+        raise InvalidInput(
+            f"joint {text!r} alone has {intervals + 1:.3g} values, which would fill "
+            f"{_bytes(intervals)} and take about {_time(intervals)} of one core; at most "
+            f"{MAX_POSTURES:,} are swept: take a larger step"
+        )
     values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
     values = values if leg.joint_unit(name) == "m" else np.radians(values)
     _inside(leg, name, values, "swept")
@@ -140,7 +148,7 @@ def _no_numbers(parts: list[str]) -> str:
     return f"{':'.join(parts)!r} are not numbers"
 
 
-def _bytes(postures: int) -> str:
+def _bytes(postures: float) -> str:
     size = postures * BYTES
     for unit, scale in (("TB", 1e12), ("GB", 1e9)):
         if size >= scale:
@@ -148,7 +156,7 @@ def _bytes(postures: int) -> str:
     return f"{size / 1e6:,.3g} MB"
 
 
-def _time(postures: int) -> str:
+def _time(postures: float) -> str:
     seconds = postures / RATE
     for unit, scale, least in (("days", 86400, 2 * 86400), ("hours", 3600, 3600)):
         if seconds >= least:

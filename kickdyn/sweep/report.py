@@ -12,7 +12,7 @@ from rich.table import Table
 
 from kickdyn.leg import Leg
 from kickdyn.sweep.kick import Kick
-from kickdyn.sweep.run import provenance
+from kickdyn.sweep.provenance import provenance
 from kickdyn.sweep.summary import Line
 
 

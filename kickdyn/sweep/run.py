@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable
-from importlib import metadata
 
 import numpy as np
 import xarray as xr
@@ -17,7 +15,7 @@ from kickdyn.impact.laws import normal_impulse
 from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
-from kickdyn.version import __version__
+from kickdyn.sweep.provenance import provenance
 
 VARIABLES = {
     "effective_mass": ("kg", "effective mass of the leg along the normal"),
@@ -147,25 +145,3 @@ def _dataset(leg: Leg, grid: Grid, kick: Kick, rows: Array, status: NDArray[np.i
         },
     )
     return data
-
-
-def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
-    """Return what is needed to compute the same again."""
-    air = kick.air
-    text = "" if leg.urdf is None else leg.urdf.text
-    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
-    return {
-        "title": f"kicking postures of {leg.name}",
-        "source": f"kickdyn {__version__} ({versions})",
-        "leg": leg.name,
-        "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
-        "frame": leg.frame,
-        "foot_speed_m_s": kick.speed,
-        "attack_deg": round(float(np.degrees(kick.attack)), 10),
-        "restitution": kick.restitution,
-        "friction": kick.friction,
-        "impact_law": "newton",
-        "ball_mass_kg": kick.ball.mass,
-        "ball_radius_m": kick.ball.radius,
-        "air": "none" if air is None else repr(air),
-    }

@@ -70,7 +70,7 @@ def stream(
     Raises:
         InvalidInput: as `Store`, and as `kick_from`; a cluster that cannot be reached, or whose
             workers cannot do it.
-        Unfinished: interrupted, or the disk is full; what is done stays.
+        Unfinished: interrupted, the disk is full, or the cluster is gone; what is done stays.
     """
     carry_error = checks.number("carry error", carry_error, at_least=0, unit="m")
     threads = cores() if threads is None else threads
@@ -96,6 +96,9 @@ def stream(
             job.prepare()
             run(job, missing, threads, progress)
         return store.finish(merged(store.told()))
+    except InvalidInput:
+        store.abandon()
+        raise
     except (KeyboardInterrupt, OSError) as error:
         why = "interrupted" if isinstance(error, KeyboardInterrupt) else error.strerror or error
         done = len(store.cut) - len(store.missing())

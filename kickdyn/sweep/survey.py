@@ -20,7 +20,8 @@ from kickdyn.sweep.kick import CARRY_ERROR, STATUSES, Kick
 from kickdyn.sweep.marginal import Marginal
 from kickdyn.sweep.opened import Reduction
 from kickdyn.sweep.progress import Done
-from kickdyn.sweep.run import VARIABLES, check_names, provenance
+from kickdyn.sweep.provenance import provenance
+from kickdyn.sweep.run import VARIABLES, check_names
 from kickdyn.sweep.stream import stream
 from kickdyn.sweep.summary import Line, extremes
 from kickdyn.sweep.top import Top, lot

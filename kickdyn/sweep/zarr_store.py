@@ -25,7 +25,8 @@ from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick
 from kickdyn.sweep.notes import Notes
 from kickdyn.sweep.outcomes import interpolated, kernel_scene
-from kickdyn.sweep.run import VARIABLES, check_names, provenance
+from kickdyn.sweep.provenance import axes, provenance
+from kickdyn.sweep.run import VARIABLES, check_names
 
 CHUNK = 131_072
 """Postures per chunk, about."""
@@ -79,7 +80,7 @@ class Store:
         attributes: dict[str, Any] = {
             **provenance(leg, kick),
             "carry_error_m": interpolated(kernel_scene(leg, kick), kick, carry_error),
-            "grid": {name: [len(v), *map(float, v[[0, -1]])] for name, v in grid.axes.items()},
+            "grid": axes(grid),
         }
         try:
             if self.path.exists():
@@ -157,6 +158,11 @@ class Store:
         """Yield what was told of every chunk, in their order, once all are done."""
         for k in range(len(self.cut)):
             yield self._notes.read(k)
+
+    def abandon(self) -> None:
+        """Remove a store that has no chunk: the next attempt shall not find it in its way."""
+        if self.summary is None and not self._notes.done():
+            shutil.rmtree(self.path)
 
     @property
     def summary(self) -> dict[str, Any] | None:

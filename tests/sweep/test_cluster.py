@@ -1,7 +1,9 @@
+import json
 import os
 import pickle
 import signal
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -67,15 +69,41 @@ def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, monkeypatch):
         address = f"tcp://127.0.0.1:{nobody.getsockname()[1]}"
         with pytest.raises(kd.InvalidInput, match=f"no cluster answers at {address}"):
             stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, cluster=address)
-    for k, wrong in enumerate(("nowhere", "tcp://", "udp://127.0.0.1:1")):
-        with pytest.raises(kd.InvalidInput, match=f"no cluster answers at {wrong}"):
-            stream(tmp_path / f"{k}.zarr", LEG, POSTURES, KICK, cluster=wrong)
+    monkeypatch.setattr("distributed.Client", None)  # what has no port is not even tried
+    for wrong in ("nowhere", "", "tcp://", "tcp://localhost", "udp://127.0.0.1:1"):
+        with pytest.raises(kd.InvalidInput, match=f"no cluster answers at {wrong} "):
+            stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, cluster=wrong)
+    assert not list(tmp_path.iterdir())  # nothing that is in the next attempt's way
+
+
+def test_a_scheduler_that_dies_leaves_what_can_be_resumed(tmp_path, capfd):
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard"]
+    command += ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(tmp_path / "where")]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as scheduler:
+        while not (tmp_path / "where").exists():
+            time.sleep(0.05)
+        where = json.loads((tmp_path / "where").read_text())["address"]
+        work = [sys.executable, "-m", "distributed.cli.dask_worker", where, "--nthreads", "1"]
+        work += ["--no-dashboard", "--no-nanny", "--death-timeout", "2"]
+        with subprocess.Popen(work, stderr=subprocess.DEVNULL, cwd=tmp_path) as worker:
+            path = tmp_path / "s.zarr"
+
+            def done(count):
+                if count:
+                    scheduler.kill()
+
+            with pytest.raises(kd.KickdynError, match=r"lost the scheduler .*: \d of 6 chunks"):
+                stream(path, LEG, POSTURES, KICK, cluster=where, progress=done)
+            worker.kill()
+    assert "Traceback" not in capfd.readouterr().err
+    assert stream(path, LEG, POSTURES, KICK, resume=True)["counts"]["ok"] > 0
 
 
 def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[cluster\]"'):
         stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2)
+    assert not (tmp_path / "s.zarr").exists()
 
 
 def test_workers_must_be_there_see_the_store_and_be_alike(tmp_path, monkeypatch):

@@ -131,7 +131,8 @@ def test_a_range_of_one_value_is_one_posture():
     ("most", "step", "words"),
     [
         (10**6, 0.1, r"2,004,002 postures \(1001 x 1001 x 2\): they would fill 210 MB and take "
-         r"about 10 s of one core; at most 1,000,000 .* name a store, --out DIR\.zarr, or take"),
+         r"about 10 s of one core; at most 1,000,000 .* name a store, --out DIR\.zarr "
+          r"\(in Python, most=\), or take"),
         (10**10, 0.001, r"would fill 2\.1 TB and take about 27.8 hours .* at most 10,000,000,000 "
          r"are swept, or take larger steps"),
     ],

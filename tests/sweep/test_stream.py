@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import xarray as xr
 
 import kickdyn as kd
 from kickdyn.sweep import outcomes, zarr_store
-from kickdyn.sweep.grid import grid
+from kickdyn.sweep.grid import Grid, grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.run import VARIABLES, sweep
 from kickdyn.sweep.stream import stream
@@ -119,6 +120,17 @@ def test_what_is_there_is_not_overwritten(tmp_path):
         stream(path, LEG, POSTURES, Kick(speed=5.0, air=None), resume=True)
     with pytest.raises(kd.InvalidInput, match="its grid is"):
         stream(path, LEG, grid(LEG, ["hip=0:90:15"]), KICK, resume=True)
+    inside = POSTURES.axes | {"knee": POSTURES.axes["knee"] ** 1.01}
+    inside["knee"][-1] = POSTURES.axes["knee"][-1]
+    others = {
+        "ball_inertia_factor": (LEG, POSTURES, replace(KICK, ball=kd.Ball(inertia_factor=0.4))),
+        "model_sha256": (LEG.with_armature({"hip": 0.5}), POSTURES, KICK),
+        "attack_rad": (LEG, POSTURES, replace(KICK, attack=KICK.attack + 1e-13)),
+        "grid": (LEG, Grid(inside), KICK),
+    }
+    for name, (leg, postures, kick) in others.items():
+        with pytest.raises(kd.InvalidInput, match=f"is of another sweep: its {name} is"):
+            stream(path, leg, postures, kick, resume=True)
     attributes = json.loads((path / "zarr.json").read_text())
     attributes["attributes"]["source"] = "kickdyn 0.0"
     (path / "zarr.json").write_text(json.dumps(attributes))

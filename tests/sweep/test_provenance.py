@@ -1,0 +1,75 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.provenance import axes, provenance
+from kickdyn.urdf_file import shipped_urdf
+
+KICK = Kick(attack=0.3)
+
+
+def human(mass=1.0):
+    model = kd.Leg.human().model
+    one = model.inertias[3]
+    model.inertias[3] = pin.Inertia(mass * one.mass, one.lever, mass * one.inertia)
+    return kd.Leg.from_model(model, "toe")
+
+
+def drag(level):
+    return lambda reynolds, spin_parameter: level
+
+
+def told(leg, kick):
+    return json.loads(json.dumps(provenance(leg, kick)))
+
+
+def different(one, other):
+    return {name for name, value in one.items() if other[name] != value}
+
+
+def test_the_same_again_is_the_same():
+    assert told(human(), KICK) == told(human(), Kick(attack=0.3))
+    kicks = [replace(KICK, air=kd.Air(drag=drag(0.2), wind=(1.0, 0.0, 0.0))) for _ in range(2)]
+    assert told(human(), kicks[0]) == told(human(), kicks[1])
+
+
+@pytest.mark.parametrize(
+    ("leg", "kick", "names"),
+    [
+        (human(1 + 1e-15), KICK, {"model_sha256"}),
+        (human().with_armature({"hip": 0.1}), KICK, {"model_sha256"}),
+        (human(), replace(KICK, ball=kd.Ball(inertia_factor=0.4)), {"ball_inertia_factor"}),
+        (human(), replace(KICK, attack=np.nextafter(0.3, 1.0)), {"attack_rad"}),
+        (human(), replace(KICK, air=kd.Air(density=kd.Air().density + 1e-9)), {"air_sha256"}),
+    ],
+)
+def test_the_least_difference_has_a_name(leg, kick, names):
+    assert different(told(human(), KICK), told(leg, kick)) == names
+
+
+def test_what_is_locked_where_and_what_holds_the_leg():
+    one, other = (kd.Leg.human().locked({"ankle": angle}) for angle in (0.0, 0.5))
+    assert different(told(one, KICK), told(other, KICK)) == {"model_sha256"}
+    free = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+    closed = free.with_loops(("shank_pin", "rocker_b_tip"))
+    assert different(told(free, KICK), told(closed, KICK)) == {"model_sha256"}
+
+
+def test_functions_of_someones_own_count():
+    one, other = (replace(KICK, air=kd.Air(drag=drag(level))) for level in (0.2, 0.3))
+    assert different(told(human(), one), told(human(), other)) == {"air_sha256"}
+
+
+def test_every_value_of_an_axis_counts():
+    values = np.linspace(0.0, 1.0, 5)
+    moved = values.copy()
+    moved[2] = np.nextafter(0.5, 1.0)
+    one, other = axes(Grid({"hip": values})), axes(Grid({"hip": moved}))
+    assert one["hip"][:3] == other["hip"][:3] == [5, 0.0, 1.0]
+    assert one != other

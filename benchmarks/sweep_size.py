@@ -4,8 +4,9 @@
 
 Cost per posture is that of the impulse alone, one thread, the best of three runs below 1e8. The
 processes are workers of dask.distributed (`pip install "kickdyn[cluster]"`) that fill a store with
-flight distances, after a sweep that warms them up. The grid of 1e9 postures keeps none of them and
-is stopped on its way, so that only its memory counts.
+flight distances, after a sweep that warms them up; beside them stands what two reach that share
+nothing, the impulse alone without a store: more this machine does not give. The grid of 1e9
+postures keeps none of them and is stopped on its way, so that only its memory counts.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from shutil import rmtree
 
 import numpy as np
 
@@ -31,6 +33,7 @@ from kickdyn.sweep.stream import stream
 LEG, KICK = kd.Leg.human(), Kick(speed=12.0)
 RANGES = ((-0.5, 1.5), (0.0, 2.4), (-0.3, 0.8))
 CHUNK, SECONDS = 131_072, 20.0
+STORED, ALONE = 3e7, 1e7
 
 
 def grid(most: float) -> Grid:
@@ -54,9 +57,9 @@ def per_posture(most: float) -> float:
     return min(times)
 
 
-def with_processes(count: int, folder: Path) -> float:
-    """Return postures per second of a store filled by so many processes."""
-    from distributed import LocalCluster
+def with_processes(count: int, folder: Path) -> tuple[float, float]:
+    """Return postures per second of so many processes: into a store, and without one."""
+    from distributed import Client, LocalCluster
 
     here = "127.0.0.1:0"
     with LocalCluster(  # type: ignore[no-untyped-call]
@@ -65,10 +68,16 @@ def with_processes(count: int, folder: Path) -> float:
     ) as cluster:  # fmt: skip
         where = cluster.scheduler_address
         stream(folder / f"warm{count}.zarr", LEG, grid(1e6), KICK, cluster=where)
-        postures = grid(1e7)
+        postures = grid(STORED)
         begin = time.perf_counter()
         stream(folder / f"{count}.zarr", LEG, postures, KICK, cluster=where)
-        return postures.size / (time.perf_counter() - begin)
+        stored = postures.size / (time.perf_counter() - begin)
+        rmtree(folder / f"{count}.zarr")
+        with Client(cluster) as client:  # type: ignore[no-untyped-call]
+            begin = time.perf_counter()
+            alone = [client.submit(per_posture, ALONE, pure=False) for _ in range(count)]
+            client.gather(alone)
+            return stored, count * 3 * grid(ALONE).size / (time.perf_counter() - begin)
 
 
 def huge() -> None:
@@ -100,9 +109,10 @@ def main() -> None:
           + f"   largest over smallest {max(costs) / min(costs):.2f}")  # fmt: skip
     subprocess.run([sys.executable, __file__, "huge"], check=True)
     with tempfile.TemporaryDirectory() as folder:
-        one, two = (with_processes(count, Path(folder)) for count in (1, 2))
-    print(f"1 process {one / 1e6:.2f}, 2 processes {two / 1e6:.2f} million postures/s, ratio "
-          f"{two / one:.2f}")  # fmt: skip
+        rates = [with_processes(count, Path(folder)) for count in (1, 2)]
+    for what, one, two in zip(("stored", "alone"), *rates, strict=True):
+        print(f"{what}: 1 process {one / 1e6:.2f}, 2 processes {two / 1e6:.2f} million postures/s, "
+              f"ratio {two / one:.2f}")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -36,6 +36,9 @@ def parts():
         "ball": hit.ball,
         "touch": hit.touch,
         "support": support,
+        "scene": kd.Scene(
+            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.touch, spread={"q": 0.1}
+        ),
         "sensitivity": hit.sensitivity(),
         "uncertainty": hit.uncertainty(q=0.1, normal=0.02),
         "unilateral": kd.unilateral_strike(

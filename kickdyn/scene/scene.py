@@ -21,6 +21,7 @@ from kickdyn.ground import Ground
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
 from kickdyn.posture import Posture
+from kickdyn.sealed import Sealed
 
 EDGE = 1e-6
 """By which a joint may be over its range [deg; m]."""
@@ -43,7 +44,7 @@ def clash_of_time(law: str, restitution: float) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Scene:
+class Scene(Sealed):
     """One kick, from the posture of the leg to the end of the ball's way.
 
     Args:

@@ -129,13 +129,12 @@ def _table(items: list[Item]) -> Table:
     table.add_column("verdict", no_wrap=True)
     table.add_column("why")
     for item in items:
-        error = item.relative_error
         table.add_row(
             item.item,
             "" if item.paper is None else f"{item.paper:g}",
             f"{item.ours:.5g}",
             item.unit,
-            "" if error is None else f"{100 * error:+.2f} %".replace("-0.00", "+0.00"),
+            item.difference,
             f"[{COLOURS[item.verdict]}]{item.verdict}[/]",
             item.why,
         )

@@ -39,6 +39,12 @@ class Item:
         """Ours over the paper's, less 1; None where the paper prints no number, or 0."""
         return self.ours / self.paper - 1 if self.paper else None
 
+    @property
+    def difference(self) -> str:
+        """The relative error as it is shown, with two digits of a per cent; empty if it is None."""
+        error = self.relative_error
+        return "" if error is None else f"{100 * error:+.2f} %".replace("-0.00", "+0.00")
+
     def as_json(self) -> dict[str, object]:
         """Return plain values, as documented for `--json`."""
         return {

@@ -7,6 +7,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, DEFAULT, LIFT_WITHOUT_CRISIS
+from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import SECTIONS, chosen
 
 
@@ -133,3 +134,11 @@ def test_only(only, names):
 def test_only_what_exists(only):
     with pytest.raises(kd.InvalidInput, match=r"not in the paper: choose one of Fig\. 1, Table 2"):
         chosen(only)
+
+
+@pytest.mark.parametrize(
+    ("paper", "ours", "shown"),
+    [(2.0, 3.0, "+50.00 %"), (8.0, 7.5, "-6.25 %"), (7.5, 7.4999999, "+0.00 %"), (None, 1.0, "")],
+)
+def test_the_difference_as_it_is_shown(paper, ours, shown):
+    assert Item("a", paper, ours, "m", "reproduced", "", "").difference == shown

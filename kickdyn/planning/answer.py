@@ -19,7 +19,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-from kickdyn.planning.goal import Goal
+from kickdyn.planning.goal import GRAZES, Goal
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,8 +32,8 @@ class Launch(Card):
         spin: shape `(3,)` [rad/s, world axes].
         time: of the flight to the target [s].
         errors: of the target (3 components), the thing named beside it, and `beside` [m, s, m/s].
-        steps: of Newton's method from the nominal launch; 0 where the vacuum's answer holds, and
-            -1 where the launch was found along the family of all launches to the target.
+        tried: launch velocities of Newton's method, the vacuum's answer first and `velocity` last;
+            empty where the launch was found along the family of all launches to the target.
         ball, air: what flies through what.
     """
 
@@ -42,7 +42,7 @@ class Launch(Card):
     spin: Array
     time: float
     errors: Array
-    steps: int
+    tried: tuple[Array, ...]
     ball: Ball
     air: Air | None
 
@@ -53,6 +53,11 @@ class Launch(Card):
         yield "spin", self.spin, "rad/s"
         yield "time", self.time, "s"
         yield "largest error", float(abs(self.errors).max()), ""
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of Newton's method; -1 where the launch was not found by it."""
+        return len(self.tried) - 1
 
     @property
     def speed(self) -> float:
@@ -95,8 +100,10 @@ class Launches(Card):
         goal: as wished for.
         solutions: every launch that meets it, by time of flight: a low arc before a high one.
         limit: what stands in the way of an unreachable goal: `speed limit`, `spin limit`, or
-            `least speed`, `lowest way`, `highest way` to the target; empty where it is met.
-        nearest: a launch that meets the nearest goal there is, which is `nearest.goal`.
+            `least speed`, `lowest way`, `highest way` to the target, or `ground`, where the way
+            there leads through it; empty where it is met.
+        nearest: a launch that meets the nearest goal there is, which is `nearest.goal`; None where
+            the ground is in the way of all.
     """
 
     status: Literal["met", "unreachable"]
@@ -118,6 +125,8 @@ class Launches(Card):
             count = len(self.solutions)
             return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"
         near = "nothing near is known" if self.nearest is None else f"nearest {_said(self.nearest)}"
+        if self.limit == "ground":
+            return f"out of reach, the ground is in the way: {near}"
         return f"out of reach by the {self.limit}: {near}"
 
 
@@ -126,30 +135,33 @@ def to_target(
     goal: Goal,
     ball: Ball,
     air: Air | None,
-    time: float,
+    time: float | None = None,
     tol: float = 1e-11,
     *,
     orientation: bool = False,
 ) -> Flight:
-    """Fly to the vertical plane through a goal's target; where that fails, for the time."""
+    """Fly to the vertical plane through a goal's target, or to the ground before it.
+
+    A launch that meets the goal has its `time` to the target [s]: it may cross the plane before and
+    be blown back, and graze the ground.
+    """
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
-    deep = _deep(state, goal, ball)
-    flown = partial(fly, state, ball, air, deep, tol, orientation=orientation)
+    floor = float(state.position[2]) + goal.lowest - ball.radius
+    ground = Ground(floor if time is None else floor - 2 * GRAZES)
+    flown = partial(fly, state, ball, air, ground, tol, orientation=orientation)
+    if time is None:
+        return flown(plane=plane)
     path = flown(plane=plane, time_limit=2 * time)
     if path.status == "at plane" and abs(path.duration - time) < 0.5 * time:
         return path
     return flown(time_limit=time)
 
 
-def _deep(state: BallState, goal: Goal, ball: Ball) -> Ground:
-    lowest = min(0.0, float(goal.target[2])) - 10 * ball.radius - goal.distance
-    return Ground(float(state.position[2]) + lowest)
-
-
 def _said(near: Launch) -> str:
     value = getattr(near.goal, near.goal.kind)
     shown = f"{value[1]:.4g} m at {value[0]:.4g} m" if near.goal.kind == "over" else f"{value:.4g}"
-    where = ", ".join(f"{part:.4g}" for part in near.goal.target)
+    rounding = 1e-9 * float(abs(near.goal.target).max())
+    where = ", ".join(f"{part if abs(part) > rounding else 0:.4g}" for part in near.goal.target)
     if near.goal.beside is not None:
         shown += f", {near.goal.beside[1]:.4g} m left of the line at {near.goal.beside[0]:.4g} m"
     return f"({where}) m, {near.goal.kind} {shown}, at {near.speed:.4g} m/s"

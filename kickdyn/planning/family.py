@@ -7,6 +7,7 @@ that a speed limit leaves an interval of times.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,16 +23,23 @@ STRIDE = 1.35
 """Ratio of neighbouring times of the walk along the family."""
 
 
+EDGE = 1e-6
+"""Share of the time to which the last launch is found that is clear of the ground."""
+
 COARSE = 1e-8
 """Tolerance of the flights that look for a member; `refined` makes it exact."""
 
 
 class Member(NamedTuple):
-    """A launch of the family, and the error of what is named beside the target."""
+    """A launch of the family, the error of what is named beside the target, and if it is clear.
+
+    It is clear where the ground is not in its way.
+    """
 
     root: Root
     speed: float
     error: float
+    clear: bool
 
 
 class Family:
@@ -65,22 +73,20 @@ class Family:
             was = nominal_velocity(goal.target, near)
             velocity, size = member.root.velocity + velocity - was, member.root.size
         root = newton(self._coarse, goal, velocity, time, size, 100 * COARSE * goal.distance)
-        return self._member(self._coarse, root)
+        return self._member(root)
 
     def refined(self, member: Member) -> Member:
         """Return a member as exactly as `newton` gives it."""
         root = member.root
         goal = Goal(self.goal.target, time=root.time, beside=self.goal.beside)
         found = newton(self.field, goal, root.velocity, root.time, root.size)
-        return self._member(self.field, found) or member
+        return self._member(found) or member
 
-    def _member(self, field: Range, root: Root) -> Member | None:
-        shot = field.shoot(root.velocity, root.time, root.size) if root.met else None
-        if shot is None:
+    def _member(self, root: Root) -> Member | None:
+        if not root.met or root.shot is None:
             return None
-        return Member(
-            root, math.hypot(*root.velocity), condition(self.goal, root.velocity, shot)[0]
-        )
+        error = condition(self.goal, root.velocity, root.shot)[0]
+        return Member(root, math.hypot(*root.velocity), error, root.above_ground)
 
     def slowest(self) -> Member | None:
         """Return the member of least launch speed."""
@@ -102,6 +108,23 @@ class Family:
             return [least]
         ends = [self._walk(least, ratio) for ratio in (1 / STRIDE, STRIDE)]
         return [*reversed(ends[0]), least, *ends[1]]
+
+    def clear(self, members: list[Member]) -> list[Member]:
+        """Return those that are clear of the ground, and the last ones that are, between them."""
+        found = [member for member in members if member.clear]
+        for one, other in pairwise(members):
+            if one.clear != other.clear:
+                found.append(self._last_clear(*((one, other) if one.clear else (other, one))))
+        return found
+
+    def _last_clear(self, clear: Member, buried: Member) -> Member:
+        while abs(math.log(clear.root.time / buried.root.time)) > EDGE:
+            member = self.at(math.sqrt(clear.root.time * buried.root.time))
+            if member is None:
+                break
+            member = self.refined(member)
+            clear, buried = (member, buried) if member.clear else (clear, member)
+        return clear
 
     def _walk(self, least: Member, ratio: float) -> list[Member]:
         members, last = list[Member](), least

@@ -13,6 +13,9 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import GRAVITY
 
+GRAZES = 1e-6
+"""How deep in the ground a way may be that counts as above it [m]."""
+
 FARTHEST = 1e4
 """How far away a target may be [m]: air and gravity are those of one place."""
 
@@ -22,6 +25,8 @@ class Goal:
     """A target, and how the ball is to come there.
 
     The target alone leaves a family of launches, one for each time of flight: name one thing more.
+
+    The ground is level, under the ball at its start, or under the target where that is lower.
 
     Args:
         target: of the ball's centre, from where it starts: a distance along x at the height of the
@@ -74,8 +79,9 @@ class Goal:
         named = {"time": time, "apex": apex, "speed": speed, "over": over}
         given = [name for name, value in named.items() if value is not None]
         if len(given) != 1:
+            verb = "are" if given else "is"
             raise InvalidInput(
-                f"{' and '.join(given) or 'nothing'} is named beside the target: name one of "
+                f"{' and '.join(given) or 'nothing'} {verb} named beside the target: name one of "
                 "time, apex, speed, over"
             )
         object.__setattr__(self, "target", point)
@@ -96,6 +102,11 @@ class Goal:
     def ahead(self) -> Array:
         """Horizontal unit vector to the target, shape `(3,)`."""
         return np.array([self.target[0], self.target[1], 0.0]) / self.distance
+
+    @property
+    def lowest(self) -> float:
+        """Height of the ball's centre where it touches the ground, above the launch, <= 0 [m]."""
+        return min(0.0, float(self.target[2]))
 
     @property
     def kind(self) -> str:

@@ -53,8 +53,10 @@ class KickPlan(Card):
         share: of the launch speed that is reached; 1 where `status` is `met`.
         touch: impulse, normal and place on the ball.
         hit: the strike, from the planned posture and joint velocity.
-        path: the flight from there, to the target's plane; of a pass, the course.
+        path: the flight from there, to the target's plane or to the ground before it; of a pass,
+            the course.
         landing_error: distance of its end from the target [m].
+        time_error: how much later than by `launch` it ends [s].
         speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
             torque is what keeps the joints' speed, gravity included.
         binding: limits that are reached, such as `speed of knee`; `swing` where a harder kick has
@@ -73,6 +75,7 @@ class KickPlan(Card):
     hit: Impact
     path: Flight | Course
     landing_error: float
+    time_error: float
     speed_use: float
     effort_use: float
     binding: tuple[str, ...]
@@ -90,6 +93,7 @@ class KickPlan(Card):
         yield "impulse on the ball", self.hit.impulse, "N s"
         yield "launch", self.hit.ball.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
+        yield "time error", self.time_error, "s"
         yield self.objective, self.value, ""
         yield "of the speed limit", self.speed_use, ""
         yield "of the torque limit", self.effort_use, ""
@@ -247,17 +251,14 @@ def _pass(goal: Goal, ball: Ball, air: Air | None, spin: Array, ground: Ground) 
         )
     found = plan_pass(goal.target[:2], goal.time, ball, air, ground, spin=spin)
     if found.status != "met":
-        raise InvalidInput(
-            f"the pass is out of reach by the {found.limit}: the ball comes nearest after "
-            f"{found.time:.4g} s, {found.course.distance:.4g} m away"
-        )
+        raise InvalidInput(f"the pass is out of reach: {found.said}")
     along = abs(float(spin @ found.velocity)) / math.hypot(*found.velocity)
     if along > 1e-9 * math.hypot(*spin):
         raise InvalidInput(
             f"spin has {along:g} rad/s along the pass: a ball at rest takes it across its way only"
         )
     missed = np.array([0.0, 0.0, 0.0, found.time - goal.time])
-    return Launch(goal, found.velocity, spin, found.time, missed, -1, ball, air)
+    return Launch(goal, found.velocity, spin, found.time, missed, (), ball, air)
 
 
 def _struck(robot: Leg, limb: Limb, search: Search, found: Found) -> Impact:
@@ -281,7 +282,8 @@ def _carried_out(
     start = hit.ball
     path: Flight | Course
     if ground is None:
-        path = to_target(start, goal, touch.ball, air, launch.time, orientation=True)
+        time = launch.time if found.share == 1.0 else None
+        path = to_target(start, goal, touch.ball, air, time, orientation=True)
         end = path.landing
     else:
         ground = Ground(float(start.position[2]) - touch.ball.radius, ground.surface)
@@ -303,6 +305,7 @@ def _carried_out(
         hit=hit,
         path=path,
         landing_error=error,
+        time_error=path.duration - launch.time,
         speed_use=float(fast.max()),
         effort_use=float(used.max()),
         binding=binding

@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.answer import Launch, Launches
 from kickdyn.planning.family import Family, Member, farthest_point
@@ -43,7 +42,8 @@ def plan_launches(
 
     Newton's method starts from the vacuum's answers, Eqs. (24)-(25), with derivatives that are
     integrated along. Where that finds nothing, the family of all launches to the target is
-    followed: it gives the answer, or the nearest one there is.
+    followed: it gives the answer, or the nearest one there is. A launch whose way to the target
+    leads through the ground, as strong back spin may ask for, is none.
 
     Args:
         goal: from the ball's place.
@@ -69,33 +69,34 @@ def plan_launches(
     roots = _direct(field, goal)
     bends = [root for root in roots if abs(root.size) <= turn_limit]
     meeting = [root for root in bends if math.hypot(*root.velocity) <= most * (1 + 1e-12)]
+    clear = [root for root in meeting if root.above_ground]
     expected = 2 if goal.speed is not None else 1
-    if len(meeting) >= expected:
-        return _met(field, goal, meeting)
+    if len(meeting) >= expected and clear:
+        return _met(field, goal, clear)
     if goal.beside is not None and not meeting:
         return _curved_else(field, goal, most, turn_limit, roots)
     family = Family(field, goal, most)
     members = family.within()
     meeting = _several([*meeting, *_crossings(family, members, turn_limit)])
-    if meeting:
-        return _met(field, goal, meeting)
+    clear = [root for root in meeting if root.above_ground]
+    if clear:
+        return _met(field, goal, clear)
     if not members:
         return _too_far(field, goal, most)
-    return _nearest(field, goal, family, members)
+    return _nearest(goal, family, members, buried=bool(meeting))
 
 
 def _direct(field: Range, goal: Goal) -> list[Root]:
     found = []
     for time in goal.nominal_times():
         root = newton(field, goal, nominal_velocity(goal.target, time), time)
-        if root.met and (goal.apex is None or _comes_down(field, root)):
+        if root.met and (goal.apex is None or _comes_down(root)):
             found.append(root)
     return _several(found)
 
 
-def _comes_down(field: Range, root: Root) -> bool:
-    shot = field.shoot(root.velocity, root.time, root.size)
-    return shot is not None and float(shot.place(root.time)[1][2]) <= 1e-9
+def _comes_down(root: Root) -> bool:
+    return root.shot is not None and float(root.shot.place(root.time)[1][2]) <= 1e-9
 
 
 def _several(roots: list[Root]) -> list[Root]:
@@ -114,7 +115,7 @@ def _crossings(family: Family, members: list[Member], turn_limit: float) -> list
             continue
         root = _between(family, one, other)
         if root is not None and abs(root.size) <= turn_limit:
-            found.append(Root(*_parts(root), -1))
+            found.append(replace(root, tried=()))
     return [root for root in found if math.hypot(*root.velocity) <= family.limit * (1 + 1e-9)]
 
 
@@ -140,14 +141,10 @@ def _between(family: Family, one: Member, other: Member) -> Root | None:
     return None
 
 
-def _parts(root: Root) -> tuple[Array, float, float, Array, bool]:
-    return root.velocity, root.time, root.size, root.errors, root.met
-
-
 def _launch(field: Range, goal: Goal, root: Root) -> Launch:
     spin = field.spin_of(root.size)
     return Launch(
-        goal, root.velocity, spin, root.time, root.errors, root.steps, field.ball, field.air
+        goal, root.velocity, spin, root.time, root.errors, root.tried, field.ball, field.air
     )
 
 
@@ -158,7 +155,7 @@ def _met(field: Range, goal: Goal, roots: list[Root]) -> Launches:
 def _too_far(field: Range, goal: Goal, limit: float) -> Launches:
     where, velocity, time = farthest_point(field, goal.target, limit)
     near = Goal(where, time=time)
-    root = Root(velocity, time, 0.0, np.zeros(4), True, -1)
+    root = Root(velocity, time, 0.0, np.zeros(4), True, (), None)
     return Launches("unreachable", goal, (), "speed limit", _launch(field, near, root))
 
 
@@ -193,8 +190,18 @@ def _bend(field: Range, goal: Goal) -> float:
     return -pushed * goal.beside[1] or 1.0
 
 
-def _nearest(field: Range, goal: Goal, family: Family, members: list[Member]) -> Launches:
-    best = family.refined(min(members, key=lambda member: abs(member.error)))
+def _nearest(goal: Goal, family: Family, members: list[Member], *, buried: bool) -> Launches:
+    """Return the member that is nearest to what is named and clear of the ground.
+
+    `buried` says that nothing else is in the way.
+    """
+    best = min(members, key=lambda member: abs(member.error))
+    if buried or not best.clear:
+        clear = family.clear(members)
+        if not clear:
+            return Launches("unreachable", goal, (), "ground")
+        best, buried = min(clear, key=lambda member: abs(member.error)), True
+    best = family.refined(best)
     value: Any = {
         "time": best.root.time,
         "speed": best.speed,
@@ -208,6 +215,10 @@ def _nearest(field: Range, goal: Goal, family: Family, members: list[Member]) ->
         "apex": "lowest way" if best.error > 0 else "highest way",
         "over": "lowest way" if best.error > 0 else "highest way",
     }
-    near = Goal(goal.target, **{goal.kind: value}, beside=goal.beside)
-    found = Root(*_parts(best.root), -1)
-    return Launches("unreachable", goal, (), bounds[goal.kind], _launch(field, near, found))
+    kind = goal.kind
+    if value == 0.0:  # an apex at the start names no one launch
+        kind, value = "time", best.root.time
+    near = Goal(goal.target, **{kind: value}, beside=goal.beside)
+    limit = "ground" if buried else bounds[goal.kind]
+    found = replace(best.root, tried=())
+    return Launches("unreachable", goal, (), limit, _launch(family.field, near, found))

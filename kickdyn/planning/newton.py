@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kickdyn.checks import Array
-from kickdyn.planning.goal import Goal
+from kickdyn.planning.goal import GRAZES, Goal
 from kickdyn.planning.shooting import Range, Shot
 
 MEETS = 1e-9
@@ -28,7 +28,9 @@ class Root:
         size: of the spin along its axis, where that was sought [rad/s].
         errors: of the target (3 components), of the thing named beside it, and of `beside`.
         met: whether all are within `MEETS`.
-        steps: taken.
+        tried: launch velocities, the first guess first; empty for a root that the walk along the
+            family found.
+        shot: the flight from there; None where there is none.
     """
 
     velocity: Array
@@ -36,7 +38,16 @@ class Root:
     size: float
     errors: Array
     met: bool
-    steps: int
+    tried: tuple[Array, ...]
+    shot: Shot | None
+
+    @property
+    def above_ground(self) -> bool:
+        """Whether the flight stays above the ground, level with its lower end, all the way."""
+        if self.shot is None:
+            return False
+        end = float(self.shot.place(self.time)[0][2])
+        return self.shot.lowest() >= min(0.0, end) - GRAZES
 
 
 def rooted(velocity: Array, step: Array) -> Array:
@@ -74,27 +85,28 @@ def newton(
     enough = meets(goal) if enough is None else enough
     x = np.array([*velocity, time, size][: 5 if goal.beside else 4])
     scale = _scale(goal)
-    errors, slope = _residual(field, goal, x)
-    steps = 0
-    while not np.abs(errors).max() <= enough and steps < MOST_STEPS:
+    errors, slope, shot = _residual(field, goal, x)
+    tried = [x[:3]]
+    while not np.abs(errors).max() <= enough and len(tried) <= MOST_STEPS:
         if not (np.isfinite(errors).all() and np.isfinite(slope).all()):
             break
         step = np.linalg.lstsq(slope / scale[:, None], -errors / scale, rcond=1e-14)[0]
         before = float(np.linalg.norm(errors / scale))
         for halving in range(HALVINGS):
             part: Array = np.asarray(step * 0.5**halving, dtype=np.float64)
-            tried = np.append(rooted(x[:3], part[:3]), x[3:] + part[3:])
-            if tried[3] <= 0.0:
+            moved = np.append(rooted(x[:3], part[:3]), x[3:] + part[3:])
+            if moved[3] <= 0.0:
                 continue
-            found = _residual(field, goal, tried)
+            found = _residual(field, goal, moved)
             if float(np.linalg.norm(found[0] / scale)) < before:  # not where it is nan
-                x, (errors, slope) = tried, found
+                x, (errors, slope, shot) = moved, found
                 break
         else:
             break
-        steps += 1
+        tried.append(x[:3])
     met = bool(np.abs(errors).max() <= enough)
-    return Root(x[:3], float(x[3]), float(x[4]) if len(x) == 5 else 0.0, errors, met, steps)
+    size = float(x[4]) if len(x) == 5 else 0.0
+    return Root(x[:3], float(x[3]), size, errors, met, tuple(tried), shot)
 
 
 def _scale(goal: Goal) -> Array:
@@ -103,12 +115,12 @@ def _scale(goal: Goal) -> Array:
     return np.array([length] * 3 + [last] + [length] * (goal.beside is not None))
 
 
-def _residual(field: Range, goal: Goal, x: Array) -> tuple[Array, Array]:
-    """Return the errors and their derivatives by the unknowns; nan where there is no flight."""
+def _residual(field: Range, goal: Goal, x: Array) -> tuple[Array, Array, Shot | None]:
+    """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
     n = len(x)
     shot = field.shoot(x[:3], float(x[3]), float(x[4]) if n == 5 else 0.0)
     if shot is None:
-        return np.full(n, math.nan), np.full((n, n), math.nan)
+        return np.full(n, math.nan), np.full((n, n), math.nan), None
     errors, slope = np.zeros(n), np.zeros((n, n))
     launch = [0, 1, 2, *range(4, n)]
     where, going = shot.place(shot.time)
@@ -120,7 +132,7 @@ def _residual(field: Range, goal: Goal, x: Array) -> tuple[Array, Array]:
         left = np.cross((0.0, 0.0, 1.0), goal.ahead)
         there, slope[4, launch] = shot.crossing(goal.ahead, distance, left)
         errors[4] = there - sideways
-    return errors, slope
+    return errors, slope, shot
 
 
 def condition(goal: Goal, velocity: Array, shot: Shot) -> tuple[float, Array, float]:

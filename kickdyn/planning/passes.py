@@ -36,7 +36,7 @@ class Pass(Card):
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest there is.
         limit: what stands in the way: `speed limit`, or `rolling`, where a ball so slow would stop
-            before; empty where it is met.
+            before, or `bounce`, whose place jumps as the speed changes; empty where it is met.
         velocity: of the launch, shape `(3,)` [m/s].
         course: to the plane through the target that faces the ball.
         time: when it comes there [s].
@@ -59,6 +59,24 @@ class Pass(Card):
 
     def _picture(self) -> str:
         return self.course._picture()
+
+    @property
+    def said(self) -> str:
+        """What stands in the way, in words; empty where it is met."""
+        words = {
+            "speed limit": "the ball would have to be faster than the speed limit",
+            "rolling": "a ball so slow would stop before",
+            "bounce": "where it bounces changes at a jump there",
+        }
+        if not self.limit:
+            return ""
+        there = self.course.status == "at plane"
+        near = (
+            f"{self.time:.4g} s is nearest"
+            if there
+            else f"{self.course.distance:.4g} m is farthest"
+        )
+        return f"{words[self.limit]}: {near}"
 
 
 def plan_pass(

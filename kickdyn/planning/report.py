@@ -5,9 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from kickdyn.ball import BallState
 from kickdyn.flight.fly import fly
+from kickdyn.flight.follow import Course
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.swing_answer import Swing
+
+NEAR = 5e-4
+"""Distance from the target that is not worth a word beside the limits [m]."""
+
+MARGIN = 5e-3
+"""How much slower than the hardest kick one is that is named as possible: more than rounding."""
 
 
 def verdict(planned: KickPlan) -> str:
@@ -19,17 +27,38 @@ def verdict(planned: KickPlan) -> str:
             f"miss it by {planned.landing_error:.2g} m."
         )
     limits = f" ({', '.join(planned.binding)})" if planned.binding else ""
-    said = (
+    return (
         f"Beyond the leg's limits{limits}: it gives the ball {planned.share:.0%} of the speed that "
-        f"({where}) m takes, and misses by {planned.landing_error:.3g} m."
+        f"({where}) m takes. {_end(planned)}{_within(planned)}"
     )
-    hit = planned.hit
-    path = fly(hit.ball, hit.struck, planned.launch.air)
-    if planned.launch.elevation > 0.0 and path.status == "landed":
-        said += (
-            f" Its kick that way comes down {path.range:.4g} m away after {path.duration:.4g} s."
+
+
+def _end(planned: KickPlan) -> str:
+    """Return where and when a kick that is too weak ends."""
+    path, missed = planned.path, planned.landing_error
+    after = f"after {path.duration:.4g} s"
+    off = "" if missed < NEAR else f", {missed:.3g} m from it"
+    if path.status == "at plane":
+        late = planned.time_error
+        return (
+            f"The ball passes it {after}, {abs(late):.3g} s {'late' if late > 0 else 'early'}{off}."
         )
-    return said
+    if isinstance(path, Course):
+        return f"The ball stops {path.distance:.4g} m away {after}{off}."
+    way = "comes down" if path.status == "landed" else "is still aloft"
+    return f"The ball {way} {path.range:.4g} m away {after}{off}."
+
+
+def _within(planned: KickPlan) -> str:
+    """Return a goal in the kick's direction that is a little within the limits."""
+    if isinstance(planned.path, Course) or planned.launch.spin.any():
+        return ""
+    state, ball = planned.hit.ball, planned.hit.struck
+    slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
+    path = fly(slower, ball, planned.launch.air)
+    if planned.launch.elevation <= 0.0 or path.status != "landed":
+        return ""
+    return f" Within them, that way, are {path.range:.4g} m in {path.duration:.4g} s."
 
 
 def _deg(angle: float) -> str:
@@ -106,6 +135,7 @@ def as_json(planned: KickPlan, swing: Swing | None = None) -> dict[str, Any]:
         "share": planned.share,
         "time": planned.path.duration,
         "landing_error": planned.landing_error,
+        "time_error": planned.time_error,
         **({} if swing is None else {"swing": _swing_json(swing)}),
     }
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
@@ -26,6 +26,9 @@ SPIN_SCALE = 10.0
 """[rad/s]"""
 
 TOLERANCE = 1e-12
+
+LOOKS = 64
+"""Places where the lowest point of a flight is looked for."""
 
 Place = Callable[[float], tuple[Array, Array]]
 
@@ -45,10 +48,14 @@ class Shot(NamedTuple):
 
     def apex(self) -> tuple[float, Array]:
         """Return the greatest height on the way and its derivatives at a fixed end."""
-        when = self._when(lambda at: float(self.place(at)[1][2]))
-        when = self.time if when is None else when
-        if self.place(0.0)[1][2] <= 0.0:
-            when = 0.0
+        first, last = 0.0, self.time
+        if self.place(0.0)[1][2] <= 0.0:  # lift may raise it later
+            times = np.linspace(0.0, self.time, LOOKS + 1)
+            top = int(np.argmax([self.place(at)[0][2] for at in times]))
+            first, last = float(times[max(top - 1, 0)]), float(times[min(top + 1, LOOKS)])
+        when = self._when(lambda at: -float(self.place(at)[1][2]), first, last)
+        if when is None:
+            when = max(first, last, key=lambda at: float(self.place(at)[0][2]))
         return float(self.place(when)[0][2]), self.slope(when)[2]
 
     def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
@@ -56,7 +63,7 @@ class Shot(NamedTuple):
 
         nan where it does not come so far.
         """
-        when = self._when(lambda at: float(ahead @ self.place(at)[0]) - distance)
+        when = self._when(lambda at: float(ahead @ self.place(at)[0]) - distance, 0.0, self.time)
         if when is None:
             return math.nan, np.full(self.slope(0.0).shape[1], math.nan)
         where, going = self.place(when)
@@ -64,11 +71,33 @@ class Shot(NamedTuple):
         later = -(ahead @ moved) / (ahead @ going)  # the crossing comes so much later
         return float(along @ where), along @ moved + (along @ going) * later
 
-    def _when(self, value: Callable[[float], float]) -> float | None:
-        first, last = value(0.0), value(self.time)
-        if first * last > 0 or first == last:
+    def lowest(self) -> float:
+        """Return the least height on the way, ends included [m, from the launch]."""
+
+        def height(at: float) -> float:
+            return float(self.place(at)[0][2])
+
+        times = np.linspace(0.0, self.time, LOOKS + 1)
+        heights = [height(at) for at in times]
+        near = {min(max(int(np.argmin(heights)), 1), LOOKS - 1)}
+        if self.place(0.0)[1][2] < 0.0:  # down at first: it may be up again before the next look
+            near.add(1)
+        if self.place(self.time)[1][2] > 0.0:
+            near.add(LOOKS - 1)
+        dips = [
+            minimize_scalar(
+                height, bounds=(times[look - 1], times[look + 1]), method="bounded",
+                options={"xatol": 1e-9 * self.time},
+            ).fun
+            for look in near
+        ]  # fmt: skip
+        return float(min(*heights, *dips))
+
+    def _when(self, value: Callable[[float], float], first: float, last: float) -> float | None:
+        """Return when a value rises through zero; None where it does not."""
+        if not value(first) < 0.0 <= value(last):
             return None
-        return float(brentq(value, 0.0, self.time, xtol=1e-15 * self.time + 1e-300))
+        return float(brentq(value, first, last, xtol=1e-15 * self.time + 1e-300))
 
 
 class Range:

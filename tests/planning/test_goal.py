@@ -38,7 +38,7 @@ def test_what_the_vacuum_does_not_allow_has_no_nominal_time():
     ("target", "named", "words"),
     [
         (30, {}, "nothing is named beside the target"),
-        (30, {"time": 1, "apex": 2}, "time and apex is named"),
+        (30, {"time": 1, "apex": 2}, "time and apex are named"),
         (30, {"time": -1}, "time is -1.0: it must be a finite number above 0"),
         (-3, {"time": 1}, "distance is -3.0"),
         ((0, 0, 3), {"time": 1}, "straight above or below"),

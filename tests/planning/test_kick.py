@@ -90,12 +90,25 @@ def test_a_pass_is_struck_and_rolls_to_its_target():
     assert plan.path.launch.velocity == pytest.approx(plan.launch.velocity, abs=1e-9)
 
 
+def test_a_pass_that_comes_late_says_so():
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=0.55), BALL, AIR, surface="carpet")
+    assert plan.status == "beyond limits"
+    assert plan.landing_error < 1e-3
+    assert plan.time_error == pytest.approx(plan.path.duration - 0.55)
+    assert plan.time_error > 0.02
+
+
+def test_a_way_through_the_ground_is_refused():
+    with pytest.raises(kd.InvalidInput, match="the ground is in the way: nearest"):
+        kd.plan_kick(HUMAN, kd.Goal(25, time=0.8), BALL, AIR, spin=(0, -80, 0), limits=False)
+
+
 @pytest.mark.parametrize(
     ("goal", "spin", "words"),
     [
         (kd.Goal(4, speed=5), (0, 0, 0), "name no apex, speed, over or beside"),
         (kd.Goal((4, 0, 1), time=1), (0, 0, 0), "a target as high as it lies"),
-        (kd.Goal(4, time=60), (0, 0, 0), "out of reach by the rolling: the ball comes nearest"),
+        (kd.Goal(4, time=60), (0, 0, 0), "out of reach: a ball so slow would stop before: 3.655 s"),
         (kd.Goal(4, time=1), (5, 0, 0), r"spin has 4.995\d* rad/s along the pass"),
     ],
 )
@@ -111,7 +124,13 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     assert 0.3 < plan.share < 0.8
     assert plan.hit.ball.velocity == pytest.approx(plan.share * plan.launch.velocity, rel=1e-7)
     assert plan.speed_use == pytest.approx(1, abs=1e-3)
-    assert plan.landing_error > 1
+    # it ends on the ground that the ball lay on, and misses from there
+    start, end = plan.hit.ball.position, plan.path.landing.position
+    assert plan.path.status == "landed"
+    assert end[2] == pytest.approx(start[2], abs=1e-9)
+    assert plan.landing_error == pytest.approx(100 - (end - start)[0])
+    assert plan.path.range == pytest.approx(kd.fly(plan.hit.ball, BALL, AIR).range, abs=1e-6)
+    assert plan.time_error == pytest.approx(plan.path.duration - 3)
     lifted = kd.plan_kick(HUMAN, goal, BALL, AIR, limits=False)
     assert lifted.status == "met"
     assert lifted.speed_use > 1

@@ -141,6 +141,38 @@ def test_the_walk_along_the_family_finds_what_newton_does_not():
     assert all(a.time < b.time for a, b in pairwise(found.solutions))
 
 
+@pytest.mark.parametrize(("distance", "time", "spin"), [(25, 0.8, -80), (15, 0.62, -90)])
+def test_a_way_through_the_ground_is_none(distance, time, spin):
+    found = kd.plan_launches(kd.Goal(distance, time=time), BALL, AIR, spin=(0, spin, 0))
+    assert (found.status, found.limit) == ("unreachable", "ground")
+    assert "the ground is in the way: nearest" in found.said
+    assert errors(found.nearest) < 1e-6
+    path = found.nearest.fly()
+    times = np.linspace(0, path.duration, 5000)
+    assert path.sample(times).position[:, 2].min() > -2e-6
+    # it is the first that is clear: a little sooner, it would have to start downwards
+    assert abs(found.nearest.elevation) < 1e-3
+
+
+def test_of_two_arcs_only_the_one_above_the_ground_is_left():
+    (high,) = kd.plan_launches(kd.Goal(25, speed=40), BALL, AIR, spin=(0, -80, 0)).solutions
+    assert high.elevation > math.radians(50)
+
+
+def test_a_target_below_the_start_lies_on_the_ground():
+    (launch,) = kd.plan_launches(kd.Goal((20, 0, -3), time=0.5), BALL, AIR).solutions
+    assert launch.elevation < 0
+    assert errors(launch) < 1e-8
+
+
+def test_where_all_launches_go_down_the_nearest_has_a_time_for_an_apex():
+    wind = kd.Air(wind=(15.0, 0, 0))
+    found = kd.plan_launches(kd.Goal((5, 0, -60), apex=10), BALL, wind, speed_limit=4.59)
+    assert (found.limit, found.nearest.goal.kind) == ("highest way", "time")
+    assert found.nearest.elevation < 0
+    assert errors(found.nearest) < 1e-6
+
+
 @pytest.mark.parametrize(
     ("arguments", "options", "words"),
     [

@@ -27,6 +27,7 @@ def test_the_ball_comes_there_in_time(elevation, spin):
 def test_too_slow_a_pass_stops_before():
     found = kd.plan_pass(6, 30, BALL)
     assert (found.status, found.limit) == ("unreachable", "rolling")
+    assert found.said == f"a ball so slow would stop before: {found.time:.4g} s is nearest"
     slower = kd.BallState((0, 0, BALL.radius), 0.999 * found.velocity)
     assert kd.follow(slower, BALL).distance < 6
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import kickdyn as kd
 from kickdyn.planning.shooting import Range
@@ -36,3 +37,26 @@ def test_slopes_are_those_of_differences():
     shot = field.shoot(VELOCITY, 1.1, 30.0)
     found = np.vstack([shot.slope(1.1), shot.apex()[1], shot.crossing(ahead, 9, left)[1]])
     assert found == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("spin", [(0, -80.0, 0), (0, 0, 0)])
+@pytest.mark.parametrize("up", [-0.05, 0.4])
+def test_lowest_and_highest_places(spin, up):
+    velocity = 35 * np.array([np.cos(up), 0, np.sin(up)])
+    shot = Range(kd.Ball(), kd.Air(), np.array(spin)).shoot(velocity, 1.3)
+    heights = [shot.place(at)[0][2] for at in np.linspace(0, 1.3, 20_001)]
+    assert shot.lowest() == pytest.approx(min(heights), abs=1e-6)
+    assert shot.apex()[0] == pytest.approx(max(heights), abs=1e-6)
+    if up < 0 and spin[1]:
+        assert shot.lowest() < -0.05
+        assert shot.apex()[0] > 0.2
+
+
+def test_a_short_dip_is_not_overlooked():
+    field = Range(kd.Ball(), kd.Air(), np.array([0, -80.0, 0]))
+    velocity = np.array([35, 0, -0.02])
+    far = field.shoot(velocity, 3.0)
+    lands = brentq(lambda at: far.place(at)[0][2] + 1e-9, 0.2, 3.0)  # a hair lower than the start
+    first = [far.place(at)[0][2] for at in np.linspace(0, lands / 64, 2001)]
+    assert min(first) < -1e-6
+    assert field.shoot(velocity, lands).lowest() == pytest.approx(min(first), rel=1e-3)

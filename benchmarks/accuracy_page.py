@@ -16,7 +16,6 @@ from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from kickdyn.accuracy.extremes import cells, rows, summary
@@ -25,7 +24,7 @@ from kickdyn.accuracy.gains import Gain, draws, gains
 from kickdyn.accuracy.impact import MeasuredImpact, measure_impact
 from kickdyn.accuracy.picture import picture
 from kickdyn.accuracy.row import Row
-from kickdyn.style import STYLE
+from kickdyn.style import styled
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -131,7 +130,7 @@ def write(page: Path, filled: dict[str, str]) -> None:
     page.write_text(text, encoding="utf-8")
 
 
-@rc_context(STYLE)
+@styled()
 def scatter(found: Sequence[Row]) -> Figure:
     """Return error against condition."""
     figure = Figure(figsize=(6.4, 3.8))

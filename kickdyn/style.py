@@ -1,8 +1,12 @@
-"""How plots look: `@rc_context(STYLE)` on what makes one; a notebook updates its `rcParams`."""
+"""How plots look: `@styled()` on what makes or writes one; a notebook updates its `rcParams`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+import matplotlib as mpl
 
 STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
@@ -20,3 +24,16 @@ STYLE: dict[Any, Any] = {
     "image.cmap": "viridis",
 }
 """Settings of matplotlib; colours stay its own, `tab:blue` and on."""
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw in this style and matplotlib's defaults, whatever was set before.
+
+    matplotlib obeys a `matplotlibrc` of the working directory, which may come from anyone, and may
+    have LaTeX run.
+    """
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        yield

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from kickdyn.accuracy.flight import Measured
 from kickdyn.accuracy.impact import MeasuredImpact
-from kickdyn.style import STYLE
+from kickdyn.style import styled
 
 if TYPE_CHECKING:
     from kickdyn.accuracy.models import Worth
@@ -39,7 +38,7 @@ LOOKS = {
 """Marker and colour of each method."""
 
 
-@rc_context(STYLE)
+@styled()
 def picture(impacts: Sequence[MeasuredImpact], flights: Sequence[Measured]) -> Figure:
     """Return error against time for every kick and flight that was measured.
 
@@ -84,7 +83,7 @@ def _panel(axes: Any, title: str, rows: list[Any]) -> None:
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))  # beside: lines are everywhere
 
 
-@rc_context(STYLE)
+@styled()
 def worth_picture(title: str, rows: Sequence[Worth], tolerance: float) -> Figure:
     """Return how far leaving out each effect moves the end, as bars on a scale of decades.
 

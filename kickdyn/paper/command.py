@@ -9,7 +9,6 @@ from itertools import chain
 from pathlib import Path
 
 import click
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
@@ -19,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import Section, chosen
-from kickdyn.style import STYLE
+from kickdyn.style import styled
 from kickdyn.sweep.picture import save_figure
 
 
@@ -95,7 +94,7 @@ def _file(section: Section, folder: str | None) -> Path:
     return Path(folder or "") / f"{name}.png"
 
 
-@rc_context(STYLE)
+@styled()
 def _figure(draw: Callable[[Figure], None]) -> Figure:
     figure = Figure(figsize=(9, 5))
     draw(figure)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -96,6 +97,7 @@ def _client(where: str | int) -> Iterator[Any]:
         return
     here = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
     with (
+        _safe_path(),
         dask.LocalCluster(
             n_workers=where, threads_per_worker=1, processes=True, host=_LOOPBACK,
             dashboard_address=here, worker_dashboard_address=here,
@@ -105,6 +107,21 @@ def _client(where: str | int) -> Iterator[Any]:
         dask.Client(cluster, set_as_default=False) as client,
     ):  # fmt: skip
         yield client
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Keep processes that are started from importing what lies in the working directory.
+
+    multiprocessing starts them by `python -c`, which looks there first, for its own modules too.
+    What this process may import, they may: they are given its path next.
+    """
+    before = os.environ.get("PYTHONSAFEPATH", "")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        os.environ["PYTHONSAFEPATH"] = before  # empty is as good as none
 
 
 def _ready(client: Any, task: bytes) -> int:

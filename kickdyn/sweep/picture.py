@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from kickdyn.errors import InvalidInput
 from kickdyn.files import replacing
-from kickdyn.style import STYLE
+from kickdyn.style import styled
 from kickdyn.sweep.block import Space
 from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.front import Front
@@ -84,7 +83,7 @@ class Picture:
         self._cloud = Top(DOTS, lot(), (WORST, RATIO, USE))
         self.parts: tuple[Reduction, ...] = (*self._maps, self._front, self._cloud)
 
-    @rc_context(STYLE)
+    @styled()
     def figure(self, heading: str, lines: Sequence[Line] = ()) -> Figure:
         """Draw what was seen."""
         maps = self._maps
@@ -104,7 +103,7 @@ class Picture:
 def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
     """Write a figure as PNG, SVG or PDF, by its ending; raise `InvalidInput` if that fails."""
     check_name(path)
-    with replacing(path) as draft:
+    with replacing(path) as draft, styled():  # labels of ticks are made here
         figure.savefig(draft, dpi=150)
 
 

@@ -8,18 +8,22 @@ further files up with.
 from __future__ import annotations
 
 import io
+import logging
 import re
 import stat
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.view.mesh_size import FORMATS, MAX_BYTES, MAX_VERTICES, check_size, too_large
 
-MAX_BYTES = 100_000_000
-FORMATS = (".stl", ".obj", ".dae", ".ply", ".glb")
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # tracebacks of what it passes over
+
 PACKAGE = "package://"
 UPRIGHT = {
     b"X": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -57,27 +61,54 @@ def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangl
     import trimesh  # takes half a second; most legs have no mesh
 
     file = _inside(filename, folder)
-    stretch = np.ones(3) if scale is None else np.asarray(scale, dtype=float)
-    if stretch.shape not in ((), (3,)) or not np.isfinite(stretch).all():
-        raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
+    stretch = _stretch(filename, scale)
+    ending = file.suffix.lower()
     try:
         content = file.read_bytes()
-        scene = trimesh.load_scene(
-            io.BytesIO(content), file_type=file.suffix[1:].lower(), resolver=None
-        )
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+        check_size(filename, content, ending)
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:], resolver=None)
+        turn = _upright(content) if ending == ".dae" else np.eye(3)
+        parts = list(_parts(filename, scene, np.diag(stretch) @ turn))
+    except InvalidInput:
+        raise
     except Exception as error:  # each format has its own
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InvalidInput(f"mesh {filename!r} cannot be read ({reason})") from None
     if not any(len(part.faces) for part in parts):
         raise InvalidInput(f"mesh {filename!r} has no triangles")
-    turn = _upright(content) if file.suffix.lower() == ".dae" else np.eye(3)
-    return [
-        Triangles(
-            np.asarray(part.vertices) @ turn.T * stretch, np.asarray(part.faces), _colour(part)
+    return parts
+
+
+def _stretch(filename: str, scale: object) -> Array:
+    try:
+        stretch = np.ones(3) if scale is None else np.asarray(scale, dtype=float)
+        if stretch.shape in ((), (3,)) and np.isfinite(stretch).all():
+            return np.broadcast_to(stretch, 3)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
+
+
+def _parts(filename: str, scene: Any, turn: Array) -> Iterator[Triangles]:
+    """Yield the surfaces where the scene has them; its images are left alone."""
+    import trimesh
+
+    total = 0
+    for node in scene.graph.nodes_geometry:
+        place, name = scene.graph[node]
+        part = scene.geometry[name]
+        if not isinstance(part, trimesh.Trimesh):  # lines, or points
+            continue
+        total += len(part.vertices)
+        if total > MAX_VERTICES:
+            raise too_large(filename, total)
+        faces = np.asarray(part.faces)
+        mirrored = np.linalg.det(place[:3, :3]) < 0.0
+        yield Triangles(
+            (np.asarray(part.vertices) @ place[:3, :3].T + place[:3, 3]) @ turn.T,
+            faces[:, ::-1] if mirrored else faces,
+            _colour(part),
         )
-        for part in parts
-    ]
 
 
 def _upright(content: bytes) -> Array:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from kickdyn.planning.swing_answer import Swing
-from kickdyn.style import STYLE
+from kickdyn.style import styled
 
 
-@rc_context(STYLE)
+@styled()
 def swing_figure(swing: Swing) -> Figure:
     """Draw speeds and torques over their limits, and powers [W], against time [s].
 

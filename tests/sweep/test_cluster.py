@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import psutil
 import pytest
@@ -60,6 +61,21 @@ def test_a_worker_that_is_killed_costs_time_only(tmp_path):
     assert told == whole
     assert sum(seen["done"]) == POSTURES.size
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_workers_do_not_import_from_the_working_directory(tmp_path, monkeypatch):
+    for name in ("multiprocessing", "signal", "pickle", "distributed", "kickdyn"):
+        hostile = f"from pathlib import Path; Path({str(tmp_path)!r}, '{name} ran').touch()"
+        (tmp_path / f"{name}.py").write_text(hostile)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    with cluster._client(1) as client:
+        client.wait_for_workers(1, timeout=30)
+        ((there, path),) = client.run(lambda: (str(Path.cwd()), sys.path)).values()
+    assert there == str(tmp_path)
+    assert {"", there}.isdisjoint(path)
+    assert not os.environ.get("PYTHONSAFEPATH")
+    assert not list(tmp_path.glob("* ran"))
 
 
 def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, monkeypatch):

@@ -1,3 +1,4 @@
+import logging
 import os
 import re
 import sys
@@ -138,7 +139,7 @@ def test_scale(folder, scale, size):
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), size, rtol=1e-6)
 
 
-@pytest.mark.parametrize("scale", [(1, 2), float("nan"), (1, 1, float("inf"))])
+@pytest.mark.parametrize("scale", [(1, 2), float("nan"), (1, 1, float("inf")), "abc", 10**400, {}])
 def test_bad_scale(folder, scale):
     with pytest.raises(kd.InvalidInput, match="scale"):
         read_mesh("meshes/box.stl", folder, scale)
@@ -154,6 +155,15 @@ def test_each_part_keeps_its_colour_and_place(folder):
     np.testing.assert_allclose(first.rgba, (1, 0, 0, 1))
     np.testing.assert_allclose(second.rgba, (0, 0, 1, 1))
     np.testing.assert_allclose(second.vertices.mean(axis=0), (5, 0, 0), atol=1e-6)
+
+
+def test_what_is_passed_over_is_passed_over_silently(folder, monkeypatch, capsys):
+    text = trimesh.creation.box((1, 1, 1)).export(file_type="ply", encoding="ascii").decode()
+    named = text.replace("end_header", "comment TextureFile secret.png\nend_header", 1)
+    (folder / "textured.ply").write_text(named)
+    monkeypatch.setattr(logging.root, "handlers", [])  # as without pytest
+    assert read_mesh("textured.ply", folder)
+    assert capsys.readouterr().err == ""
 
 
 def test_what_a_mesh_names_is_not_opened(folder, watch):

@@ -2,6 +2,9 @@
 
 import re
 
+from docutils import nodes
+from latex2mathml.converter import convert
+
 import kickdyn
 
 project = "kickdyn"
@@ -9,10 +12,13 @@ author = "the kickdyn team"
 copyright = "the kickdyn team, BSD-3-Clause"
 version = release = kickdyn.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_build"]
 html_theme = "furo"
+html_math_renderer = "mathml"
 html_title = f"kickdyn {version}"
+html_static_path = ["equations.css"]
+html_css_files = ["equations.css"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
@@ -37,6 +43,20 @@ def _escape(app, what, name, obj, options, lines):
         lines[number] = re.sub(r"`(?=s\b)", r"`\\ ", "".join(parts))
 
 
+def _inline(translator, node):
+    """Write an equation as MathML, which browsers draw themselves: no script, no network."""
+    translator.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def _block(translator, node):
+    """Write equations on lines of their own, their numbers behind them."""
+    tex = re.sub(r"\\tag\{(.*?)\}", r"\\qquad \\text{(\1)}", node.astext())
+    translator.body.append(f'<div class="math">{convert(tex, display="block")}</div>')
+    raise nodes.SkipNode
+
+
 def setup(app):
     """Hook in."""
+    app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _escape, priority=400)  # before napoleon

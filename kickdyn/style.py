@@ -23,7 +23,7 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.8,
     "image.cmap": "viridis",
 }
-"""Settings of matplotlib; colours stay its own, `tab:blue` and on."""
+"""Settings of matplotlib; its colours stay as they are."""
 
 
 @contextmanager

@@ -1,7 +1,9 @@
 """The pages tell the truth: snippets print what they say, and every public name is explained."""
 
+import ast
 import contextlib
 import io
+import json
 import re
 import shutil
 import subprocess
@@ -59,11 +61,43 @@ def test_every_public_name_is_in_the_api():
     assert sorted(listed) == sorted(public)
 
 
+def imported():
+    """Return what readers are told to import from inside kickdyn, by its module and name."""
+    notebooks = sorted((ROOT / "notebooks").glob("*.ipynb"))
+    cells = [cell for file in notebooks for cell in json.loads(file.read_text("utf-8"))["cells"]]
+    code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    for page in [ROOT / "README.md", *SNIPPETS]:
+        code += re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    trees = [ast.parse(re.sub(r"(?m)^%.*$", "", text)) for text in code]
+    return {
+        f"{node.module}.{name.name}"
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("kickdyn.")
+        for name in node.names
+    }
+
+
+def test_what_readers_are_told_to_import_is_in_the_api():
+    api = (DOCS / "api.md").read_text("utf-8")
+    listed = set(re.findall(r"auto\w+:: (kickdyn\.\S+)$", api, re.MULTILINE))
+    told = imported()
+    assert "kickdyn.view.inline.Inline" in told
+    assert sorted(name for name in told - listed if name.rpartition(".")[0] not in listed) == []
+
+
 def test_the_site_builds_without_a_warning(tmp_path):
     """But for the notebooks' outputs: those are run by their own tests."""
     pytest.importorskip("sphinx")
+    pytest.importorskip("latex2mathml")
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q"]
     options = ["-D", "nb_execution_mode=off", "-d", tmp_path / "trees", DOCS, tmp_path / "site"]
     ended = subprocess.run([*command, *options], capture_output=True, text=True)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert 'id="kickdyn.Leg.posture"' in (tmp_path / "site" / "api.html").read_text("utf-8")
+    pages = {page.stem: page.read_text("utf-8") for page in (tmp_path / "site").rglob("*.html")}
+    for name, html in pages.items():
+        assert not re.search(r"<(script|img|link)[^>]*(src|href)=\"(https?:)?//", html), name
+        assert not re.search(r"\\[(\[]\S|\$\$", re.sub(r"(?s)<pre>.*?</pre>", "", html)), name
+    assert pages["theory"].count("<math") > 30
+    assert "(2-4)" in pages["theory"]

@@ -18,7 +18,7 @@ from kickdyn.closing import close_loops
 from kickdyn.constraints import Constraints, Support
 from kickdyn.errors import InvalidInput
 from kickdyn.posture import Posture
-from kickdyn.robots import robot, robot_file, robot_model
+from kickdyn.robots import TOE, robot, robot_file, robot_model
 from kickdyn.sealed import read_only
 from kickdyn.sound_model import check_model, frame_id
 from kickdyn.urdf_file import UrdfFile, read_urdf, shipped_urdf
@@ -41,6 +41,8 @@ class Leg(Card):
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
         velocity_limit, effort_limit: shape `(nv,)` [rad/s, N m].
         constraints: supports and loops; None without any.
+        outward: of the contact normals n, in the contact frame's axes, those with which the foot
+            can meet a ball: where `outward @ n >= 0`, shape `(k, 3)`; None where that is unknown.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Leg(Card):
         urdf: UrdfFile | None = None,
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
+        outward: Array | None = None,
     ) -> None:
         self._model = model.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
@@ -68,7 +71,8 @@ class Leg(Card):
         self.upper = read_only(self._model.upperPositionLimit)
         self.velocity_limit = read_only(self._model.velocityLimit)
         self.effort_limit = read_only(self._model.effortLimit)
-        self._held = {"supports": supports, "loops": loops}
+        self.outward = None if outward is None else read_only(outward)
+        self._held = {"supports": supports, "loops": loops, "outward": outward}
         self.constraints: Constraints | None = None
         if supports or loops:
             self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
@@ -115,7 +119,8 @@ class Leg(Card):
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
-            frame: what touches the ball; the right foot if not named.
+            frame: what touches the ball; if not named, `toe`, the upper edge of the right foot's
+                front end (of `simple_humanoid`, whose file shows no foot, the ankle).
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
 
@@ -123,17 +128,18 @@ class Leg(Card):
             InvalidInput: no such robot, frame or base, the package is not installed, or a mass
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
-        model = robot_model(name, base, legs_only=legs_only)
-        frame = robot(name).foot if frame is None else frame
+        model, known = robot_model(name, base, legs_only=legs_only), robot(name)
+        toe = known.toe is not None and frame in (None, TOE)
+        frame = TOE if toe else known.foot if frame is None else frame
         frame_id(model, frame)
         try:
-            leg = cls.from_model(model, robot(name).foot)
+            leg = cls.from_model(model, known.foot)
             leg.posture(leg.configuration())  # singular there is singular everywhere
         except InvalidInput as error:
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
-        return cls(model, frame, robot_file(name))
+        return cls(model, frame, robot_file(name), outward=known.front if toe else None)
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:

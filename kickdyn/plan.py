@@ -26,6 +26,10 @@ from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_answer import Swing
 from kickdyn.posture_sweep import AIRS, load_leg
 
+CROUCH = 0.1
+"""By how much lower a robot's hips are when it kicks, over the height of its straight leg: its
+knees are bent, by 52 degrees if it stood on that foot."""
+
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--distance", required=True, type=float, help="To the target, along x [m].")
@@ -57,7 +61,7 @@ from kickdyn.posture_sweep import AIRS, load_leg
 @click.option("--offset", metavar="X,Y,Z", help="Of the contact from there, in its axes [m].")
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
-              "of the foot of the straight leg.")  # fmt: skip
+              "of the foot of the straight leg; of a robot's, with its knees bent.")  # fmt: skip
 @click.option("--ball-at", metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
@@ -145,6 +149,8 @@ def plan(
         standing = leg.posture(leg.configuration())
         standing = standing if place is None else standing.touched_at(place)
         ball_height = float(standing.contact_point[2]) + ball.radius
+        if leg.outward is not None:  # a robot, whose toe must point ahead
+            ball_height -= CROUCH * float(standing.contact_point[2])
     around = _blown(AIRS[air](), wind)
     spread = None if robust is None else _spread(robust)
     planned = plan_kick(

@@ -78,7 +78,7 @@ def test_bad_soles_are_refused(options, said):
 @pytest.mark.parametrize(
     ("loops", "said"),
     [
-        ((("pelvis", "toe"),), "frame 'toe' is unknown"),
+        ((("pelvis", "tip"),), "frame 'tip' is unknown"),
         ((("torso_link", "torso_link"),), "loop torso_link - torso_link joins a body to itself"),
         (("pelvis",), "loop is 'pelvis': it must be a pair"),
         ((("pelvis",),), "it must be a pair"),

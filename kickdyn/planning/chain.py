@@ -24,19 +24,21 @@ class Chain:
         momentum: of q and v: M(q) v, without gravity [N m s].
         point: of q and v: velocity of the contact point, shape `(3,)` [m/s, world axes].
         place: of q: of the contact point [m, world frame].
+        way: of q and a vector in the last joint's axes: that vector in the world's.
         impulse: of q and a force on the contact point: J^T f.
     """
 
     def __init__(self, model: Any, lever: Array) -> None:
         self.n = int(model.nv)
-        self._model, self._lever = model, lever
+        self._model = model
         self._axes = [_axis(model, joint) for joint in range(1, model.njoints)]
         q, v, a = (ca.SX.sym(name, self.n) for name in "qva")
         f = ca.SX.sym("f", 3)
         self.torque = ca.Function("torque", [q, v, a], [self._newton_euler(q, v, a, True)])
         zero = ca.SX(self.n, 1)
         self.momentum = ca.Function("momentum", [q, v], [self._newton_euler(q, zero, v, False)])
-        place = self._place(q)
+        place = self._place(q, ca.DM(lever))
+        self.way = ca.Function("way", [q, f], [self._place(q, f) - self._place(q, ca.DM(3, 1))])
         slope = ca.jacobian(place, q)
         self.point = ca.Function("point", [q, v], [slope @ v])
         self.place = ca.Function("place", [q], [place])
@@ -52,8 +54,7 @@ class Chain:
         about = ca.DM.eye(3) + ca.sin(angle) * skew + (1 - ca.cos(angle)) * (skew @ skew)
         return rotation @ about, ca.DM(fixed.translation)
 
-    def _place(self, q: Any) -> Any:
-        place = ca.DM(self._lever)
+    def _place(self, q: Any, place: Any) -> Any:
         for joint in range(self.n, 0, -1):
             rotation, origin = self._step(joint, q[joint - 1])
             place = rotation @ place + origin

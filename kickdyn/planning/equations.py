@@ -65,6 +65,8 @@ class Equations:
     Attributes:
         leg: the leg, turned by `heading` [rad].
         basis: directions that its foot can move in at all, orthonormal rows.
+        outward: of the leg, no rows where that is unknown or the contact is elsewhere on the foot:
+            any side of it may then turn to the ball.
     """
 
     def __init__(
@@ -89,6 +91,8 @@ class Equations:
             *(leg.velocity_limit[self.vs], 100.0),
         )
         self.effort = leg.effort_limit[self.vs]
+        known = leg.outward is not None and touch.contact.offset is None
+        self.outward = leg.outward if known and leg.outward is not None else np.zeros((0, 3))
         self._draw = np.random.default_rng(0)
         self.basis = self._directions()
         if turn and self._leaves(touch.impulse):
@@ -170,6 +174,13 @@ class Equations:
         """Return how far the ball would be from where it is held, in its radii."""
         return np.asarray(self.held @ self._apart(posture) / self.touch.ball.radius)
 
+    def facing(self, posture: Posture) -> Array:
+        """Return by how much the foot turns its front to the ball: 0 or more where it does."""
+        ways = [
+            posture.touched_at(row).contact_point - posture.contact_point for row in self.outward
+        ]
+        return np.reshape(ways, (-1, 3)) @ self.touch.contact.normal
+
     def at(self, x: Array) -> tuple[Posture, Array]:
         """Return the posture and the foot velocity that is asked for there."""
         posture = self.posture(x[: self.n])
@@ -197,6 +208,7 @@ class Equations:
         if self.limits:
             used = self.torque(posture.q, v) / self.effort
             values += list(1.0 - 2 * FEASIBLE - used * used)
+        values += list(self.facing(posture))
         return np.array(values)
 
     def slopes(
@@ -227,6 +239,9 @@ class Equations:
             room[:, :n] = -2 * used * np.reshape(by_q, (zero.size, -1))[both]
             room[:, at_v] = -2 * used * np.reshape(by_v, (zero.size, -1))[both] * self.speed
             rows += list(room)
+        for row in self.outward:
+            turning = self.touch.contact.normal @ (posture.touched_at(row).jacobian - kic)
+            rows.append(np.append(turning[self.vs], np.zeros(n + 1)))
         return np.array(rows)
 
     def _cost_slope(

@@ -76,6 +76,7 @@ class Search(Equations):
             wish = self.touch.foot_velocity(posture)
             v = np.linalg.pinv(posture.jacobian[:, self.vs] * self.speed, rcond=1e-2) @ wish
             off = float(np.linalg.norm(self.astray(posture)))
+            off -= float(self.facing(posture).clip(max=0.0).sum())
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
         return [start for _, _, start in sorted(rated)[:many]]
 
@@ -109,7 +110,7 @@ class Search(Equations):
         held = [
             {"type": kind, "fun": lambda x, s=s: values(x)[s], "jac": lambda x, s=s: slopes(x)[s]}
             for kind, s in (("eq", equal), ("ineq", room))
-            if kind == "eq" or self.limits
+            if kind == "eq" or self.limits or len(self.outward)
         ]
         low, high = np.array(bounds).T
         found = minimize(

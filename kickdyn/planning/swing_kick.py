@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import casadi as ca
@@ -94,6 +95,9 @@ class _Problem:
             centre = chain.place(q) + ca.DM(ball.radius * normal - search.lies)
             equal.append(ca.DM(search.held) @ centre / ball.radius)
         still = chain.torque(q, v, ca.DM(n, 1)) / ca.DM(joints.effort)
+        here = found.posture
+        levers = [here.touched_at(row).contact_lever - here.contact_lever for row in search.outward]
+        facing = [ca.dot(ca.DM(normal), chain.way(q, ca.DM(lever))) for lever in levers]
         rows = [stop.rows(SLACK) for stop in self._stops]
         equal = ca.vertcat(*equal)
         effort = self._stops[0].effort + self._stops[1].effort
@@ -103,14 +107,15 @@ class _Problem:
             "ipopt",
             {
                 "x": ca.vertcat(*(stop.unknowns for stop in self._stops), q, before, after, share),
-                "g": ca.vertcat(*(row.value for row in rows), equal, still),
+                "g": ca.vertcat(*(row.value for row in rows), equal, still, *facing),
                 "f": cost + SMOOTH * effort - EAGER * share,
             },
             OPTIONS,
         )
         sizes, most = int(equal.numel()), np.full(n, 1.0 - FEASIBLE)
-        self._low = np.concatenate([*(row.low for row in rows), np.zeros(sizes), -most])
-        self._high = np.concatenate([*(row.high for row in rows), np.zeros(sizes), most])
+        front, most_of = np.zeros(len(facing)), np.full(len(facing), math.inf)
+        self._low = np.concatenate([*(row.low for row in rows), np.zeros(sizes), -most, front])
+        self._high = np.concatenate([*(row.high for row in rows), np.zeros(sizes), most, most_of])
 
     def solve(self, q: Array, found: Found) -> Found | None:
         """Return the kick from one start."""

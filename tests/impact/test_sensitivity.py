@@ -139,7 +139,7 @@ def test_other_laws_are_refused():
 def test_a_foot_that_let_go_is_refused():
     sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
     foot = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
-    leg = kd.Leg.from_robot("g1", base="floating").standing_on(foot)
+    leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", base="floating").standing_on(foot)
     v = leg.posture(leg.configuration()).joint_velocity((3, 0, 2))
     kick = leg, leg.configuration(), v, kd.Ball(), kd.Contact((3, 0, 2), 0.7, 0.3)
     assert np.isfinite(kd.strike(*kick).sensitivity().margin)

@@ -31,12 +31,32 @@ def check(leg, plan, ball_height=None):
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize(
     ("leg", "goal", "height"),
-    [(HUMAN, kd.Goal(30, time=1.5), -0.704), (G1, kd.Goal((4, 1, 0), time=0.8), -0.68)],
+    [(HUMAN, kd.Goal(30, time=1.5), -0.704), (G1, kd.Goal((4, 1, 0), time=0.8), -0.58)],
 )
 def test_a_plan_meets_its_goal_within_all_limits(leg, goal, height, objective):
     plan = kd.plan_kick(leg, goal, BALL, AIR, objective=objective, ball_height=height)
     assert plan.status == "met"
     check(leg, plan, height)
+
+
+@pytest.mark.parametrize(
+    "goal", [kd.Goal((4, 1, 0), time=0.8), kd.Goal((3, -1, 0), time=1.0), kd.Goal(5, time=0.6)]
+)
+def test_a_robot_turns_the_front_of_its_toe_to_the_ball(goal):
+    """So that the ball lies ahead of the foot, not in it; elsewhere on the foot, anywhere."""
+
+    def turned(plan):
+        foot = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
+        axes = [foot.posture(plan.q).touched_at(axis).contact_point for axis in np.eye(3)]
+        normal = (np.array(axes) - foot.posture(plan.q).contact_point) @ plan.touch.contact.normal
+        return np.degrees([np.arctan2(normal[1], normal[0]), np.arcsin(normal[2])])
+
+    for options in ({}, {"objective": "effort"}, {"ball_height": -0.58}, {"limits": False}):
+        side, up = turned(kd.plan_kick(G1, goal, BALL, AIR, **options))
+        assert abs(side) < 15.01
+        assert -0.01 < up < 60.01
+    side, up = turned(kd.plan_kick(G1, goal, BALL, AIR, offset=(0, 0, 0)))
+    assert abs(side) > 20 or not 0 < up < 60
 
 
 def test_each_objective_is_best_at_its_own():

@@ -27,7 +27,11 @@ FLIGHT = "Landing of 6 kicks; against 20 digits; * is the Pareto front"
 @click.option("--impact", is_flag=True, help="Only the ways to compute an impact.")
 @click.option("--flight", is_flag=True, help="Only the integrators of the flight, by tolerance.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the rows; - is stdout.")
-@click.option("--scene", metavar="FILE", help="Only what each effect of a scene (TOML) is worth.")
+@click.option(
+    "--scene",
+    metavar="FILE",
+    help="Only what each effect of a scene is worth: a TOML file, or as view has it.",
+)
 @click.option(
     "--plot", metavar="FILE", help="Draw error against time, or effects: .png, .svg or .pdf."
 )

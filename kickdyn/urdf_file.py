@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.shipped import shipped
 from kickdyn.urdf_faults import faults_of
 
 MAX_BYTES = 20_000_000
@@ -59,10 +60,8 @@ def read_document(path: str | PathLike[str]) -> UrdfFile:
 
 
 def shipped_urdf(name: str) -> Path:
-    """Return the path of a URDF that comes with kickdyn: in the wheel, or in the checkout."""
-    here = Path(__file__).resolve().parent
-    packaged = here / "urdf" / name
-    return packaged if packaged.exists() else here.parent / "urdf" / name
+    """Return the path of a URDF that comes with kickdyn."""
+    return shipped("urdf") / name
 
 
 def _read(file: Path, source: str) -> bytes:

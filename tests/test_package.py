@@ -18,6 +18,7 @@ import kickdyn as kd
 print(kd.__file__)
 for leg in (kd.Leg.human(), kd.Leg.testbed()):
     print(leg.model.nv)
+print(kd.load_scene("volley").leg.model.nv)
 """
 
 
@@ -45,14 +46,14 @@ def test_the_wheel_runs_from_any_folder(built, tmp_path):
     assert ended.stderr == ""
     module, *degrees_of_freedom = ended.stdout.split()
     assert Path(module).is_relative_to(installed)
-    assert degrees_of_freedom == ["3", "3"]
+    assert degrees_of_freedom == ["3", "3", "3"]
 
 
 def test_the_wheel_holds_the_package_and_nothing_else(built):
     with zipfile.ZipFile(built[0]) as wheel:
         names = wheel.namelist()
     assert {name.split("/")[0].split("-")[0] for name in names} == {"kickdyn"}
-    assert "kickdyn/urdf/leg_fourbar.urdf" in names
+    assert {"kickdyn/urdf/leg_fourbar.urdf", "kickdyn/scenes/free_kick.toml"} <= set(names)
     assert not [name for name in names if Path(name).name.startswith("test")]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import stat
 import tomllib
 from collections.abc import Callable, Iterable
@@ -23,6 +24,7 @@ from kickdyn.plane import Plane
 from kickdyn.posture import Posture
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import SOURCES, Values, checked, faults_of, unusable
+from kickdyn.shipped import shipped
 from kickdyn.urdf_file import shipped_urdf
 
 MAX_BYTES = 100_000
@@ -37,7 +39,8 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     from the scene's folder. Aerodynamic effects act only if named: air without `drag` has none.
 
     Args:
-        path: the file, at most `MAX_BYTES` long.
+        path: the file, at most `MAX_BYTES` long; or the name of a scene that comes with kickdyn,
+            such as `free_kick`, where there is no such file.
 
     Raises:
         SceneError: with all faults of the file, one line each.
@@ -47,6 +50,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
+    file = _named(file, source)
     text = _read(file, source)
     try:
         document = tomllib.loads(text)
@@ -58,6 +62,17 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     if scene is None:
         raise SceneError(source, [line for lines in builder.faults.values() for line in lines])
     return scene
+
+
+def _named(file: Path, source: str) -> Path:
+    """Return the file of a scene that comes with kickdyn where one is named, else the file."""
+    if file.name != source or file.suffix or os.path.lexists(file):
+        return file
+    known = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
+    if source not in known:
+        line = f"is neither a file nor a scene of kickdyn: choose {', '.join(known)}"
+        raise SceneError(source, [line])
+    return known[source]
 
 
 def _read(file: Path, source: str) -> str:

@@ -16,7 +16,7 @@ from kickdyn.view.photo import check_photo, save_photo
 
 
 @click.command("view", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene_file", metavar="SCENE.toml")
+@click.argument("scene_file", metavar="SCENE")
 @click.option("--out", metavar="FILE.html", help="Write the 3-D page.")
 @click.option("--png", metavar="FILE.png", help="Write a picture of the page, by Chromium.")
 @click.option("--at", default=0.0, show_default=True,
@@ -27,9 +27,12 @@ def view(
 ) -> None:
     """Show a scene file: leg, ball, impulses, flight, and the wall or goal it names.
 
+    SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
+    robocup_carpet, robot_chip, volley, wet_grass_pass.
+
     All it names is modelled; but a contact that takes time is shown as an instant.
 
-    Example: python -m kickdyn.view scenes/free_kick.toml --out kick.html --png kick.png
+    Example: python -m kickdyn.view free_kick --out kick.html --png kick.png
     """
     if out is None and png is None and json_file is None:
         raise InvalidInput("nothing is to be written: name --out, --png or --json")

@@ -23,6 +23,23 @@ restitution = 0.8
 """
 
 
+def test_those_of_kickdyn_load_by_name_from_anywhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for file in SCENES:
+        assert kd.load_scene(file.stem).name == kd.load_scene(file).name
+    with pytest.raises(kd.SceneError, match=r"neither a file nor a scene.*paper_kick, robocup"):
+        kd.load_scene("freekick")
+
+
+def test_a_file_comes_before_a_name(tmp_path, monkeypatch):
+    (tmp_path / "volley").write_text(SMALL, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert kd.load_scene("volley").plane is None
+    assert kd.load_scene("volley").ground is None
+    with pytest.raises(kd.SceneError, match="cannot be read"):
+        kd.load_scene("here/volley")
+
+
 @pytest.fixture
 def read(tmp_path):
     def reading(text):

@@ -19,7 +19,10 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-from kickdyn.planning.goal import GRAZES, Goal
+from kickdyn.planning.goal import Goal
+
+ROUNDING = 1e-6
+"""How deep in the ground a launch may come to its target [m], so that it does not end before."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,11 +146,11 @@ def to_target(
     """Fly to the vertical plane through a goal's target, or to the ground before it.
 
     A launch that meets the goal has its `time` to the target [s]: it may cross the plane before and
-    be blown back, and graze the ground.
+    be blown back, and it does not end on the ground by mere rounding.
     """
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
     floor = float(state.position[2]) + goal.lowest - ball.radius
-    ground = Ground(floor if time is None else floor - 2 * GRAZES)
+    ground = Ground(floor if time is None else floor - ROUNDING)
     flown = partial(fly, state, ball, air, ground, tol, orientation=orientation)
     if time is None:
         return flown(plane=plane)

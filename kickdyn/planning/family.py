@@ -86,7 +86,7 @@ class Family:
         if not root.met or root.shot is None:
             return None
         error = condition(self.goal, root.velocity, root.shot)[0]
-        return Member(root, math.hypot(*root.velocity), error, root.above_ground)
+        return Member(root, math.hypot(*root.velocity), error, root.above_ground(self.goal))
 
     def slowest(self) -> Member | None:
         """Return the member of least launch speed."""

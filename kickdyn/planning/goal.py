@@ -13,9 +13,6 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import GRAVITY
 
-GRAZES = 1e-6
-"""How deep in the ground a way may be that counts as above it [m]."""
-
 FARTHEST = 1e4
 """How far away a target may be [m]: air and gravity are those of one place."""
 

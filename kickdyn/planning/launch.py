@@ -1,4 +1,4 @@
-"""Planning a launch: where the ball should come down, and when (Figs. 13-15)."""
+"""Planning one launch over level ground: a distance and a time, round by round (Figs. 13-15)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
-from kickdyn.flight.forces import GRAVITY
 from kickdyn.flight.path import Flight
+from kickdyn.planning.answer import Launches
+from kickdyn.planning.goal import FARTHEST, Goal, nominal_velocity
+from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
 
 Method = Literal["newton", "learned"]
 
-TOLERANCES = {"newton": (1e-9, 1e-9), "learned": (0.05, 0.005)}
-"""Errors of distance [m] and time [s] that count as met; the learning loop's are about a line's
-width in Fig. 15."""
+TOLERANCES = {"newton": (1e-7, 1e-8), "learned": (0.05, 0.005)}
+"""Errors of distance [m] and time [s] that count as met: those that two integrations of one flight
+may differ by where a coefficient bends sharply, and about a line's width in Fig. 15."""
 
 MAX_ROUNDS = 200
-"""Corrections after which a plan is given up; the paper's farthest goal takes about 25."""
+"""Corrections after which the learning loop is given up; the paper's farthest goal takes about 25.
+"""
 
 
 @dataclass(frozen=True)
@@ -52,22 +55,28 @@ class LaunchPlan(Card):
     """A launch, and how it was found.
 
     Attributes:
-        status: `met`; or `not met`, where the rounds led nowhere: the plan is then the flight that
-            came closest.
+        status: `met` or `not met`.
+        limit: what stands in the way of a goal that is not met: `speed limit` or `ground`, as in
+            `Launches`, and the plan is then the nearest launch; of the learning loop `speed limit`,
+            `aloft`, a flight that did not land, `time`, a command of none, or `rounds`, too many,
+            and the plan is then the flight that came closest; or `tolerances`, finer than flights
+            are computed. Empty where it is met.
         method: `newton` or `learned`.
         flight: from the planned launch, flown a hundred times more exactly than it has to meet.
         best: errors of that flight.
-        history: every flight tried, the nominal one of Eqs. (24)-(25) first.
+        history: every flight tried, the nominal one of Eqs. (24)-(25) first; only the nearest where
+            Newton's method meets nothing.
     """
 
     status: Literal["met", "not met"]
+    limit: str
     method: Method
     flight: Flight
     best: Round
     history: tuple[Round, ...]
 
     def _rows(self) -> Iterable[Row]:
-        yield "status", self.status, ""
+        yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         yield "speed", self.speed, "m/s"
         yield "angle", math.degrees(self.angle), "deg"
         yield "spin", self.launch.spin, "rad/s"
@@ -116,12 +125,12 @@ def plan_launch(
 
     "Down" is back at the height of the launch. Both methods start from the vacuum's answer, Eqs.
     (24)-(25). `learned` is the paper's loop: fly, add the errors of distance and time to the
-    command, solve (24)-(25) for the new command. `newton` solves for the launch velocity with the
-    flight's derivatives.
+    command, solve (24)-(25) for the new command. `newton` is `plan_launches`, which also plans in
+    space; here its steps are flown, one by one. Neither is faster than sound.
 
     Args:
-        distance: wished for [m], 1e-9 to 1e9.
-        time: wished for [s], 1e-9 to 1e9.
+        distance: wished for [m], 1e-6 to 1e4.
+        time: wished for [s], 1e-6 to 1e6.
         ball: mass and radius.
         air: None is the vacuum.
         method: `newton` or `learned`.
@@ -135,12 +144,9 @@ def plan_launch(
     """
     if method not in TOLERANCES:
         raise InvalidInput(f"planning method {method!r} is unknown: choose {', '.join(TOLERANCES)}")
-    goal = np.array(
-        [
-            checks.number("distance", distance, at_least=1e-9, at_most=1e9, unit="m"),
-            checks.number("time", time, at_least=1e-9, at_most=1e9, unit="s"),
-        ]
-    )
+    distance = checks.number("distance", distance, at_least=1e-6, at_most=FARTHEST, unit="m")
+    time = checks.number("time", time, at_least=1e-6, at_most=1e6, unit="s")
+    goal = np.array([distance, time])
     accepted = checks.vector(
         "tolerances", TOLERANCES[method] if tolerances is None else tolerances, 2
     )
@@ -152,73 +158,75 @@ def plan_launch(
             "spin or wind drives the ball out of the x-z plane: spin must be about y, "
             "wind without y component"
         )
-    tol = min(max(float((accepted / goal).min()) / 100, 1e-13), 1e-9)
+    tol = 1e-13 if method == "newton" else 1e-9
 
     def flown(velocity: Array) -> Flight:
-        launch = BallState(velocity=(velocity[0], 0.0, velocity[1]), spin=turning)
+        launch = BallState(velocity=velocity, spin=turning)
         return fly(launch, ball, air, tol=tol, time_limit=100 * time)
 
-    return _search(method, goal, accepted, flown)
+    if method == "newton":
+        found = plan_launches(Goal(distance, time=time), ball, air, spin=turning)
+        flights, limit = [flown(velocity) for velocity in _steps(found)], found.limit
+    else:
+        flights, limit = _learned(goal, accepted, flown)
+    misses = [_miss(goal, accepted, flight) for flight in flights]
+    last = len(flights) - 1
+    chosen = last if method == "newton" else int(np.argmin(misses))
+    met = misses[chosen] <= 1.0
+    history = tuple(_round(goal, flight) for flight in flights)
+    return LaunchPlan(
+        "met" if met else "not met",
+        "" if met else limit or "tolerances",
+        method,
+        flights[chosen],
+        history[chosen],
+        history,
+    )
 
 
-def nominal(goal: Array) -> Array:
-    """Return the launch velocity (x, z) for a (distance, time) in the vacuum, Eqs. (24)-(25)."""
-    return np.array([goal[0] / goal[1], GRAVITY * goal[1] / 2])
+def _steps(found: Launches) -> list[Array]:
+    """Return the launch velocities from the nominal launch to the answer."""
+    nominal = nominal_velocity(found.goal.target, found.goal.nominal_times()[0])
+    if found.solutions:
+        launch = found.solutions[0]
+        return list(launch.tried) or [nominal, launch.velocity]
+    return [nominal if found.nearest is None else found.nearest.velocity]
 
 
-def _search(method: Method, goal: Array, accepted: Array, flown: Fly) -> LaunchPlan:
-    correct = {"newton": _newton, "learned": _learned}[method]
-    velocity: Array | None = nominal(goal)
-    history: list[Round] = []
-    closest: tuple[float, Round, Flight] | None = None
-    while velocity is not None and len(history) <= MAX_ROUNDS:
-        flight = flown(velocity)
-        error = goal - _reached(flight)
-        vx, vz = velocity.tolist()
-        this = Round(math.hypot(vx, vz), math.atan2(vz, vx), float(error[0]), float(error[1]))
-        history.append(this)
-        landed = flight.status == "landed"
-        miss = float(np.abs(error / accepted).max()) if landed else math.inf
-        if closest is None or miss < closest[0]:
-            closest = miss, this, flight
-        if miss <= 1.0 or not landed:
-            break
-        velocity = correct(velocity, error, flown)
-    assert closest is not None
-    miss, best, flight = closest
-    status: Literal["met", "not met"] = "met" if miss <= 1.0 else "not met"
-    return LaunchPlan(status, method, flight, best, tuple(history))
+def _learned(goal: Array, accepted: Array, flown: Fly) -> tuple[list[Flight], str]:
+    """Correct the command that Eqs. (24)-(25) turn into a launch by its errors, until they vanish.
+
+    Returns:
+        The flights, and what ended them where that was not the goal.
+    """
+    command, flights = goal, list[Flight]()
+    while len(flights) <= MAX_ROUNDS:
+        if command[1] <= 0.0:
+            return flights, "time"
+        velocity = nominal_velocity(np.array([command[0], 0.0, 0.0]), float(command[1]))
+        speed = math.hypot(*velocity)
+        flights.append(flown(velocity * min(1.0, SPEED_LIMIT / speed)))
+        if speed > SPEED_LIMIT:
+            return flights, "speed limit"
+        if flights[-1].status != "landed":
+            return flights, "aloft"
+        if _miss(goal, accepted, flights[-1]) <= 1.0:
+            return flights, ""
+        command = command + _error(goal, flights[-1])
+    return flights, "rounds"
 
 
-def _reached(flight: Flight) -> Array:
-    return np.array([flight.landing.position[0] - flight.launch.position[0], flight.duration])
+def _error(goal: Array, flight: Flight) -> Array:
+    return np.asarray(goal - np.array([flight.landing.position[0], flight.duration]))
 
 
-def _learned(velocity: Array, error: Array, flown: Fly) -> Array | None:
-    """Correct the command that Eqs. (24)-(25) turned into this launch by the errors."""
-    time = 2 * velocity[1] / GRAVITY
-    command = np.array([velocity[0] * time, time]) + error
-    return nominal(command) if command[1] > 0 else None
+def _miss(goal: Array, accepted: Array, flight: Flight) -> float:
+    """Return the larger error over what is accepted; inf where the ball does not land."""
+    if flight.status != "landed":
+        return math.inf
+    return float(np.abs(_error(goal, flight) / accepted).max())
 
 
-def _newton(velocity: Array, error: Array, flown: Fly) -> Array | None:
-    """Take a Newton step, cut short while it leads below the horizontal or misses by more."""
-    size = min(1e-5 * float(np.linalg.norm(velocity)), velocity[1] / 2)  # stays a launch upwards
-    steps = size * np.eye(2)
-    columns = [
-        (_reached(flown(velocity + step)) - _reached(flown(velocity - step))) / (2 * size)
-        for step in steps
-    ]
-    derivative = np.column_stack(columns)
-    if not np.linalg.cond(derivative) < 1e12:  # nothing done to the launch changes both
-        return None
-    step = np.linalg.solve(derivative, error)
-    goal = _reached(flown(velocity)) + error
-    before = float(np.linalg.norm(error / goal))
-    for halvings in range(20):
-        tried = velocity + step * 0.5**halvings
-        if tried[1] > 0:
-            after = float(np.linalg.norm((goal - _reached(flown(tried))) / goal))
-            if after < before:
-                return np.asarray(tried)
-    return None
+def _round(goal: Array, flight: Flight) -> Round:
+    error, launch = _error(goal, flight).tolist(), flight.launch
+    return Round(float(launch.speed), float(launch.elevation), *error)

@@ -69,7 +69,7 @@ def plan_launches(
     roots = _direct(field, goal)
     bends = [root for root in roots if abs(root.size) <= turn_limit]
     meeting = [root for root in bends if math.hypot(*root.velocity) <= most * (1 + 1e-12)]
-    clear = [root for root in meeting if root.above_ground]
+    clear = [root for root in meeting if root.above_ground(goal)]
     expected = 2 if goal.speed is not None else 1
     if len(meeting) >= expected and clear:
         return _met(field, goal, clear)
@@ -78,7 +78,7 @@ def plan_launches(
     family = Family(field, goal, most)
     members = family.within()
     meeting = _several([*meeting, *_crossings(family, members, turn_limit)])
-    clear = [root for root in meeting if root.above_ground]
+    clear = [root for root in meeting if root.above_ground(goal)]
     if clear:
         return _met(field, goal, clear)
     if not members:

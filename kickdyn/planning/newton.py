@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kickdyn.checks import Array
-from kickdyn.planning.goal import GRAZES, Goal
+from kickdyn.planning.goal import Goal
 from kickdyn.planning.shooting import Range, Shot
 
 MEETS = 1e-9
@@ -41,13 +41,15 @@ class Root:
     tried: tuple[Array, ...]
     shot: Shot | None
 
-    @property
-    def above_ground(self) -> bool:
-        """Whether the flight stays above the ground, level with its lower end, all the way."""
-        if self.shot is None:
+    def above_ground(self, goal: Goal) -> bool:
+        """Return whether the flight stays above the ground, level with its lower end, all the way.
+
+        A ball that lies on the ground does not start downwards.
+        """
+        if self.shot is None or (goal.lowest == 0.0 and self.velocity[2] < 0.0):
             return False
         end = float(self.shot.place(self.time)[0][2])
-        return self.shot.lowest() >= min(0.0, end) - GRAZES
+        return self.shot.lowest() >= min(0.0, end)
 
 
 def rooted(velocity: Array, step: Array) -> Array:

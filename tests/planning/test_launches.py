@@ -63,15 +63,6 @@ def test_the_papers_goals_take_few_steps(air):
     assert all(np.abs(launch.errors).max() <= 1e-9 for launch in found)
 
 
-@pytest.mark.parametrize(("distance", "time"), [(30, 1.5), (50, 2), (100, 3)])
-def test_it_agrees_with_plan_launch(distance, time):
-    ball, air = kd.Ball.paper(), kd.Air.paper(lift=None)
-    one = kd.plan_launches(kd.Goal(distance, time=time), ball, air).solutions[0]
-    other = kd.plan_launch(distance, time, ball, air)
-    assert one.speed == pytest.approx(other.speed, rel=1e-10)
-    assert one.elevation == pytest.approx(other.angle, rel=1e-10)
-
-
 def test_low_and_high_arc():
     found = kd.plan_launches(kd.Goal(30, speed=25), BALL, AIR)
     low, high = found.solutions
@@ -149,9 +140,9 @@ def test_a_way_through_the_ground_is_none(distance, time, spin):
     assert errors(found.nearest) < 1e-6
     path = found.nearest.fly()
     times = np.linspace(0, path.duration, 5000)
-    assert path.sample(times).position[:, 2].min() > -2e-6
+    assert path.sample(times).position[:, 2].min() > -1e-9
     # it is the first that is clear: a little sooner, it would have to start downwards
-    assert abs(found.nearest.elevation) < 1e-3
+    assert 0 <= found.nearest.elevation < 1e-3
 
 
 def test_of_two_arcs_only_the_one_above_the_ground_is_left():

@@ -18,7 +18,7 @@ from kickdyn.closing import close_loops
 from kickdyn.constraints import Constraints, Support
 from kickdyn.errors import InvalidInput
 from kickdyn.posture import Posture
-from kickdyn.robots import TOE, robot, robot_file, robot_model
+from kickdyn.robots import robot, robot_file, robot_model
 from kickdyn.sealed import read_only
 from kickdyn.sound_model import check_model, frame_id
 from kickdyn.urdf_file import UrdfFile, read_urdf, shipped_urdf
@@ -119,8 +119,8 @@ class Leg(Card):
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
-            frame: what touches the ball; if not named, `toe`, the upper edge of the right foot's
-                front end (of `simple_humanoid`, whose file shows no foot, the ankle).
+            frame: what touches the ball; if not named, `toe`, on the front of the right foot
+                (`simple_humanoid`, whose file shows no foot: the ankle).
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
 
@@ -129,8 +129,7 @@ class Leg(Card):
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
-        toe = known.toe is not None and frame in (None, TOE)
-        frame = TOE if toe else known.foot if frame is None else frame
+        frame, front = known.contact(frame)
         frame_id(model, frame)
         try:
             leg = cls.from_model(model, known.foot)
@@ -139,7 +138,7 @@ class Leg(Card):
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
-        return cls(model, frame, robot_file(name), outward=known.front if toe else None)
+        return cls(model, frame, robot_file(name), outward=front)
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:

@@ -64,6 +64,12 @@ class Robot:
             (np.sin(up), 0.0, -np.cos(up)),
         ])  # fmt: skip
 
+    def contact(self, frame: str | None) -> tuple[str, Array | None]:
+        """Return the frame that touches the ball, its toe if None is named, and its `front`."""
+        if self.toe is not None and frame in (None, TOE):
+            return TOE, self.front
+        return self.foot if frame is None else frame, None
+
 
 _WORDS = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
 _ICUB = tuple(f"{side}_{part}" for side in "lr" for part in ("hip", "knee", "ankle"))

@@ -45,6 +45,9 @@ THIN = 0.0017
 
 POINTS = 150
 
+SELDOM = 8
+"""Of so many pictures of a swing, one counts for where the camera must stand."""
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -90,6 +93,8 @@ def draw_kick(
     near = np.vstack([around(joints, ball.radius), around(hit.ball.position[None], ball.radius)])
     figure = draw_leg(viewer["leg"], hit.posture.leg, hit.posture.q)
     far = np.vstack([around(curve, ball.radius), figure, *(box.corners() for box in scenery)])
+    if swing is not None:
+        far = np.vstack([far, _swept(hit, pace, swing, ball.radius)])
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest(hit)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
@@ -135,6 +140,17 @@ def stripe_width(extent: float) -> float:
     sixth = extent / 6 * (1 + 1e-9)  # so that a round one stays
     power = 10.0 ** math.floor(math.log10(sixth))
     return power * max(step for step in (1, 2, 5) if step * power <= sixth)
+
+
+def _swept(hit: Impact, pace: motion.Pace, swing: Swing, radius: float) -> Array:
+    """Return corners of boxes around all places of joints and contact point in a swing."""
+    leg = hit.posture.leg
+    places = []
+    for time in pace.times[::SELDOM]:
+        q = swing.configuration(time)
+        places += [place[:3, 3] for place in joint_places(leg, q)[1:]]
+        places.append(leg.posture(q).contact_point)
+    return around(np.array(places), radius)
 
 
 def _forward(hit: Impact, curve: Array) -> Array:

@@ -15,6 +15,9 @@ from kickdyn.plane import Plane
 
 WALL, FRAME = 0x34506E, 0xF7F7F7
 
+SHEER = 0.4
+"""Opacity of a wall that the ball passes: its way goes on behind."""
+
 GOAL = (7.32, 2.44, 0.12)
 """Width between the posts, height under the bar, thickness [m]: IFAB, Laws of the Game, Law 1."""
 
@@ -33,6 +36,7 @@ class Box:
         heading: from x towards y [rad].
         colour: 0xRRGGBB.
         tilt: of its heading, upwards [rad].
+        opacity: 1, or less to let what is behind be seen.
     """
 
     centre: Array
@@ -40,6 +44,7 @@ class Box:
     heading: float
     colour: int
     tilt: float = 0.0
+    opacity: float = 1.0
 
     def place(self) -> Array:
         """Return its placement, shape `(4, 4)`."""
@@ -73,7 +78,7 @@ def wall_boxes(
     size = np.array([0.3, 0.9 * each, height])
     middle = foot + distance * ahead + np.array([0.0, 0.0, height / 2])
     return [
-        Box(middle + (number - (count - 1) / 2) * each * left, size, heading, WALL)
+        Box(middle + (number - (count - 1) / 2) * each * left, size, heading, WALL, opacity=SHEER)
         for number in range(count)
     ]
 
@@ -128,6 +133,6 @@ def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
 
 def draw_box(viewer: Any, box: Box) -> None:
     """Draw a box."""
-    look = shapes.MeshLambertMaterial(color=box.colour)
+    look = shapes.MeshLambertMaterial(color=box.colour, opacity=box.opacity)
     viewer.set_object(shapes.Box(box.size.tolist()), look)
     viewer.set_transform(box.place())

@@ -5,6 +5,7 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
+from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, Camera
 from kickdyn.view.kick_scene import draw_kick, stripe_width
 from kickdyn.view.recorder import recorder
 
@@ -76,6 +77,23 @@ def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
         shown.append(next(c["value"] for c in said if c.get("property") == "position"
                           and c["path"].startswith("/Cameras")))  # fmt: skip
     assert np.linalg.norm(shown[1]) > 1.2 * np.linalg.norm(shown[0])
+
+
+def test_a_whole_swing_is_beside_the_caption():
+    leg, ball = kd.Leg.human(), kd.Ball()
+    plan = kd.plan_kick(leg, kd.Goal(15, time=1), ball, kd.Air(), swing=True)
+    swing, viewer = kd.plan_swing(leg, plan), recorder()
+    draw_kick(viewer, plan.hit, ball, plan.path, swing=swing)
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    (shift,) = (c["matrix"] for c in said if c.get("path") == "/meshcat" and "matrix" in c)
+    target = -np.reshape(shift, (4, 4)).T[:3, 3]
+    (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
+                     and "Cameras" in c["path"])  # fmt: skip
+    camera = Camera(target + (x, -z, y), target)
+    for time in np.linspace(-swing.backswing.duration, swing.follow_through.duration, 30):
+        across, up = camera.across(leg.posture(swing.configuration(time)).contact_point)
+        assert -LEFT < across < RIGHT
+        assert -BOTTOM < up < TOP
 
 
 def test_the_ball_rests_on_the_ground(scene, kick):

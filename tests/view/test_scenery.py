@@ -39,6 +39,16 @@ def test_a_box_is_drawn_where_its_corners_are():
     assert corner[:3] == pytest.approx(box.corners()[-1])
 
 
+def test_what_is_behind_a_wall_is_seen_through_it_and_a_goal_is_solid():
+    viewer = recorder()
+    draw_box(viewer["wall"], wall_boxes(np.zeros(3), np.array([1.0, 0.0, 0.0]), 5.0, 2.0, 0.5)[0])
+    draw_box(viewer["goal"], goal_boxes(np.zeros(3), 20.0)[0])
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    looks = [c["object"]["materials"][0] for c in said if c["type"] == "set_object"]
+    assert [look["transparent"] for look in looks] == [True, False]
+    assert looks[0]["opacity"] < 0.6
+
+
 @pytest.mark.parametrize("part", ["centre", "back"])
 def test_a_goal_line_is_a_goal_across_it(part):
     normal = np.array([-0.6, 0.8, 0.0])

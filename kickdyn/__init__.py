@@ -50,8 +50,8 @@ if TYPE_CHECKING:  # loaded when they are asked for: see below
     from kickdyn.planning.answer import Launch as Launch
     from kickdyn.planning.answer import Launches as Launches
     from kickdyn.planning.goal import Goal as Goal
-    from kickdyn.planning.kick import KickPlan as KickPlan
     from kickdyn.planning.kick import plan_kick as plan_kick
+    from kickdyn.planning.kick_answer import KickPlan as KickPlan
     from kickdyn.planning.launch import LaunchPlan as LaunchPlan
     from kickdyn.planning.launch import plan_launch as plan_launch
     from kickdyn.planning.launches import plan_launches as plan_launches
@@ -78,7 +78,7 @@ _LATE = {
     "Launch": "kickdyn.planning.answer",
     "Launches": "kickdyn.planning.answer",
     "Goal": "kickdyn.planning.goal",
-    "KickPlan": "kickdyn.planning.kick",
+    "KickPlan": "kickdyn.planning.kick_answer",
     "plan_kick": "kickdyn.planning.kick",
     "LaunchPlan": "kickdyn.planning.launch",
     "plan_launch": "kickdyn.planning.launch",

@@ -18,7 +18,8 @@ from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import KickPlan, plan_kick
+from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.match import OVER, Wall, scored
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.report import as_json, swing_said, text, verdict

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
@@ -29,87 +28,20 @@ from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.heading import turned
 from kickdyn.planning.joints import check_solver
+from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
 from kickdyn.planning.limb import Limb, limb_of
 from kickdyn.planning.objectives import OBJECTIVES, least_scatter
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.search import Found, Search
-from kickdyn.planning.touch import Touch, touch_for
+from kickdyn.planning.touch import touch_for
+
+if TYPE_CHECKING:
+    from kickdyn.planning.part import Part
+    from kickdyn.planning.swing_kick import SwungKick
 
 STARTS = 4
 """Of the search, drawn with a fixed seed."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class KickPlan(Card):
-    """A kick, planned and then carried out by `strike` and `fly`.
-
-    Attributes:
-        status: `met`; or `beyond limits`: the leg is not fast or strong enough, and this is the
-            kick in the planned direction that gives the ball the most speed.
-        goal: wished for.
-        launch: that meets it.
-        objective: that was made least; `value` is its value.
-        share: of the launch speed that is reached; 1 where `status` is `met`.
-        touch: impulse, normal and place on the ball.
-        hit: the strike, from the planned posture and joint velocity.
-        path: the flight from there, to the target's plane or to the ground before it; of a pass,
-            the course.
-        landing_error: distance of its end from the target [m].
-        time_error: how much later than by `launch` it ends [s].
-        speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
-            torque is what keeps the joints' speed, gravity included.
-        binding: limits that are reached, such as `speed of knee`; `swing` where a harder kick has
-            no way from rest and to rest.
-        heading: how far `leg` is turned to the left about the vertical [rad]; 0 but for a leg
-            whose foot moves in a plane, and a goal aside of it.
-    """
-
-    status: Literal["met", "beyond limits"]
-    goal: Goal
-    launch: Launch
-    objective: str
-    value: float
-    share: float
-    touch: Touch
-    hit: Impact
-    path: Flight | Course
-    landing_error: float
-    time_error: float
-    speed_use: float
-    effort_use: float
-    binding: tuple[str, ...]
-    heading: float
-
-    @property
-    def leg(self) -> Leg:
-        """That kicks: as it was given, or turned by `heading`."""
-        return self.hit.posture.leg
-
-    def _rows(self) -> Iterable[Row]:
-        yield "status", self.status, ""
-        yield "posture", self.q, "rad"
-        yield "joint velocity", self.v, "rad/s"
-        yield "impulse on the ball", self.hit.impulse, "N s"
-        yield "launch", self.hit.ball.velocity, "m/s"
-        yield "landing error", self.landing_error, "m"
-        yield "time error", self.time_error, "s"
-        yield self.objective, self.value, ""
-        yield "of the speed limit", self.speed_use, ""
-        yield "of the torque limit", self.effort_use, ""
-
-    def _picture(self) -> str:
-        return self.path._picture()
-
-    @property
-    def q(self) -> Array:
-        """Posture at the touch, shape `(nq,)` [rad]."""
-        return self.hit.posture.q
-
-    @property
-    def v(self) -> Array:
-        """Joint velocity at the touch, shape `(nv,)` [rad/s]."""
-        return self.hit.v_before
 
 
 def plan_kick(
@@ -204,16 +136,18 @@ def plan_kick(
         where = "" if lies is None else f" that touches a ball at {there} m"
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
     binding: tuple[str, ...] = ()
+    parts: tuple[Part, Part] | None = None
     if swing:
         bare = found.share
-        found = _swung(search, found, objective)
+        found, parts = _swung(search, found, objective)
         binding = ("swing",) if found.share < bare - 1e-6 else ()
     robot = turned(leg, search.heading) if search.heading else leg
     hit = _struck(robot, limb, search, found)
-    return _carried_out(search, found, hit, goal, launch, objective, air, cost, ground, binding)
+    plan = _carried_out(search, found, hit, goal, launch, objective, air, cost, ground, binding)
+    return replace(plan, parts=parts)
 
 
-def _swung(search: Search, found: Found, objective: str) -> Found:
+def _swung(search: Search, found: Found, objective: str) -> SwungKick:
     """Return the best kick near one that can be swung."""
     check_solver()
     if not search.limits:

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from kickdyn import checks
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.kick_answer import KickPlan
 
 OVER = 0.1
 """How far the ball's lower edge clears a wall where nothing else is asked for [m]."""

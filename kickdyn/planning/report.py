@@ -8,7 +8,7 @@ from typing import Any
 from kickdyn.ball import BallState
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
-from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.swing_answer import Swing
 
 NEAR = 5e-4

@@ -15,6 +15,7 @@ import numpy as np
 from kickdyn.checks import Array
 from kickdyn.planning.chain import Chain
 from kickdyn.planning.joints import Joints
+from kickdyn.planning.part import Part
 
 UNIT = 0.1
 """Accelerations are counted in the speed limit over this time [s]: the order of 1."""
@@ -79,8 +80,6 @@ class Stop:
         chain, joints: that move.
         nodes: intervals.
         q, w: symbols for posture and velocity at the start.
-        longest: duration [s].
-        slack: share of the torque limit that is left over.
     """
 
     def __init__(self, chain: Chain, joints: Joints, nodes: int, q: Any, w: Any) -> None:
@@ -162,6 +161,13 @@ class Stop:
         pulls = np.ones_like(s) * (-w / time) / (self.joints.speed / UNIT)
         return np.concatenate([turns.ravel(), speeds.ravel(), pulls.ravel(), [time]])
 
+    def near(self, part: Part) -> Array:
+        """Return the unknowns that come nearest to a part."""
+        q, v, a = part.resampled(self.nodes)
+        speed = self.joints.speed
+        rows = (q, v / speed, a / (speed / UNIT))
+        return np.concatenate([*(one.ravel() for one in rows), [part.duration]])
+
     def read(self, x: Array) -> tuple[Array, Array, float]:
         """Return accelerations `(nodes + 1, n)`, the posture at the end, and the duration."""
         n, many = len(self.joints.names), self.nodes + 1
@@ -197,6 +203,16 @@ class Stopper:
         )
         self._cost = ca.Function("cost", [unknowns], [cost])
 
+    def near(self, part: Part) -> Array:
+        """Return a part as what `solve` takes for `near`."""
+        return np.append(self._stop.near(part), 1.0)
+
+    def as_it_is(self, part: Part) -> Solved:
+        """Return a part as a stop from all of the velocity."""
+        x = self.near(part)
+        pulls, end, time = self._stop.read(x)
+        return Solved(True, "", 1.0, float(self._cost(x)), time, pulls, end, ("", 0), x)
+
     def solve(
         self,
         q: Array,
@@ -211,7 +227,7 @@ class Stopper:
         """Return the stop from the largest share of a velocity, up to `most`.
 
         A guess of a short stop is tried first; where that falls short of `most`, also a long one,
-        and the unknowns `near` which it shall be.
+        and the unknowns `near` which it shall be, in the end with `most` of the velocity at once.
         """
 
         def run(shares: tuple[float, float], weights: tuple[float, float], x: Array) -> Solved:
@@ -229,6 +245,10 @@ class Stopper:
                 best = run((most, most), (1.0, 0.0), alone.unknowns[:-1])
                 return (best if best.ok else alone)._replace(share=most)
             tried += [both, alone]
+        if near is not None:  # which may be a stop from all of it already
+            best = run((most, most), (1.0, 0.0), near[:-1])
+            if best.ok:
+                return best._replace(share=most)
         return max(tried, key=lambda one: (one.ok, one.share))
 
     def _run(

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly
 
 from kickdyn import checks
 from kickdyn.checks import Array
@@ -15,17 +14,13 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.held import check_free
 from kickdyn.leg import Leg
 from kickdyn.planning.joints import LONGEST, Joints, check_solver, joints_of
-from kickdyn.planning.kick import KickPlan
-from kickdyn.planning.swing_answer import Part, Swing
+from kickdyn.planning.kick_answer import KickPlan
+from kickdyn.planning.part import Part
+from kickdyn.planning.swing_answer import Swing
 
 if TYPE_CHECKING:
-    from kickdyn.planning.stop import Solved, Stopper
-
-SLACK = 0.005
-"""Share of the torque limits left over at first, for torques between the points of the solver."""
-
-ROUNDS = 5
-"""Solutions, each with more slack, until the torques keep their limits between those points."""
+    from kickdyn.planning.kept_stop import Ask
+    from kickdyn.planning.stop import Solved
 
 LEAST = 1e-3
 """Share of the planned speed below which there is no swing to show."""
@@ -55,7 +50,8 @@ def plan_swing(
         start: posture at rest before, shape `(nq,)`; free when not named, as long as the joints'
             torques can hold it.
         end: posture at rest after, likewise.
-        nodes: intervals of either part.
+        nodes: intervals of either part. Where the solver falls short of the way that
+            `plan_kick(..., swing=True)` found, that one is taken, with its own nodes.
 
     Raises:
         InvalidInput: CasADi is missing; a joint is at the end of its range and moves into it; no
@@ -73,19 +69,21 @@ def plan_swing(
     joints = _joints(leg, plan)
     rests = [_rest(joints, leg, "start", start), _rest(joints, leg, "end", end)]
     from kickdyn.planning.chain import Chain
+    from kickdyn.planning.kept_stop import Ask, kept_stop
     from kickdyn.planning.stop import Stopper
 
     chain = Chain(joints.model, plan.hit.posture.contact_lever)
     stopper = Stopper(chain, joints, nodes, objective)
     asks = [
-        _Ask(-1, plan.q[joints.qs], -plan.v[joints.vs], rests[0]),
-        _Ask(1, plan.q[joints.qs], plan.hit.v_after[joints.vs], rests[1]),
+        Ask(-1, plan.q[joints.qs], -plan.v[joints.vs], rests[0]),
+        Ask(1, plan.q[joints.qs], plan.hit.v_after[joints.vs], rests[1]),
     ]
     parts: list[tuple[Part, Solved]] = []
     share, limit = 1.0, ""
-    for ask in asks:
+    known = plan.parts or (None, None)
+    for ask, near in zip(asks, known, strict=True):
         _check_room(joints, leg, ask)
-        parts.append(_part(stopper, joints, ask, longest, share))
+        parts.append(kept_stop(stopper, joints, ask, longest, share, near))
         if parts[-1][1].share < share:
             share = parts[-1][1].share
             what, number = parts[-1][1].about
@@ -96,7 +94,7 @@ def plan_swing(
             if share < LEAST:
                 raise InvalidInput(f"there is no swing to this kick; {limit}")
     if parts[0][1].share > share:
-        parts[0] = _part(stopper, joints, asks[0], longest, share)
+        parts[0] = kept_stop(stopper, joints, asks[0], longest, share, known[0])
     return Swing(
         status="met" if share == 1.0 else "beyond limits",
         plan=plan,
@@ -108,19 +106,6 @@ def plan_swing(
         backswing=parts[0][0],
         follow_through=parts[1][0],
     )
-
-
-class _Ask(NamedTuple):
-    """A stop that is asked for: side of the impact, posture, velocity away from it, rest."""
-
-    sign: int
-    q: Array
-    w: Array
-    rest: Array | None
-
-    @property
-    def name(self) -> str:
-        return "backswing" if self.sign < 0 else "follow-through"
 
 
 def _joints(leg: Leg, plan: KickPlan) -> Joints:
@@ -151,7 +136,7 @@ def _rest(joints: Joints, leg: Leg, name: str, q: ArrayLike | None) -> Array | N
     return rest
 
 
-def _check_room(joints: Joints, leg: Leg, ask: _Ask) -> None:
+def _check_room(joints: Joints, leg: Leg, ask: Ask) -> None:
     """Refuse what no torque can stop, with the joint's name: the solver would only say no."""
     room = np.where(ask.w > 0, joints.high - ask.q, ask.q - joints.low)
     stuck = (room <= 1e-9) & (np.abs(ask.w) > 1e-6 * joints.speed)
@@ -169,46 +154,3 @@ def _check_room(joints: Joints, leg: Leg, ask: _Ask) -> None:
         f"there is no swing to this kick; {ask.name}: {name} is at the end of its range ({where}) "
         f"and {does} at {speed:.4g} {unit}/s; plan_kick(..., swing=True) leaves room"
     )
-
-
-def _part(
-    stopper: Stopper, joints: Joints, ask: _Ask, longest: float, most: float
-) -> tuple[Part, Solved]:
-    slack, near = SLACK, None
-    for _ in range(ROUNDS):
-        solved = stopper.solve(
-            ask.q, ask.w, longest=longest, rest=ask.rest, slack=slack, most=most, near=near
-        )
-        if not solved.ok:
-            raise InvalidInput(f"no {ask.name} is found: Ipopt ends with {solved.said}")
-        part = _spline(joints, ask, solved)
-        over = float((np.abs(part.fine().torque) / joints.effort).max()) - 1.0
-        if over <= 0.0:
-            return part, solved
-        slack, near = slack + over + SLACK / 2, solved.unknowns
-    raise InvalidInput(
-        f"no {ask.name} is found whose torques keep their limits between {len(part.nodes) - 1} "
-        "intervals: take more nodes"
-    )
-
-
-def _spline(joints: Joints, ask: _Ask, solved: Solved) -> Part:
-    """Return the part, rounding of the solver put right so that both ends are met exactly."""
-    time, pulls = solved.duration, solved.accelerations
-    s = np.linspace(0.0, time, len(pulls))
-    w = solved.share * ask.w
-
-    def rates(pulls: Array) -> tuple[PPoly, PPoly, PPoly]:
-        slopes = np.diff(pulls, axis=0) / np.diff(s)[:, None]
-        a = PPoly(np.array([slopes, pulls[:-1]]), s)
-        v = a.antiderivative()
-        v.c[-1] += w
-        q = v.antiderivative()
-        q.c[-1] += ask.q
-        return a, v, q
-
-    _, v, q = rates(pulls)
-    off = np.array([-v(time), solved.end - q(time)])
-    lines = np.linalg.solve([[time, time**2 / 2], [time**2 / 2, time**3 / 6]], off)
-    a, v, q = rates(pulls + lines[0] + s[:, None] * lines[1])
-    return Part(joints, ask.sign, time, a, v, q)

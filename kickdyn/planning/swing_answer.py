@@ -5,88 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly
 
 from kickdyn import checks
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.joints import Joints
-from kickdyn.planning.kick import KickPlan
-
-FINE = 20
-"""Points per interval at which a swing is checked."""
-
-
-class Motion(NamedTuple):
-    """Joints at several times, in the order of `Swing.joints`, each array of shape `(k, n)`.
-
-    `time` counts from the impact [s]; q [rad], v [rad/s], a [rad/s2], torque of the joints [N m],
-    gravity included, and its power [W].
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    a: Array
-    torque: Array
-    power: Array
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Part(Card):
-    """The backswing or the follow-through: accelerations linear in time between nodes.
-
-    Attributes:
-        joints: that move.
-        sign: -1 before the impact, 1 after it.
-        duration: [s].
-    """
-
-    joints: Joints
-    sign: int
-    duration: float
-    _a: PPoly
-    _v: PPoly
-    _q: PPoly
-
-    def _rows(self) -> Iterable[Row]:
-        yield "joints", ", ".join(self.joints.names), ""
-        yield "duration", self.duration, "s"
-        yield "nodes", len(self._a.x), ""
-
-    @property
-    def nodes(self) -> Array:
-        """Times of the nodes, rising [s]."""
-        return np.sort(self.sign * self._a.x)
-
-    def sample(self, t: ArrayLike) -> Motion:
-        """Return the motion at times from the impact, shape `(k,)` [s].
-
-        Raises:
-            InvalidInput: a time outside of this part.
-        """
-        time = np.atleast_1d(checks.floats("t", t, unit="s"))
-        away = self.sign * time
-        if (away < 0.0).any() or (away > self.duration).any():
-            low, high = sorted((0.0, self.sign * self.duration))
-            raise InvalidInput(f"t is {time.tolist()}: this part lasts from {low:g} to {high:g} s")
-        q, v, a = self._q(away), self.sign * self._v(away), self._a(away)
-        model, data = self.joints.model, self.joints.model.createData()
-        rows = zip(q, v, a, strict=True)
-        torque = np.array([pin.rnea(model, data, *row) for row in rows]).reshape(q.shape)
-        return Motion(time, q, v, a, torque, torque * v)
-
-    def fine(self) -> Motion:
-        """Return the motion at many times between the nodes, both ends included, in order."""
-        many = FINE * (len(self._a.x) - 1) + 1
-        low, high = sorted((0.0, self.sign * self.duration))
-        return self.sample(np.linspace(low, high, many))
+from kickdyn.planning.kick_answer import KickPlan
+from kickdyn.planning.part import Motion, Part
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -240,3 +240,34 @@ def test_a_joint_that_the_impact_moves_but_that_does_not_swing_must_be_locked(pl
 def test_kicks_with_a_swing_refuse(options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, swing=True, **options)
+
+
+@pytest.mark.parametrize(
+    ("leg", "goal"),
+    [
+        (HUMAN, kd.Goal(15, time=1)),
+        (HUMAN, kd.Goal(25.125, time=2.208)),
+        (kd.Leg.testbed(), kd.Goal(1.2, time=0.5)),
+        (kd.Leg.testbed(), kd.Goal(1.58, time=0.56)),
+    ],
+)
+def test_the_way_that_a_plan_promises_keeps_its_limits_and_is_found(leg, goal):
+    plan = kd.plan_kick(leg, goal, BALL, AIR, swing=True, objective="effort")
+    assert plan.status == "met"
+    for part, v in zip(plan.parts, (plan.v, plan.hit.v_after), strict=True):
+        way, joints = part.sample(part.sign * np.linspace(0, part.duration, 1500)), part.joints
+        assert (np.abs(way.torque) <= joints.effort).all()
+        assert (np.abs(way.v) <= joints.speed).all()
+        assert (way.q >= joints.low).all()
+        assert (way.q <= joints.high).all()
+        assert way.q[0] == pytest.approx(plan.q[joints.qs], abs=1e-9)
+        assert way.v[0] == pytest.approx(v[joints.vs], abs=1e-9)
+        assert np.abs(way.v[-1]).max() < 1e-9
+    assert kd.plan_swing(leg, plan).status == "met"
+    other = kd.plan_swing(leg, plan, nodes=36)
+    assert other.status == "met"
+    assert other.torque_use <= 1
+
+
+def test_a_plan_without_a_swing_promises_none():
+    assert kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR).parts is None

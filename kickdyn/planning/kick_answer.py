@@ -1,0 +1,93 @@
+"""What planning a kick answers: the goal, the launch, the strike and the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from kickdyn.card import Card, Row
+from kickdyn.checks import Array
+from kickdyn.flight.follow import Course
+from kickdyn.flight.path import Flight
+from kickdyn.impact.result import Impact
+from kickdyn.leg import Leg
+from kickdyn.planning.answer import Launch
+from kickdyn.planning.goal import Goal
+from kickdyn.planning.part import Part
+from kickdyn.planning.touch import Touch
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KickPlan(Card):
+    """A kick, planned and then carried out by `strike` and `fly`.
+
+    Attributes:
+        status: `met`; or `beyond limits`: the leg is not fast or strong enough, and this is the
+            kick in the planned direction that gives the ball the most speed.
+        goal: wished for.
+        launch: that meets it.
+        objective: that was made least; `value` is its value.
+        share: of the launch speed that is reached; 1 where `status` is `met`.
+        touch: impulse, normal and place on the ball.
+        hit: the strike, from the planned posture and joint velocity.
+        path: the flight from there, to the target's plane or to the ground before it; of a pass,
+            the course.
+        landing_error: distance of its end from the target [m].
+        time_error: how much later than by `launch` it ends [s].
+        speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
+            torque is what keeps the joints' speed, gravity included.
+        binding: limits that are reached, such as `speed of knee`; `swing` where a harder kick has
+            no way from rest and to rest.
+        heading: how far `leg` is turned to the left about the vertical [rad]; 0 but for a leg
+            whose foot moves in a plane, and a goal aside of it.
+        parts: of the swing that `swing=True` found with it, before and after the impact; from
+            there `plan_swing` goes on.
+    """
+
+    status: Literal["met", "beyond limits"]
+    goal: Goal
+    launch: Launch
+    objective: str
+    value: float
+    share: float
+    touch: Touch
+    hit: Impact
+    path: Flight | Course
+    landing_error: float
+    time_error: float
+    speed_use: float
+    effort_use: float
+    binding: tuple[str, ...]
+    heading: float
+    parts: tuple[Part, Part] | None = None
+
+    @property
+    def leg(self) -> Leg:
+        """That kicks: as it was given, or turned by `heading`."""
+        return self.hit.posture.leg
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        yield "posture", self.q, "rad"
+        yield "joint velocity", self.v, "rad/s"
+        yield "impulse on the ball", self.hit.impulse, "N s"
+        yield "launch", self.hit.ball.velocity, "m/s"
+        yield "landing error", self.landing_error, "m"
+        yield "time error", self.time_error, "s"
+        yield self.objective, self.value, ""
+        yield "of the speed limit", self.speed_use, ""
+        yield "of the torque limit", self.effort_use, ""
+
+    def _picture(self) -> str:
+        return self.path._picture()
+
+    @property
+    def q(self) -> Array:
+        """Posture at the touch, shape `(nq,)` [rad]."""
+        return self.hit.posture.q
+
+    @property
+    def v(self) -> Array:
+        """Joint velocity at the touch, shape `(nv,)` [rad/s]."""
+        return self.hit.v_before

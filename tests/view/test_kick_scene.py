@@ -89,7 +89,7 @@ def test_a_whole_swing_is_beside_the_caption():
     target = -np.reshape(shift, (4, 4)).T[:3, 3]
     (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
                      and "Cameras" in c["path"])  # fmt: skip
-    camera = Camera((*target, x, -z, y), target)
+    camera = Camera(np.add(target, (x, -z, y)), target)
     for time in np.linspace(-swing.backswing.duration, swing.follow_through.duration, 30):
         across, up = camera.across(leg.posture(swing.configuration(time)).contact_point)
         assert -LEFT < across < RIGHT

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from dataclasses import replace
+from functools import partial
 
 import click
 import numpy as np
@@ -122,8 +123,10 @@ def plan(
     checks.number("distance", distance, above=0, unit="m")
     players = None if wall is None else Wall.read(wall)
     way = None if over is None else _pair("over", over)
-    if players is not None and not any((time, apex, launch_speed, way, surface)):
-        way = (players.distance, players.height + OVER)
+    if players is not None:
+        players.check_before(math.hypot(distance, left))
+        if all(named is None for named in (time, apex, launch_speed, way, surface)):
+            way = (players.distance, players.height + OVER)
     goal = Goal(
         (distance, left, height),
         time=time,
@@ -154,11 +157,11 @@ def plan(
             ball_height -= CROUCH * float(standing.contact_point[2])
     around = _blown(AIRS[air](), wind)
     spread = None if robust is None else _spread(robust)
-    planned = plan_kick(
+    kick = partial(
+        plan_kick,
         leg,
-        goal,
-        ball,
-        around,
+        ball=ball,
+        air=around,
         objective=objective if spread is None else "scatter",
         spread=spread,
         restitution=restitution,
@@ -172,10 +175,11 @@ def plan(
         surface=surface,
         swing=swing,
     )
+    planned = kick(goal)
     swung = plan_swing(leg, planned) if swing else None
     said = [verdict(planned)]
     if players is not None:
-        said.append(players.passed(planned))
+        said.append(players.passed(planned, kick))
     if mouth:
         said.append(scored(planned))
     if swung is not None:

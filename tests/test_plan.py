@@ -100,6 +100,8 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             "the ball hits the wall",
         ),
         (["--distance", "20", "--wall", "9.15"], "wall is '9.15'"),
+        (["--distance", "20", "--wall", "25:1.9"], "wall is at 25 m"),
+        (["--distance", "20", "--time", "0", "--wall", "9.15:1.9"], "time is 0.0"),
         (["--distance", "20", "--time", "1", "--beside", "9"], "beside is '9': it must be 2"),
         (["--distance", "4", "--apex", "1", "--pass", "turf"], "along the ground is given a time"),
         (["--distance", "30", "--over", "3"], "over is '3': it must be 2 numbers"),

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +12,8 @@ from scipy.optimize import brentq
 
 from kickdyn import checks
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.follow import Course
+from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick_answer import KickPlan
 
 OVER = 0.1
@@ -42,18 +47,26 @@ class Wall(NamedTuple):
             checks.number(f"{name} of the wall", value, above=0, unit="m")
         return cls(*values)
 
-    def passed(self, planned: KickPlan) -> str:
+    def check_before(self, distance: float) -> None:
+        """Raise `InvalidInput` for a wall that is not before a target so far away [m]."""
+        if not self.distance < distance:
+            raise InvalidInput(
+                f"wall is at {self.distance:g} m: it must be between the ball and the target, "
+                f"which is {distance:g} m away"
+            )
+
+    def passed(self, planned: KickPlan, kick: Callable[[Goal], KickPlan]) -> str:
         """Return by how much the ball clears the wall, as a sentence.
+
+        Args:
+            planned: the kick.
+            kick: plans another, to see what would clear the wall where this does not.
 
         Raises:
             InvalidInput: it does not, though it meets its goal.
         """
         goal, path, radius = planned.goal, planned.path, planned.hit.struck.radius
-        if not 0.0 < self.distance < goal.distance:
-            raise InvalidInput(
-                f"wall is at {self.distance:g} m: it must be between the ball and the target, "
-                f"which is {goal.distance:g} m away"
-            )
+        self.check_before(goal.distance)
         start = path.launch.position
 
         def short(time: float) -> float:
@@ -73,9 +86,32 @@ class Wall(NamedTuple):
             return "It hits the wall."
         raise InvalidInput(
             f"the ball hits the wall, {-above:.3g} m under its top and {-room:.3g} m inside its "
-            f"edge: go over it (--over {self.distance:g}:{self.height + OVER:g}) or beside it "
-            f"(--beside {self.distance:g}:{self.width / 2 + radius + OVER:.3g})"
+            f"edge: {self._way_round(planned, aside, kick)}"
         )
+
+    def _way_round(self, planned: KickPlan, aside: float, kick: Callable[[Goal], KickPlan]) -> str:
+        """Return which of a higher and a curved kick to the same target the leg has."""
+        if isinstance(planned.path, Course):
+            return "along the ground there is no way round it"
+        goal, radius = planned.goal, planned.hit.struck.radius
+        over = (self.distance, round(self.height + OVER, 6))
+        room = math.ceil(1e3 * (self.width / 2 + radius + OVER)) / 1e3
+        beside = (self.distance, -room if aside < -1e-6 else room)
+        named = {goal.kind: getattr(goal, goal.kind)}
+        option = {"speed": "--launch-speed"}.get(goal.kind, f"--{goal.kind}")
+        instead = "" if goal.kind == "over" else f" in place of {option}"
+        ways = {
+            f"over it (--over {over[0]:g}:{over[1]:g}{instead})": {"over": over},
+            f"beside it (--beside {beside[0]:g}:{beside[1]:g})": {**named, "beside": beside},
+        }
+        can = list[str]()
+        for said, wish in ways.items():
+            with suppress(InvalidInput):
+                if kick(Goal(goal.target, **wish)).status == "met":
+                    can.append(said)
+        if not can:
+            return f"{planned.leg.name} has no kick over or beside it either"
+        return f"go {' or '.join(can)}"
 
 
 def scored(planned: KickPlan) -> str:

@@ -1,3 +1,5 @@
+from functools import partial
+
 import pytest
 
 import kickdyn as kd
@@ -8,21 +10,46 @@ CORNER = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
 FLAT = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), time=0.7), BALL, AIR, limits=False)
 
 
+def kick(leg=LEG, limits=True, **options):
+    return partial(kd.plan_kick, leg, ball=BALL, air=AIR, limits=limits, **options)
+
+
 def test_a_wall_is_cleared_by_what_the_goal_asked_for():
-    assert Wall(9.15, 1.9).passed(CORNER) == "Its lower edge clears the wall by 0.1 m."
+    assert Wall(9.15, 1.9).passed(CORNER, kick()) == "Its lower edge clears the wall by 0.1 m."
 
 
-def test_a_wall_that_is_hit_says_how_to_go_round():
+def test_a_wall_that_is_hit_says_what_clears_it():
     wall = Wall.read("9.15:1.9")
-    with pytest.raises(kd.InvalidInput, match=r"hits the wall.*--over 9.15:2\).*--beside 9.15:1.4"):
-        wall.passed(FLAT)
+    with pytest.raises(kd.InvalidInput, match="hits the wall") as said:
+        wall.passed(FLAT, kick(limits=False))
+    # a planar leg gives no side spin: over is the only way, and it is one
+    assert str(said.value).endswith("its edge: go over it (--over 9.15:2 in place of --time)")
+    over = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR, limits=False)
+    assert "clears the wall" in wall.passed(over, kick())
+
+
+def test_a_leg_that_can_give_side_spin_may_go_beside_a_wall():
+    leg = kd.Leg.from_robot("g1", legs_only=True)
+    flat = kd.plan_kick(leg, kd.Goal((20, 0, 1), time=1.0), BALL, AIR, limits=False)
+    wall = Wall(9.15, 5.0, 0.4)
+    with pytest.raises(kd.InvalidInput, match=r" or beside it \(--beside 9.15:0.41\)$"):
+        wall.passed(flat, kick(leg, limits=False))
+
+
+def test_where_nothing_clears_a_wall_no_way_is_named():
+    flat = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
+    with pytest.raises(kd.InvalidInput, match="leg_human has no kick over or beside it either"):
+        Wall(9.15, 60.0).passed(flat, kick())
+    rolled = kd.plan_kick(LEG, kd.Goal(8, time=2), BALL, AIR, surface="carpet")
+    with pytest.raises(kd.InvalidInput, match="along the ground there is no way round it"):
+        Wall(4, 1).passed(rolled, kick(surface="carpet"))
 
 
 def test_a_kick_too_weak_says_where_it_ends():
     weak = kd.plan_kick(LEG, kd.Goal((40, 0, 2.1), time=1.2), BALL, AIR)
     assert weak.status == "beyond limits"
-    assert Wall(9.15, 2.5).passed(weak) == "It hits the wall."
-    assert Wall(39.0, 1.9).passed(weak) == "The ball comes down before the wall."
+    assert Wall(9.15, 2.5).passed(weak, kick()) == "It hits the wall."
+    assert Wall(39.0, 1.9).passed(weak, kick()) == "The ball comes down before the wall."
 
 
 def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
@@ -31,7 +58,7 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
     plan = kd.plan_kick(leg, goal, BALL, AIR, limits=False)
     assert plan.landing_error < 1e-3
     assert (
-        Wall(9.15, 5.0, 0.4).passed(plan)
+        Wall(9.15, 5.0, 0.4).passed(plan, kick())
         == f"It passes {0.4 - BALL.radius:.3g} m left of the wall."
     )
 
@@ -48,7 +75,7 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
 )
 def test_bad_walls(text, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        Wall.read(text).passed(CORNER)
+        Wall.read(text).passed(CORNER, kick())
 
 
 def test_the_goal():

@@ -5,48 +5,47 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from kickdyn.air import Air as Air
-from kickdyn.ball import Ball as Ball
-from kickdyn.ball import BallState as BallState
-from kickdyn.constraints import Support as Support
-from kickdyn.contact import Contact as Contact
-from kickdyn.errors import EnergyCreated as EnergyCreated
-from kickdyn.errors import InvalidInput as InvalidInput
-from kickdyn.errors import KickdynError as KickdynError
-from kickdyn.errors import NoImpact as NoImpact
-from kickdyn.errors import SceneError as SceneError
-from kickdyn.errors import UrdfError as UrdfError
-from kickdyn.flight.fly import fly as fly
-from kickdyn.flight.follow import Course as Course
-from kickdyn.flight.follow import follow as follow
-from kickdyn.flight.path import Flight as Flight
-from kickdyn.ground import Ground as Ground
-from kickdyn.ground import Surface as Surface
-from kickdyn.impact.joint_load import JointLoad as JointLoad
-from kickdyn.impact.joint_load import joint_loads as joint_loads
-from kickdyn.impact.laws import normal_impulse as normal_impulse
-from kickdyn.impact.result import Impact as Impact
-from kickdyn.impact.sensitivity import Sensitivity as Sensitivity
-from kickdyn.impact.sensitivity import sensitivity as sensitivity
-from kickdyn.impact.strike import strike as strike
-from kickdyn.impact.strike import strike_at as strike_at
-from kickdyn.impact.uncertainty import Uncertainty as Uncertainty
-from kickdyn.impact.uncertainty import uncertainty as uncertainty
-from kickdyn.leg import Leg as Leg
-from kickdyn.plane import Plane as Plane
-from kickdyn.posture import Posture as Posture
 from kickdyn.version import __version__ as __version__
 
 if TYPE_CHECKING:  # loaded when they are asked for: see below
+    from kickdyn.air import Air as Air
+    from kickdyn.ball import Ball as Ball
+    from kickdyn.ball import BallState as BallState
+    from kickdyn.constraints import Support as Support
+    from kickdyn.contact import Contact as Contact
+    from kickdyn.errors import EnergyCreated as EnergyCreated
+    from kickdyn.errors import InvalidInput as InvalidInput
+    from kickdyn.errors import KickdynError as KickdynError
+    from kickdyn.errors import NoImpact as NoImpact
+    from kickdyn.errors import SceneError as SceneError
+    from kickdyn.errors import UrdfError as UrdfError
     from kickdyn.flight.batch import fly_many as fly_many
+    from kickdyn.flight.fly import fly as fly
+    from kickdyn.flight.follow import Course as Course
+    from kickdyn.flight.follow import follow as follow
+    from kickdyn.flight.path import Flight as Flight
+    from kickdyn.ground import Ground as Ground
+    from kickdyn.ground import Surface as Surface
     from kickdyn.impact.collide import Collision as Collision
     from kickdyn.impact.collide import collide as collide
     from kickdyn.impact.engine import EngineImpact as EngineImpact
     from kickdyn.impact.engine import engine_strike as engine_strike
     from kickdyn.impact.hertz import HertzContact as HertzContact
     from kickdyn.impact.hertz import contact_stiffness as contact_stiffness
+    from kickdyn.impact.joint_load import JointLoad as JointLoad
+    from kickdyn.impact.joint_load import joint_loads as joint_loads
+    from kickdyn.impact.laws import normal_impulse as normal_impulse
+    from kickdyn.impact.result import Impact as Impact
+    from kickdyn.impact.sensitivity import Sensitivity as Sensitivity
+    from kickdyn.impact.sensitivity import sensitivity as sensitivity
+    from kickdyn.impact.strike import strike as strike
+    from kickdyn.impact.strike import strike_at as strike_at
+    from kickdyn.impact.uncertainty import Uncertainty as Uncertainty
+    from kickdyn.impact.uncertainty import uncertainty as uncertainty
     from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
     from kickdyn.impact.unilateral import unilateral_strike as unilateral_strike
+    from kickdyn.leg import Leg as Leg
+    from kickdyn.plane import Plane as Plane
     from kickdyn.planning.answer import Launch as Launch
     from kickdyn.planning.answer import Launches as Launches
     from kickdyn.planning.goal import Goal as Goal
@@ -59,6 +58,7 @@ if TYPE_CHECKING:  # loaded when they are asked for: see below
     from kickdyn.planning.passes import plan_pass as plan_pass
     from kickdyn.planning.swing import plan_swing as plan_swing
     from kickdyn.planning.swing_answer import Swing as Swing
+    from kickdyn.posture import Posture as Posture
     from kickdyn.scene.read import load_scene as load_scene
     from kickdyn.scene.scene import Scene as Scene
     from kickdyn.simulation.answer import Simulation as Simulation
@@ -66,15 +66,44 @@ if TYPE_CHECKING:  # loaded when they are asked for: see below
     from kickdyn.sweep.opened import open_sweep as open_sweep
 
 _LATE = {
+    "Air": "kickdyn.air",
+    "Ball": "kickdyn.ball",
+    "BallState": "kickdyn.ball",
+    "Support": "kickdyn.constraints",
+    "Contact": "kickdyn.contact",
+    "EnergyCreated": "kickdyn.errors",
+    "InvalidInput": "kickdyn.errors",
+    "KickdynError": "kickdyn.errors",
+    "NoImpact": "kickdyn.errors",
+    "SceneError": "kickdyn.errors",
+    "UrdfError": "kickdyn.errors",
     "fly_many": "kickdyn.flight.batch",
+    "fly": "kickdyn.flight.fly",
+    "Course": "kickdyn.flight.follow",
+    "follow": "kickdyn.flight.follow",
+    "Flight": "kickdyn.flight.path",
+    "Ground": "kickdyn.ground",
+    "Surface": "kickdyn.ground",
     "Collision": "kickdyn.impact.collide",
     "collide": "kickdyn.impact.collide",
     "EngineImpact": "kickdyn.impact.engine",
     "engine_strike": "kickdyn.impact.engine",
     "HertzContact": "kickdyn.impact.hertz",
     "contact_stiffness": "kickdyn.impact.hertz",
+    "JointLoad": "kickdyn.impact.joint_load",
+    "joint_loads": "kickdyn.impact.joint_load",
+    "normal_impulse": "kickdyn.impact.laws",
+    "Impact": "kickdyn.impact.result",
+    "Sensitivity": "kickdyn.impact.sensitivity",
+    "sensitivity": "kickdyn.impact.sensitivity",
+    "strike": "kickdyn.impact.strike",
+    "strike_at": "kickdyn.impact.strike",
+    "Uncertainty": "kickdyn.impact.uncertainty",
+    "uncertainty": "kickdyn.impact.uncertainty",
     "UnilateralImpact": "kickdyn.impact.unilateral",
     "unilateral_strike": "kickdyn.impact.unilateral",
+    "Leg": "kickdyn.leg",
+    "Plane": "kickdyn.plane",
     "Launch": "kickdyn.planning.answer",
     "Launches": "kickdyn.planning.answer",
     "Goal": "kickdyn.planning.goal",
@@ -87,6 +116,7 @@ _LATE = {
     "plan_pass": "kickdyn.planning.passes",
     "plan_swing": "kickdyn.planning.swing",
     "Swing": "kickdyn.planning.swing_answer",
+    "Posture": "kickdyn.posture",
     "load_scene": "kickdyn.scene.read",
     "Scene": "kickdyn.scene.scene",
     "Simulation": "kickdyn.simulation.answer",
@@ -96,7 +126,7 @@ _LATE = {
 
 
 def __getattr__(name: str) -> object:
-    """Load what not every user needs, and what brings numba and xarray, when it is asked for."""
+    """Load a name when it is asked for: commands that only say how they are used need none."""
     if name not in _LATE:
         raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")
     found = globals()[name] = getattr(import_module(_LATE[name]), name)

@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 import io
+import signal
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import NoReturn
 
 import click
 
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
+
+
+@contextmanager
+def busy(what: str) -> Iterator[Callable[[str], None]]:
+    """Say on stderr, while that is a terminal, what takes so long; yield what says something else.
+
+    Args:
+        what: in a few words, as "planning the swing".
+    """
+    from rich.console import Console  # a tenth of a second
+
+    with Console(stderr=True).status(what) as status:
+        yield status.update
+
+
+AGAIN = 0.3
+"""After how long Ctrl-C in an import is tried again [s]."""
 
 
 def run(command: click.Command) -> NoReturn:
@@ -17,8 +38,9 @@ def run(command: click.Command) -> NoReturn:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a name the terminal cannot show
     try:
-        command.main(standalone_mode=False)
-        sys.stdout.flush()
+        with _interruptible():
+            command.main(standalone_mode=False)
+            sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.ctx.get_help() if error.ctx else "")
     except click.exceptions.Exit as leave:
@@ -39,6 +61,32 @@ def run(command: click.Command) -> NoReturn:
     except OSError as error:
         _fail(name, f"the output cannot be written ({error.strerror})", 1)
     sys.exit(0)
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """Let Ctrl-C end imports too: some packages take it for a dependency that is not there."""
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield  # as whoever started this has it
+        return
+    signal.signal(signal.SIGINT, _interrupt)
+    again = hasattr(signal, "setitimer")
+    if again:
+        signal.signal(signal.SIGALRM, _interrupt)
+    try:
+        yield
+    finally:
+        if again:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    if frame is not None and hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+    raise KeyboardInterrupt
 
 
 def _fail(name: str, messages: str | list[str], code: int) -> NoReturn:

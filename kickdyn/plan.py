@@ -14,7 +14,7 @@ import numpy as np
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.door import run
+from kickdyn.door import busy, run
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.ground import SURFACES
@@ -175,8 +175,11 @@ def plan(
         surface=surface,
         swing=swing,
     )
-    planned = kick(goal)
-    swung = plan_swing(leg, planned) if swing else None
+    with busy("planning the kick") as say:
+        planned = kick(goal)
+        if swing:
+            say("planning the swing")
+        swung = plan_swing(leg, planned) if swing else None
     said = [verdict(planned)]
     if players is not None:
         said.append(players.passed(planned, kick))

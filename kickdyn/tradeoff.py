@@ -11,7 +11,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from kickdyn.door import run
+from kickdyn.door import busy, run
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, write_json
 
@@ -64,10 +64,10 @@ def tradeoff(
         check_name(plot)
         check_writable(plot)
     check_distinct(json_file, plot)
-    with Console(stderr=True).status("measuring") as status:
+    with busy("measuring") as say:
 
         def told(name: str) -> None:
-            status.update(f"measuring {name}")
+            say(f"measuring {name}")
 
         impacts = measure_impact(told) if impact or both else []
         flights = measure(told=told) if flight or both else []

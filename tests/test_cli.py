@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from kickdyn.cli import kickdyn_command
+from kickdyn.commands import DOORS, kickdyn_command
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
-COMMANDS = [name for name in kickdyn_command.commands if name != "completion"]
+COMMANDS = list(DOORS)
 SCRIPT = [
     sys.executable,
     "-c",
@@ -32,7 +32,24 @@ def script(*arguments, **variables):
 def test_help_fits_a_screen():
     shown = CliRunner().invoke(kickdyn_command, ["--help"]).output
     assert len(shown.splitlines()) <= 24
-    assert all(f"  {name} " in shown for name in kickdyn_command.commands)
+    assert all(f"  {name} " in shown for name in [*COMMANDS, "completion"])
+    assert "..." not in shown.split("Commands:")[1]
+
+
+def test_help_loads_no_more_than_it_needs():
+    """A quarter of a second instead of seconds; completion of commands as well."""
+    heavy = ("numpy", "scipy", "pinocchio", "matplotlib", "xarray", "rich", "meshcat")
+    seen = f"import atexit, sys; atexit.register(lambda: print({heavy} & sys.modules.keys()))"
+    code = f"{seen.replace(str(heavy), repr(set(heavy)))}; {SCRIPT[-1]}"
+    ended = subprocess.run([*SCRIPT[:-1], code, "--help"], capture_output=True, text=True)
+    assert ended.stdout.splitlines()[-1] == "set()"
+
+
+def test_ctrl_c_before_anything_is_loaded(tmp_path):
+    (tmp_path / "click.py").write_text("raise KeyboardInterrupt")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    ended = script("--help", PYTHONPATH=path)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "kickdyn: interrupted\n")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -53,8 +70,12 @@ def test_completion_knows_commands_and_options():
         asked = {"_KICKDYN_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(at)}
         return script(**asked).stdout
 
-    assert "posture-sweep" in completed("kickdyn pos", 1)
+    assert completed("kickdyn pos", 1).split() == ["plain,posture-sweep"]
     assert "--restitution" in completed("kickdyn plan --rest", 2)
+    assert completed("kickdyn view sce", 2).split() == ["file,sce"]
+    assert completed("kickdyn posture-sweep --out s", 3).split() == ["file,s"]
+    assert completed("kickdyn plan --leg h", 3).split() == ["plain,human"]
+    assert completed("kickdyn plan --leg ./h", 3).split() == ["file,./h"]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -14,6 +14,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.paper.item import Item
@@ -54,14 +55,19 @@ def paper(
         _make_folder(figures)
         for file in drawings:
             check_writable(file)
-    items = [item for section in sections for item in section.items()]
-    others = {
-        section.name: section.sensitivity()
-        for section in sections
-        if sensitivity and section.sensitivity
-    }
-    for file, draw in drawings.items():
-        save_figure(_figure(draw), file)
+    items: list[Item] = []
+    others: dict[str, list[Item]] = {}
+    with busy("reproducing") as say:
+        for section in sections:
+            say(f"reproducing {section.name}")
+            items += section.items()
+        for section in sections:
+            if sensitivity and section.sensitivity:
+                say(f"reproducing {section.name} with other coefficients")
+                others[section.name] = section.sensitivity()
+        for file, draw in drawings.items():
+            say(f"drawing {file.name}")
+            save_figure(_figure(draw), file)
     if view is not None and page is not None:
         with replacing(view) as draft:
             draft.write_text(page, encoding="utf-8")

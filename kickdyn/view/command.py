@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from kickdyn import checks
+from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.impact.result import Impact
@@ -48,15 +49,18 @@ def view(
     from kickdyn.view.scene_page import numbers, scene_page
 
     scene = load_scene(scene_file)
-    answer = simulate(changed(scene, contact_time=None), None)
-    if out is not None or png is not None:
-        html = scene_page(answer, instant=scene.contact_time is not None)
-        if out is not None:
-            write_page(out, html)
-        if png is not None:
-            assert isinstance(answer.hit, Impact)
-            pace = pace_of(answer.hit, float(answer.end.time))
-            save_photo(html, png, shown_at(pace, at))
+    with busy("simulating") as say:
+        answer = simulate(changed(scene, contact_time=None), None)
+        if out is not None or png is not None:
+            say("drawing the page")
+            html = scene_page(answer, instant=scene.contact_time is not None)
+            if out is not None:
+                write_page(out, html)
+            if png is not None:
+                assert isinstance(answer.hit, Impact)
+                pace = pace_of(answer.hit, float(answer.end.time))
+                say("taking the picture")
+                save_photo(html, png, shown_at(pace, at))
     if json_file is not None:
         write_json(json_file, numbers(answer))
         if json_file == "-":

@@ -1,0 +1,87 @@
+"""What `kickdyn` can do: every door as a sub-command, loaded when it is asked for."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+
+import click
+from click.shell_completion import CompletionItem, get_completion_class
+
+from kickdyn.version import __version__
+
+DOORS = {
+    "posture-sweep": ("kickdyn.posture_sweep", "posture_sweep", "Kick from a grid of postures."),
+    "plan": ("kickdyn.plan", "plan", "From a wished-for flight to the kick."),
+    "paper": ("kickdyn.paper.command", "paper", "Reproduce the ICRA 2005 paper, item by item."),
+    "tradeoff": ("kickdyn.tradeoff", "tradeoff", "Measure error against cost."),
+    "view": ("kickdyn.view.command", "view", "Show a scene file as a 3-D page or a picture."),
+}
+"""Module, name and summary of each command. A module is loaded when its command is."""
+
+
+class _Place(click.types.StringParamType):
+    """A text that names a file, which a shell completes; or a leg, by name or file."""
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete names of legs where a leg is asked for, else of files."""
+        names: list[str] = []
+        if param.name == "leg_name":
+            from kickdyn.robots import ROBOTS
+
+            names = [*dict.fromkeys(["human", "testbed", *ROBOTS])]
+        found = [CompletionItem(name) for name in names if name.startswith(incomplete)]
+        return found or [CompletionItem(incomplete, type="file")]
+
+
+class _Doors(click.Group):
+    """A group that says what it has without loading it."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names."""
+        return [*DOORS, *self.commands]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command, loaded now."""
+        if cmd_name not in DOORS:
+            return super().get_command(ctx, cmd_name)
+        module, name, _ = DOORS[cmd_name]
+        found: click.Command = getattr(import_module(module), name)
+        for each in found.params:
+            if each.type is click.STRING and re.search("FILE|DIR|SCENE", each.metavar or ""):
+                each.type = _Place()
+        return found
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a line for each."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, self._summary(name)) for name in self.list_commands(ctx)])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete names of commands, and options before them."""
+        names = [name for name in self.list_commands(ctx) if name.startswith(incomplete)]
+        items = [CompletionItem(name, help=self._summary(name)) for name in names]
+        return [*items, *click.Command.shell_complete(self, ctx, incomplete)]
+
+    def _summary(self, name: str) -> str:
+        return DOORS[name][2] if name in DOORS else self.commands[name].get_short_help_str()
+
+
+@click.group("kickdyn", _Doors, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="kickdyn")
+def kickdyn_command() -> None:
+    """Impact of a leg on a ball: impulses, launch, flight."""
+
+
+@kickdyn_command.command("completion", short_help="Teach bash, zsh or fish to complete.")
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print what teaches a shell to complete commands and options.
+
+    Example: source <(kickdyn completion bash)
+    """
+    kind = get_completion_class(shell)
+    if kind is not None:
+        click.echo(kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source())

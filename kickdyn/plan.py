@@ -118,7 +118,7 @@ def plan(
 ) -> None:
     """Find the posture and the joint velocity that send the ball where it shall go.
 
-    Example: python -m kickdyn.plan --distance 30 --time 1.5 --leg human --view kick.html --json -
+    Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     checks.number("distance", distance, above=0, unit="m")
     players = None if wall is None else Wall.read(wall)

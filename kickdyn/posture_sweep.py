@@ -133,7 +133,7 @@ def posture_sweep(
 ) -> None:
     """Kick from every posture of a grid and say which is best, and why.
 
-    Example: python -m kickdyn.posture_sweep --joint hip=-10:60:5 --joint knee=0:90:5
+    Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
     leg = load_leg(leg_name, frame)

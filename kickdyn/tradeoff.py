@@ -40,7 +40,7 @@ def tradeoff(
 ) -> None:
     """Measure error against cost, all methods in one run on this machine.
 
-    Example: python -m kickdyn.tradeoff --plot tradeoff.png
+    Example: kickdyn tradeoff --plot tradeoff.png
     """
     # here: mpmath, scipy's integrators and matplotlib are not the other doors' business
     from kickdyn.accuracy.flight import measure

@@ -55,7 +55,7 @@ def test_ctrl_c_before_anything_is_loaded(tmp_path):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_commands_are_alike(name):
     shown = " ".join(CliRunner().invoke(kickdyn_command, [name, "--help"]).output.split())
-    assert f"Example: python -m kickdyn.{name.replace('-', '_')}" in shown
+    assert f"Example: kickdyn {name} " in shown
     assert "--json FILE" in shown
     assert "- is stdout" in shown
 

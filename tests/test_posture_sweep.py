@@ -191,7 +191,7 @@ def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
 def test_help_shows_an_example():
     ended = door("--help")
     assert ended.returncode == 0
-    assert "Example: python -m kickdyn.posture_sweep --joint" in ended.stdout
+    assert "Example: kickdyn posture-sweep --joint" in ended.stdout
 
 
 def test_the_console_script_has_the_same_door():

@@ -39,7 +39,7 @@ def paper(
 ) -> None:
     """Reproduce the ICRA 2005 paper's tables and figures, item by item.
 
-    Example: python -m kickdyn.paper --only "fig 8" --figures build/paper
+    Example: kickdyn paper --only "fig 8" --figures build/paper
     """
     sections = chosen(only)
     drawings = {_file(section, figures): section.draw for section in sections if section.draw}

@@ -33,7 +33,7 @@ def view(
 
     All it names is modelled; but a contact that takes time is shown as an instant.
 
-    Example: python -m kickdyn.view free_kick --out kick.html --png kick.png
+    Example: kickdyn view free_kick --out kick.html --png kick.png
     """
     if out is None and png is None and json_file is None:
         raise InvalidInput("nothing is to be written: name --out, --png or --json")

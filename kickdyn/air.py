@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -14,6 +14,7 @@ from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import torque as torque_models
 from kickdyn.aerodynamics.model import Coefficient, find
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 
@@ -42,7 +43,7 @@ def standard(altitude: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Air:
+class Air(Card):
     """Still or moving air of one density.
 
     Density and viscosity default to dry air at 20 degC and 101325 Pa; `Air.at` takes altitude,
@@ -108,17 +109,29 @@ class Air:
 
     def __repr__(self) -> str:
         """Name every value, and the models by name."""
-        models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
-        names = {
-            key: getattr(model, "name", getattr(model, "__name__", model))
-            for key, model in models.items()
-        }
+        names = self._names()
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
             f"wind={names['wind'] if callable(self.wind) else self.wind.tolist()}, "
             f"drag={names['drag']!r}, lift={names['lift']!r}, torque={names['torque']!r}, "
             f"buoyancy={self.buoyancy})"
         )
+
+    def _names(self) -> dict[str, object]:
+        models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
+        return {
+            key: getattr(model, "name", getattr(model, "__name__", model))
+            for key, model in models.items()
+        }
+
+    def _rows(self) -> Iterable[Row]:
+        names = self._names()
+        yield "density", self.density, "kg/m3"
+        yield "viscosity", self.viscosity, "Pa s"
+        yield "wind", names["wind"] if callable(self.wind) else shown(self.wind), "m/s"
+        for name, what in (("drag", "drag"), ("lift", "lift"), ("torque", "spin decay")):
+            yield what, "not modelled" if names[name] is None else names[name], ""
+        yield "buoyancy", self.buoyancy, ""
 
     @classmethod
     def paper(

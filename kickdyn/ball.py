@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
-from kickdyn.card import shown
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sealed import Sealed
@@ -19,7 +20,7 @@ SMALLEST = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
-class Ball:
+class Ball(Card):
     """A ball: a thin spherical shell, the paper's Eq. (22), if not told otherwise.
 
     The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
@@ -53,6 +54,11 @@ class Ball:
                 f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
                 f"{self.inertia:g} kg m2: mass, inertia and their inverses must be finite, above 0"
             )
+
+    def _rows(self) -> Iterable[Row]:
+        yield "mass", self.mass, "kg"
+        yield "radius", self.radius, "m"
+        yield "inertia", self.inertia, "kg m2"
 
     @classmethod
     def paper(cls) -> Ball:

@@ -14,6 +14,9 @@ Row = tuple[str, object, str]
 WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
 """Of a picture [px]."""
 
+ROUNDING = 1e-12
+"""Of a vector's largest entry: less than that is shown as 0."""
+
 
 class Card:
     """Something that shows itself by the rows that `_rows` gives; all are rounded to 4 digits."""
@@ -54,13 +57,15 @@ class Printed:
 
 
 def shown(value: object) -> str:
-    """Return a value as a card shows it: 4 digits, vectors in brackets."""
+    """Return a value as a card shows it: 4 digits, vectors in brackets, their rounding as 0."""
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float | np.floating):
         return f"{float(value) + 0.0:.4g}"  # no -0
     if isinstance(value, np.ndarray):
-        return f"({', '.join(shown(part) for part in value.tolist())})"
+        least = ROUNDING * float(np.abs(value).max(initial=0.0))
+        parts = (0.0 if abs(part) < least else part for part in value.tolist())
+        return f"({', '.join(shown(part) for part in parts)})"
     return str(value)
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.sealed import Sealed
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class Contact(Sealed):
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Contact(Card, Sealed):
     """One point contact, for the instant of the impact.
 
     Args:
@@ -53,3 +55,16 @@ class Contact(Sealed):
         if patch is not None:
             patch.setflags(write=False)
         object.__setattr__(self, "offset", patch)
+
+    def __repr__(self) -> str:
+        """Name every value, in a line."""
+        said = f"normal={shown(self.normal)}, restitution={self.restitution:g}"
+        offset = "" if self.offset is None else f", offset={shown(self.offset)} m"
+        return f"Contact({said}, friction={self.friction:g}{offset})"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "normal", self.normal, ""
+        yield "restitution", self.restitution, ""
+        yield "friction", self.friction, ""
+        if self.offset is not None:
+            yield "offset", self.offset, "m"

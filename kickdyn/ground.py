@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from kickdyn import checks
+from kickdyn.card import Card, Row
 from kickdyn.errors import InvalidInput
 
 
@@ -80,8 +82,8 @@ SURFACES = {
 """Every surface by name."""
 
 
-@dataclass(frozen=True)
-class Ground:
+@dataclass(frozen=True, repr=False)
+class Ground(Card):
     """A level plane.
 
     Args:
@@ -107,3 +109,18 @@ class Ground:
             object.__setattr__(self, "surface", SURFACES[self.surface])
         elif not (self.surface is None or isinstance(self.surface, Surface)):
             raise InvalidInput(f"surface is {self.surface!r}: it must be a name or a Surface")
+
+    def __repr__(self) -> str:
+        """Name height and surface, in a line."""
+        name = self.surface.name if isinstance(self.surface, Surface) else None
+        return f"Ground(height={self.height:g}, surface={name!r})"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "height", self.height, "m"
+        if isinstance(self.surface, Surface):
+            yield "surface", self.surface.name, ""
+            yield "restitution", self.surface.restitution, ""
+            yield "friction", self.surface.friction, ""
+            yield "rolling deceleration", self.surface.rolling_deceleration, "m/s2"
+        else:
+            yield "surface", "none: flights end on it", ""

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
 from kickdyn.ball import Ball
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 
 _PARTS = {"front": -1.0, "centre": 0.0, "back": 1.0}
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class Plane:
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Plane(Card):
     """An endless plane that a flight ends at, reached from the side its normal points to.
 
     Args:
@@ -43,6 +45,16 @@ class Plane:
         object.__setattr__(self, "point", place)
         object.__setattr__(self, "normal", towards)
         object.__setattr__(self, "reached_by", reached_by)
+
+    def __repr__(self) -> str:
+        """Name every value, in a line."""
+        said = f"point={shown(self.point)} m, normal={shown(self.normal)}"
+        return f"Plane({said}, reached_by={self.reached_by!r})"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "point", self.point, "m"
+        yield "normal", self.normal, ""
+        yield "reached by", f"the ball's {self.reached_by}", ""
 
     def gap(self, ball: Ball, position: Array) -> float:
         """Return how far a ball still is from reaching the plane, 0 or more, along its normal [m].

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from scipy.linalg import blas, lapack
 
 from kickdyn import checks
 from kickdyn.articulated import Articulated
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.conditioning import condition, factored
 from kickdyn.errors import InvalidInput
@@ -40,8 +42,11 @@ MAX_OFFSET = 1e3
 REACH_TOLERANCE = 1e-9
 """Share of a wished-for velocity that may be missed before it counts as out of reach."""
 
+SHOWN = 8
+"""Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
-class Posture(Sealed):
+
+class Posture(Card, Sealed):
     """A leg at a configuration `q`; made by `Leg.posture`, so kinematics has always been run.
 
     Attributes:
@@ -95,6 +100,17 @@ class Posture(Sealed):
         """Name the leg and its angles."""
         angles = ", ".join(f"{angle:.4g}" for angle in self.q)
         return f"Posture({self.leg.name}, q=[{angles}])"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "leg", self.leg.name, ""
+        joints = self.leg.angles_deg(self.q)
+        moved = {name: value for name, value in joints.items() if value or len(joints) <= SHOWN}
+        for name in list(moved)[:SHOWN]:
+            yield name, moved[name], self.leg.joint_unit(name).replace("rad", "deg")
+        if len(moved) > SHOWN:
+            yield "and", f"{len(moved) - SHOWN} joints more", ""
+        yield "contact point", self.contact_point, "m"
+        yield "condition", self.condition, ""
 
     def _held(self, constraints: Constraints, model: Any, data: Any) -> Hold:
         constraints.check_closed(model, data, self)

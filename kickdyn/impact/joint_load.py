@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn import checks
+from kickdyn.card import ROUNDING, Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.hertz import BRIEFEST
 from kickdyn.impact.result import Impact
 
 
-@dataclass(frozen=True, eq=False)
-class JointLoad:
+@dataclass(frozen=True, eq=False, repr=False)
+class JointLoad(Card):
     """Of one joint; impulses by the parent on the child, about its origin and in its axes.
 
     Attributes:
@@ -37,12 +38,51 @@ class JointLoad:
     peak_moment: float | None
     ratio: float | None
 
+    def __repr__(self) -> str:
+        """Say the load in a line."""
+        return f"JointLoad({self.joint}: {self.line()})"
+
+    def line(self) -> str:
+        """Return sizes of what is linear: carried, along the axis if there is any, and the peak."""
+        carried, along = (float(np.linalg.norm(part[:3])) for part in (self.structure, self.axis))
+        said = [f"{shown(carried)} N s"]
+        if along > ROUNDING * carried:
+            said.append(f"{shown(along)} N s along the axis")
+        if self.peak_force is not None:
+            said.append(f"peak {shown(self.peak_force)} N")
+        if self.ratio is not None:
+            said.append(f"{100 * self.ratio:.3g} % of the limit")
+        return ", ".join(said)
+
+    def _rows(self) -> Iterable[Row]:
+        whole = float(np.linalg.norm(self.structure + self.axis))
+        yield "joint", self.joint, ""
+        for name, part in (("structure", self.structure), ("axis", self.axis)):
+            clean = np.where(abs(part) > ROUNDING * whole, part, 0.0)
+            yield f"{name}, linear", clean[:3], "N s"
+            yield f"{name}, angular", clean[3:], "N m s"
+        for name, value, unit in (
+            ("peak force", self.peak_force, "N"),
+            ("peak moment", self.peak_moment, "N m"),
+            ("peak force over limit", self.ratio, ""),
+        ):
+            if value is not None:
+                yield name, value if value > ROUNDING * (self.peak_force or 0.0) else 0.0, unit
+
+
+class JointLoads(Card, dict[str, JointLoad]):
+    """The loads of all joints by name, in the model's order: a dictionary that shows itself."""
+
+    def _rows(self) -> Iterable[Row]:
+        for name, load in self.items():
+            yield name, load.line(), ""
+
 
 def joint_loads(
     hit: Impact,
     contact_time: float | None = None,
     force_limits: Mapping[str, float] | None = None,
-) -> dict[str, JointLoad]:
+) -> JointLoads:
     """Return the load of every joint by name, in the model's order.
 
     Args:
@@ -69,7 +109,7 @@ def joint_loads(
             known = ", ".join(leg.joint_names)
             raise InvalidInput(f"joint {name!r} is unknown: {leg.name} has {known}")
         limits[name] = checks.number(f"force limit of {name}", limit, above=0, unit="N")
-    space, loads = leg.workspace, {}
+    space, loads = leg.workspace, JointLoads()
     pin.forwardKinematics(space.model, space.data, hit.posture.q)  # a freedom may depend on q
     for number, (name, impulse) in enumerate(
         zip(leg.joint_names, hit.joint_impulses, strict=True), start=1

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
+from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import GRAVITY
@@ -17,8 +19,8 @@ FARTHEST = 1e4
 """How far away a target may be [m]: air and gravity are those of one place."""
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class Goal:
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Goal(Card):
     """A target, and how the ball is to come there.
 
     The target alone leaves a family of launches, one for each time of flight: name one thing more.
@@ -89,6 +91,22 @@ class Goal:
             object.__setattr__(self, name, value)
         object.__setattr__(self, "over", _on_the_way("over", over, level))
         object.__setattr__(self, "beside", _on_the_way("beside", beside, level))
+
+    def __repr__(self) -> str:
+        """Name every value that was named, in a line."""
+        said = (f"{name}={value} {unit}" for name, value, unit in self._named())
+        return f"Goal({', '.join(said)})"
+
+    def _rows(self) -> Iterable[Row]:
+        yield from self._named()
+        yield "distance", self.distance, "m"
+
+    def _named(self) -> Iterable[tuple[str, str, str]]:
+        units = {"target": "m", "time": "s", "apex": "m", "speed": "m/s", "over": "m"}
+        for name, unit in {**units, "beside": "m"}.items():
+            value = getattr(self, name)
+            if value is not None:
+                yield name, shown(np.array(value) if isinstance(value, tuple) else value), unit
 
     @property
     def distance(self) -> float:

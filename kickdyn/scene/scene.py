@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from types import MappingProxyType
@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput
-from kickdyn.ground import Ground
+from kickdyn.ground import Ground, Surface
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
 from kickdyn.posture import Posture
@@ -43,8 +44,8 @@ def clash_of_time(law: str, restitution: float) -> list[str]:
     return lines
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class Scene(Sealed):
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class Scene(Card, Sealed):
     """One kick, from the posture of the leg to the end of the ball's way.
 
     Args:
@@ -142,6 +143,34 @@ class Scene(Sealed):
             posture=posture if touch.offset is None else posture.touched_at(touch.offset),
             **arrays,
         )
+
+    def _rows(self) -> Iterable[Row]:
+        yield "name", self.name, ""
+        yield "leg", self.leg.name, ""
+        speed = float(np.linalg.norm(self.posture.jacobian @ self.v))
+        yield "contact point", self.posture.contact_point, "m"
+        yield "foot speed", speed, "m/s"
+        yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
+        for name, motion, unit in (
+            ("ball's velocity", self.ball_velocity, "m/s"),
+            ("ball's spin", self.ball_spin, "rad/s"),
+        ):
+            if motion.any():
+                yield name, motion, unit
+        yield "contact", repr(self.touch).removeprefix("Contact(").removesuffix(")"), ""
+        if self.contact_time is None:
+            yield "law", self.law, ""
+        else:
+            yield "contact time", 1e3 * self.contact_time, "ms"
+        if self.air is not None:
+            acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
+            yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""
+        if self.ground is not None:
+            surface = self.ground.surface
+            what = f", {surface.name}" if isinstance(surface, Surface) else ""
+            yield "ground", f"at {self.ground.height:.4g} m{what}", ""
+        if self.plane is not None:
+            yield "plane", repr(self.plane).removeprefix("Plane(").removesuffix(")"), ""
 
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Scene:

@@ -167,7 +167,7 @@ class Posture(Card, Sealed):
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        rows = self._giving()
+        rows = self.giving()
         give: Array = rows.dot(rows.T)
         return give
 
@@ -196,8 +196,8 @@ class Posture(Card, Sealed):
         space = self.leg.workspace
         return Articulated(space.model, space.data, self.q)
 
-    def _giving(self) -> Array:
-        """Return rows that span the Delassus matrix: `mobility`, unless that has no digits."""
+    def giving(self) -> Array:
+        """Return rows, `(3, n)`, of the Delassus matrix: `mobility`, unless that has no digits."""
         if self._give is None:
             self._give = self.mobility
             if self.hold is None and self.doubtful:
@@ -219,7 +219,7 @@ class Posture(Card, Sealed):
 
     def mass_along(self, unit: Array) -> float:
         """Return what `effective_mass` does, along a vector known to have length 1."""
-        row = unit.dot(self._giving())
+        row = unit.dot(self.giving())
         give = float(row.dot(row))
         return 1.0 / give if give else math.inf
 
@@ -258,11 +258,13 @@ class Posture(Card, Sealed):
         """Return what `joint_velocity` returns, or None where that is out of reach."""
         left, gains, right = np.linalg.svd(self.mobility, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
-        part = np.divide(left.T @ wish, gains, out=np.zeros_like(gains), where=usable)
-        v = blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
-        missed = np.abs(self.jacobian @ v - wish).max()
+        v, miss = np.zeros_like(self._factor[0]), wish
+        for _ in range(2):  # what is missed, by gains of unlike size, is asked for once more
+            part = np.divide(left.T @ miss, gains, out=np.zeros_like(gains), where=usable)
+            v = v + blas.dtrsv(self._factor, right.T @ part, lower=1, trans=1)
+            miss = wish - self.jacobian @ v
         # nan, where it is too fast for float64, is not missed
-        return None if missed > REACH_TOLERANCE * np.abs(wish).max() else np.asarray(v)
+        return None if np.abs(miss).max() > REACH_TOLERANCE * np.abs(wish).max() else v
 
     def solve(self, joint_impulse: Array) -> Array:
         """Return the velocity jump after a joint-space impulse, shape `(nv,)` [rad/s].

@@ -58,7 +58,7 @@ def random_problem(seed, friction=None):
     velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
     return ContactProblem(
         normal=normal,
-        leg_delassus=rows @ rows.T,
+        leg_rows=rows,
         ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
         centre_velocity=velocity,
         spin=rng.normal(size=3) * 10 ** rng.uniform(-2, 2),

@@ -183,7 +183,7 @@ def in_cone(
     posture, n = leg.posture(q), touch.normal
     foot = posture.jacobian @ v
     problem = ContactProblem(
-        normal=n, leg_delassus=posture.delassus(), ball=ball, centre_velocity=-foot,
+        normal=n, leg_rows=posture.giving(), ball=ball, centre_velocity=-foot,
         spin=np.zeros(3), restitution=touch.restitution, friction=touch.friction,
     )  # fmt: skip
     axes = contact_axes(n, problem.velocity)

@@ -42,7 +42,7 @@ def impulse_rounding(hit: Impact) -> float:
     if touch.friction > 0.0:
         problem = ContactProblem(
             normal=touch.normal,
-            leg_delassus=posture.delassus(),
+            leg_rows=posture.giving(),
             ball=hit.struck,
             centre_velocity=before.velocity - hit.foot_velocity,
             spin=before.spin,

@@ -54,7 +54,8 @@ def paper(problem: ContactProblem) -> Solution:
     n, u, e, mu = problem.normal, problem.centre_velocity, problem.restitution, problem.friction
     speed = math.hypot(*u)
     attack = -u / speed
-    leg_give = float(attack @ problem.leg_delassus @ attack)
+    row = attack @ problem.leg_rows
+    leg_give = float(row @ row)
     full = (1.0 + e) * speed / (leg_give + 1.0 / problem.ball.mass) * attack
     normal = float(full @ n)
     across = full - normal * n
@@ -62,7 +63,7 @@ def paper(problem: ContactProblem) -> Solution:
     sticking = size <= mu * normal
     rub = across if sticking else mu * normal / size * across
     impulse = full if sticking else normal * n + rub
-    change = problem.leg_delassus @ impulse + impulse / problem.ball.mass
+    change = problem.leg_rows @ (impulse @ problem.leg_rows) + impulse / problem.ball.mass
     mean = problem.velocity + 0.5 * (change + problem.ball.turning * rub)
     return Solution(impulse, sticking, -float(impulse @ mean), rub)
 

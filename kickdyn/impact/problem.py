@@ -18,7 +18,7 @@ class ContactProblem(NamedTuple):
 
     Attributes:
         normal: unit vector from the foot into the ball, shape `(3,)`.
-        leg_delassus: J M^-1 J^T of the leg, shape `(3, 3)` [1/kg].
+        leg_rows: whose products are the leg's J M^-1 J^T, shape `(3, n)`, see `Posture.giving`.
         ball: the ball, rigid.
         centre_velocity: of the ball's centre relative to the foot's contact point [m/s].
         spin: of the ball [rad/s].
@@ -27,7 +27,7 @@ class ContactProblem(NamedTuple):
     """
 
     normal: Array
-    leg_delassus: Array
+    leg_rows: Array
     ball: Ball
     centre_velocity: Array
     spin: Array
@@ -42,6 +42,13 @@ class ContactProblem(NamedTuple):
         r = self.ball.radius
         return np.array((u - r * x, v - r * y, w - r * z))
 
+    @property
+    def leg_delassus(self) -> Array:
+        """J M^-1 J^T of the leg, shape `(3, 3)` [1/kg]."""
+        rows = self.leg_rows
+        matrix: Array = rows.dot(rows.T)
+        return matrix
+
     def delassus(self) -> Array:
         """Return leg and ball together, shape `(3, 3)` [1/kg]; the ball may turn."""
         return self.leg_delassus + ball_delassus(self.ball, self.normal)
@@ -50,9 +57,11 @@ class ContactProblem(NamedTuple):
         """Return the same in contact axes, whose third column is the normal.
 
         There the ball's share is diagonal, and a ball that hardly resists turning takes no digits
-        from the normal.
+        from the normal. Rows are turned, not their products: so a foot that gives way much more
+        across the normal takes none either.
         """
-        matrix: Array = axes.T.dot(self.leg_delassus).dot(axes)
+        rows = axes.T.dot(self.leg_rows)
+        matrix: Array = rows.dot(rows.T)
         along = 1.0 / self.ball.mass
         across = along + self.ball.turning
         (xx, *_), (_, yy, _), (*_, zz) = matrix.tolist()
@@ -63,10 +72,8 @@ class ContactProblem(NamedTuple):
         """Return speed of approach [m/s] and inverse mass [1/kg]; turning has no part in them."""
         x, y, z = self.normal.tolist()
         u, v, w = self.centre_velocity.tolist()
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.leg_delassus.tolist()
-        give = x * (xx * x + xy * y + xz * z) + y * (yx * x + yy * y + yz * z)
-        give += z * (zx * x + zy * y + zz * z)
-        return -(x * u + y * v + z * w), give + 1.0 / self.ball.mass
+        row = self.normal.dot(self.leg_rows)
+        return -(x * u + y * v + z * w), float(row.dot(row)) + 1.0 / self.ball.mass
 
 
 def ball_delassus(ball: Ball, normal: Array) -> Array:

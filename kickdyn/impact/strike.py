@@ -114,7 +114,7 @@ def strike_at(
         impulse, sticking, energy_lost, rub = LAWS[law](
             ContactProblem(
                 normal=n,
-                leg_delassus=posture.delassus(),
+                leg_rows=posture.giving(),
                 ball=ball,
                 centre_velocity=velocity - foot_velocity,
                 spin=spin,

@@ -156,7 +156,7 @@ def _contacts(held: Impact, ball: Ball, free: Posture, feet: list[_Foot]) -> _Co
     delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
     alone = ContactProblem(
         normal=normal,
-        leg_delassus=np.zeros((3, 3)),
+        leg_rows=np.zeros((3, 0)),
         ball=ball,
         centre_velocity=held.ball_before.velocity - held.foot_velocity,
         spin=held.ball_before.spin,

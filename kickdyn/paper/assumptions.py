@@ -69,7 +69,7 @@ def launch_from_contact(speed: float, attack: Array, normal: Array) -> tuple[Bal
     """
     heavy = ContactProblem(
         normal=normal,
-        leg_delassus=np.zeros((3, 3)),
+        leg_rows=np.zeros((3, 0)),
         ball=BALL,
         centre_velocity=-speed / (1 + RESTITUTION) * attack,
         spin=np.zeros(3),

@@ -210,7 +210,7 @@ def _struck(hit: Impact, errors: Array) -> tuple[Array, Array]:
     normal /= math.hypot(*normal)
     problem = ContactProblem(
         normal=normal,
-        leg_delassus=hit.posture.delassus(),
+        leg_rows=hit.posture.giving(),
         ball=ball,
         centre_velocity=hit.ball_before.velocity - foot,
         spin=hit.ball_before.spin,

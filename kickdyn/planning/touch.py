@@ -47,7 +47,7 @@ class Touch:
         n, touch, zero = self.contact.normal, self.contact, np.zeros(3)
         problem = ContactProblem(
             normal=n,
-            leg_delassus=posture.delassus(),
+            leg_rows=posture.giving(),
             ball=self.ball,
             centre_velocity=zero,
             spin=zero,

@@ -13,7 +13,11 @@ from kickdyn.flight.lanes import LANES
 from kickdyn.sweep.arithmetic import njit
 
 PIVOT = 1e-9
-"""Share of its diagonal that a pivot may lose before the posture is computed with more care."""
+"""Share of its diagonal that a pivot must keep, else the posture is computed with more care."""
+
+LOSS = 300.0
+"""By how many times M's rounding may be seen in the energy of a joint velocity, for 1e-12 to be
+kept; legs have about 10, and some hundreds a link before one ten times as long."""
 
 
 @njit
@@ -67,10 +71,19 @@ def weigh(parent, carries, lower, rows):  # type: ignore[no-untyped-def]
 
 
 @njit
-def unweigh(parent, lower, v):  # type: ignore[no-untyped-def]
-    """Replace z, shape `(n + 1, LANES)`, by L^-1 z."""
+def unweigh(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
+    """Replace z, shape `(n + 1, LANES)`, by L^-1 z; doubt what M's rounding is seen in.
+
+    An error of M by e of its diagonal changes v^T M v = z^T z by e sum M_ii v_i^2, about: see
+    `kickdyn.posture.Posture.rounding`.
+    """
+    whole, parts = v[0], lower[0, 0]  # of no joint
+    whole[:] = 0.0
+    parts[:] = 0.0
     for k in range(1, len(parent)):
-        own, pivot, a = v[k], lower[k, k], parent[k]
+        own, pivot, diagonal, a = v[k], lower[k, k], lower[0, k], parent[k]
+        for i in range(LANES):
+            whole[i] += own[i] * own[i]
         while a > 0:
             entry, above = lower[k, a], v[a]
             for i in range(LANES):
@@ -78,3 +91,6 @@ def unweigh(parent, lower, v):  # type: ignore[no-untyped-def]
             a = parent[a]
         for i in range(LANES):
             own[i] *= pivot[i]
+            parts[i] += diagonal[i] * (own[i] * own[i])
+    for i in range(LANES):
+        doubt[i] = doubt[i] if parts[i] <= LOSS * whole[i] else 1.0

@@ -13,8 +13,11 @@ import numpy as np
 from kickdyn.flight.lanes import LANES
 from kickdyn.sweep.arithmetic import njit
 
-NEAR = 1e-10
-"""Share of its square that a direction may keep of the others before a posture is doubted."""
+KEPT = 1e-3
+"""Share that a difference must keep of its terms: below, a posture is doubted."""
+
+NEAR = 1e-6
+"""The same of the square of a direction that is made orthogonal to others."""
 
 D11, D12, D22, D13, D23, D33 = (row * LANES for row in range(6))
 """Rows of J M^-1 J^T."""
@@ -46,20 +49,28 @@ def gather(carries, rows, delassus):  # type: ignore[no-untyped-def]
 
 
 @njit
-def strike(delassus, across, along, speed, e, mu, impulse, lost):  # type: ignore[no-untyped-def]
-    """Fill in the impulse on the ball, flat, and the energy lost, with the ball's give."""
+def strike(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
+    """Fill in the impulse on the ball, flat, and the energy lost, with the ball's give.
+
+    Doubt what cancels: a foot much lighter than the ball that gives way along one direction.
+    """
     push, slipping = (1.0 + e) * speed, 0
     for i in range(LANES):
         g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
         g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
-        det = g11 * g22 - g12 * g12
-        s, t = (g12 * g23 - g22 * g13) / det, (g12 * g13 - g11 * g23) / det
+        share = g12 / g11  # Cholesky's order: Cramer's rule would lose digits twice
+        h22, h23 = g22 - share * g12, g23 - share * g13
+        t = -h23 / h22
+        s = -(g13 + g12 * t) / g11
         sticks = s * s + t * t <= mu * mu
         slipping += 0 if sticks else 1
         flat = g12 == 0.0 and g23 == 0.0
         s = min(max(s, -mu), mu) if flat or mu == 0.0 else s
         t = 0.0 if flat or mu == 0.0 else t
-        p = push / (g33 + (g13 * s + g23 * t))
+        resistance = g33 + (g13 * s + g23 * t)
+        sound = resistance > KEPT * g33 and (flat or mu == 0.0 or h22 > KEPT * g22)
+        doubt[i] = doubt[i] if sound else 1.0
+        p = push / resistance
         sliding = 0.0 if sticks else (g11 * s + g13) * p
         impulse[i], impulse[LANES + i], impulse[2 * LANES + i] = s * p, t * p, p
         lost[i] = 0.5 * p * (speed * (1.0 - e) - s * sliding)
@@ -119,11 +130,6 @@ def least(carries, rows, delassus, speed, v, work, doubt):  # type: ignore[no-un
     a, b, total = 0, LANES, 2 * LANES
     last = LANES if flat else 2 * LANES
     for i in range(LANES):
-        d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
-        scale = d11 if flat else d11 * d22 - d12 * d12
-        enough, least_of_all = NEAR * d11 * d22, NEAR * delassus[D33 + i]
-        sound = d11 > least_of_all and (flat or (d22 > least_of_all and scale > enough))
-        doubt[i] = doubt[i] if sound else 1.0
         work[a + i], work[b + i] = delassus[D13 + i], delassus[D23 + i]
     for k in range(1, n):
         own, row = v[k], rows[k]
@@ -132,10 +138,9 @@ def least(carries, rows, delassus, speed, v, work, doubt):  # type: ignore[no-un
     for _ in range(2):
         for i in range(LANES):
             d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
-            x, y = work[a + i], work[b + i]
-            det = d11 * d22 - d12 * d12
-            work[a + i] = x / d11 if flat else (d22 * x - d12 * y) / det
-            work[b + i] = 0.0 if flat else (d11 * y - d12 * x) / det
+            x, share = work[a + i], d12 / d11
+            y = 0.0 if flat else (work[b + i] - share * x) / (d22 - share * d12)
+            work[a + i], work[b + i] = (x - d12 * y) / d11, y
         for k in range(1, n):
             if not carries[k]:
                 continue
@@ -153,9 +158,12 @@ def least(carries, rows, delassus, speed, v, work, doubt):  # type: ignore[no-un
                 work[b + i] += 0.0 if flat else own[i] * row[LANES + i]
                 work[total + i] += own[i] * own[i]
     for i in range(LANES):
-        square = work[total + i]
-        most = max(max(delassus[D11 + i], delassus[D22 + i]), delassus[D33 + i])
-        doubt[i] = doubt[i] if square > NEAR * most else 1.0
+        d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
+        square, most = work[total + i], max(max(d11, d22), delassus[D33 + i])
+        least_of_all = NEAR * delassus[D33 + i]
+        apart = flat or (d22 > least_of_all and d22 - d12 / d11 * d12 > NEAR * d22)
+        sound = d11 > least_of_all and apart and square > NEAR * most
+        doubt[i] = doubt[i] if sound else 1.0
         work[total + i] = speed / square
     for k in range(1, n):
         own = v[k]

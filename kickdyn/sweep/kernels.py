@@ -1,7 +1,8 @@
 """A kick from every posture of a grid, in machine code: the answers of `kick_from`, but the flight.
 
-`LANES` postures go side by side. What a kernel cannot vouch for (a foot that can hardly move along
-the normal or across it, an inertia near singular) it marks, to be computed by `kick_from`.
+`LANES` postures go side by side. What a kernel cannot vouch for to 1e-12 (a foot that can hardly
+move along the normal or across it, one far lighter than the ball, an inertia that has lost its
+digits) it marks, to be computed by `kick_from`.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def _kernel(motion: Any, width: int) -> Any:
         across, along, speed, e, mu, per_mass = kick
         x, inertia = np.zeros((n, height)), np.zeros((n, n, LANES))
         rows, v, jump = np.zeros((n, width * LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
-        point, delassus, work = np.zeros(4 * LANES), np.zeros(6 * LANES), np.zeros(3 * LANES)
+        point, delassus, work = np.zeros(7 * LANES), np.zeros(6 * LANES), np.zeros(3 * LANES)
         impulse, heard = np.zeros(3 * LANES), np.zeros(3 * LANES)
         lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
         for i in range(LANES):
@@ -91,11 +92,11 @@ def _kernel(motion: Any, width: int) -> Any:
             factor(parent, inertia, doubt)
             weigh(parent, carries, inertia, rows)
             gather(carries, rows, delassus)
-            strike(delassus, across, along, speed, e, mu, impulse, lost)
+            strike(delassus, across, along, speed, e, mu, impulse, lost, doubt)
             end = min(LANES, count - begin)
             if full:
                 least(carries, rows, delassus, speed, v, work, doubt)
-                unweigh(parent, inertia, v)
+                unweigh(parent, inertia, v, doubt)
                 use[:] = 0.0
                 for k in range(1, n):
                     own, quick, row, dv = v[k], constants[k, _QUICKNESS], rows[k], jump[k]
@@ -106,7 +107,7 @@ def _kernel(motion: Any, width: int) -> Any:
                         t, last = row[i] * impulse[i], row[(width - 1) * LANES + i]
                         t += row[LANES + i] * impulse[LANES + i] if width == 3 else 0.0
                         dv[i] = -(t + last * impulse[2 * LANES + i])
-                unweigh(parent, inertia, jump)
+                unweigh(parent, inertia, jump, doubt)
                 jolt(parent, slides, constants, foot, impulse, jump, x, point, heard)
                 for i in range(end):
                     c = begin + i

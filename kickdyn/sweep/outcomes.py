@@ -117,6 +117,6 @@ class Outcomes:
                 slack += self._carries.error if self._carries else 1e-9
             if name in _CHECKED and not abs(rows[k, i] - row[k]) <= slack:
                 raise KickdynError(
-                    f"posture {first + i}: the sweep has {name} {rows[k, i]!r}, a single kick "
-                    f"{row[k]!r}"
+                    f"posture {first + i}: the sweep has {name} {float(rows[k, i])!r}, a single "
+                    f"kick {float(row[k])!r}"
                 )

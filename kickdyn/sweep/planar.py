@@ -14,9 +14,9 @@ from kickdyn.sweep.arithmetic import njit
 (C, S, OU, OW, COS, SIN, AU, AW, BU, BW, HU, HW, TURNED, TURN, VU, VW, FU, FW, N) = (
     row * LANES for row in range(19)
 )
-"""Rows of a joint: rotation, origin, the joint's own cosine and sine (a slide's value first), axis
-of a slide; first moment of mass of its body, then of all it carries, and their second moment; jump
-of angular and linear velocity; linear and angular impulse from the parent."""
+"""Rows of a joint: rotation, origin from the parent's, the joint's own cosine and sine (a slide's
+value first), axis of a slide; first moment of mass of its body, then of all it carries, and their
+second moment; jump of angular and linear velocity; linear and angular impulse from the parent."""
 
 ROWS = 19
 
@@ -26,8 +26,9 @@ second moment of mass, origin in the parent's frame (2), sense of a hinge, axis 
 
 CONSTANTS = 12
 
-TU, TW, SIZE = 0, LANES, 3 * LANES
-"""Rows of the contact point: its place, and the sum of squares of its Jacobian."""
+TU, TW, SIZE, DU, DW = 0, LANES, 3 * LANES, 4 * LANES, 5 * LANES
+"""Rows of the contact point: its place from the foot's joint, the sum of squares of its Jacobian,
+its place from one joint after the other."""
 
 
 @njit
@@ -42,8 +43,7 @@ def place(parent, slides, constants, x):  # type: ignore[no-untyped-def]
             cos, sin = (1.0, 0.0) if slide else (own[COS + i], sense * own[SIN + i])
             along = own[COS + i] if slide else 0.0
             au, aw = c * axis_u - s * axis_w, s * axis_u + c * axis_w
-            own[OU + i] = above[OU + i] + (c * a - s * b) + along * au
-            own[OW + i] = above[OW + i] + (s * a + c * b) + along * aw
+            own[OU + i], own[OW + i] = (c * a - s * b) + along * au, (s * a + c * b) + along * aw
             own[AU + i], own[AW + i] = au, aw
             c, s = c * cos - s * sin, s * cos + c * sin
             own[C + i], own[S + i] = c, s
@@ -65,20 +65,20 @@ def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-d
             own[FU + i] = mass * au if slide else -sense * hw
             own[FW + i] = mass * aw if slide else sense * hu
             own[N + i] = hu * aw - hw * au if slide else sense * own[TURNED + i]
-        a = parent[k]
+        a, below = parent[k], own
         while a > 0:
             above, coupled, sense = x[a], inertia[k, a], constants[a, SENSE]
             slide = slides[a]
             for i in range(LANES):
                 fu, fw = own[FU + i], own[FW + i]
-                du, dw = own[OU + i] - above[OU + i], own[OW + i] - above[OW + i]
-                turning = sense * (own[N + i] + (du * fw - dw * fu))
-                coupled[i] = above[AU + i] * fu + above[AW + i] * fw if slide else turning
-            a = parent[a]
+                about = own[N + i] + (below[OU + i] * fw - below[OW + i] * fu)
+                own[N + i] = about
+                coupled[i] = above[AU + i] * fu + above[AW + i] * fw if slide else sense * about
+            a, below = parent[a], above
         if parent[k] > 0:
             above = x[parent[k]]
             for i in range(LANES):
-                du, dw = own[OU + i] - above[OU + i], own[OW + i] - above[OW + i]
+                du, dw = own[OU + i], own[OW + i]
                 hu, hw = own[HU + i], own[HW + i]
                 eu, ew = hu + mass * du, hw + mass * dw
                 above[HU + i] += eu
@@ -92,20 +92,23 @@ def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # t
     a, b, _ = lever
     own = x[foot]
     for i in range(LANES):
-        point[TU + i] = own[OU + i] + (own[C + i] * a - own[S + i] * b)
-        point[TW + i] = own[OW + i] + (own[S + i] * a + own[C + i] * b)
-        point[SIZE + i] = 0.0
+        point[TU + i] = own[C + i] * a - own[S + i] * b
+        point[TW + i] = own[S + i] * a + own[C + i] * b
+        point[DU + i], point[DW + i], point[SIZE + i] = point[TU + i], point[TW + i], 0.0
     for k in range(1, len(parent)):
         if not carries[k]:
             rows[k] = 0.0
-            continue
+    k = foot
+    while k > 0:
         own, row, slide, sense = x[k], rows[k], slides[k], constants[k, SENSE]
         for i in range(LANES):
-            du, dw = point[TU + i] - own[OU + i], point[TW + i] - own[OW + i]
+            du, dw = point[DU + i], point[DW + i]
             row[i] = own[AW + i] if slide else sense * du
             row[LANES + i] = own[AU + i] if slide else -sense * dw
+            point[DU + i], point[DW + i] = du + own[OU + i], dw + own[OW + i]
         for i in range(LANES):
             point[SIZE + i] += row[i] ** 2 + row[LANES + i] ** 2
+        k = parent[k]
 
 
 @njit
@@ -116,7 +119,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
         slide, sense, mass = slides[k], constants[k, SENSE], constants[k, MASS]
         inertia = constants[k, INERTIA]
         for i in range(LANES):
-            du, dw = own[OU + i] - above[OU + i], own[OW + i] - above[OW + i]
+            du, dw = own[OU + i], own[OW + i]
             turned, slid = (0.0, dv[i]) if slide else (sense * dv[i], 0.0)
             vu = above[VU + i] - above[TURN + i] * dw + own[AU + i] * slid
             vw = above[VW + i] + above[TURN + i] * du + own[AW + i] * slid
@@ -128,7 +131,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
     own = x[foot]
     for i in range(LANES):
         pw, pu = impulse[i], impulse[2 * LANES + i]
-        du, dw = point[TU + i] - own[OU + i], point[TW + i] - own[OW + i]
+        du, dw = point[TU + i], point[TW + i]
         own[FU + i] += pu
         own[FW + i] += pw
         own[N + i] += du * pw - dw * pu
@@ -147,7 +150,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
             above = x[parent[k]]
             for i in range(LANES):
                 fu, fw = own[FU + i], own[FW + i]
-                du, dw = own[OU + i] - above[OU + i], own[OW + i] - above[OW + i]
+                du, dw = own[OU + i], own[OW + i]
                 above[FU + i] += fu
                 above[FW + i] += fw
                 above[N + i] += own[N + i] + (du * fw - dw * fu)

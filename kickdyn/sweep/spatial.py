@@ -16,9 +16,9 @@ from kickdyn.sweep.arithmetic import njit
  BX, BY, BZ, BXX, BXY, BXZ, BYY, BYZ, BZZ,
  HX, HY, HZ, IXX, IXY, IXZ, IYY, IYZ, IZZ,
  WX, WY, WZ, VX, VY, VZ, FX, FY, FZ, NX, NY, NZ) = (row * LANES for row in range(44))  # fmt: skip
-"""Rows of a joint: rotation, origin, the joint's own cosine and sine (a slide's value first); first
-and second moment of mass of its body, then of all it carries; jump of angular and linear velocity;
-linear and angular impulse from the parent."""
+"""Rows of a joint: rotation, origin from the parent's, the joint's own cosine and sine (a slide's
+value first); first and second moment of mass of its body, then of all it carries; jump of angular
+and linear velocity; linear and angular impulse from the parent."""
 
 ROWS = 44
 
@@ -28,8 +28,9 @@ second moment of mass (3, 6), origin in the parent's frame (3) and rotation ther
 
 CONSTANTS = 25
 
-TX, TY, TZ, SIZE = 0, LANES, 2 * LANES, 3 * LANES
-"""Rows of the contact point: its place, and the sum of squares of its Jacobian."""
+TX, TY, TZ, SIZE, DX, DY, DZ = (row * LANES for row in range(7))
+"""Rows of the contact point: its place from the foot's joint, the sum of squares of its Jacobian,
+its place from one joint after the other."""
 
 
 @njit
@@ -54,7 +55,7 @@ def place(parent, slides, constants, x):  # type: ignore[no-untyped-def]
                 own[r + i] = first * cos + second * sin
                 own[r + LANES + i] = second * cos - first * sin
                 own[r + 2 * LANES + i] = third
-                own[o + i] = above[o + i] + (u * a + v * b + w * c) + along * third
+                own[o + i] = (u * a + v * b + w * c) + along * third
         _mass(own, p)
 
 
@@ -121,28 +122,25 @@ def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-d
             entry[i] = own_inertia + armature
             own[FX + i], own[FY + i], own[FZ + i] = fx, fy, fz
             own[NX + i], own[NY + i], own[NZ + i] = nx, ny, nz
-        a = parent[k]
+        a, below = parent[k], own
         while a > 0:
-            _couple(own, x[a], slides[a], inertia[k, a])
-            a = parent[a]
+            _couple(own, below, x[a], slides[a], inertia[k, a])
+            a, below = parent[a], x[a]
         if parent[k] > 0:
             _carry(own, x[parent[k]], mass)
 
 
 @njit
-def _couple(own, above, slide, entry):  # type: ignore[no-untyped-def]
-    """Fill in what a joint's motion asks of one that carries it."""
+def _couple(own, below, above, slide, entry):  # type: ignore[no-untyped-def]
+    """Fill in what a joint's motion asks of one that carries it, and move its moment there."""
     for i in range(LANES):
         fx, fy, fz = own[FX + i], own[FY + i], own[FZ + i]
-        dx, dy, dz = (
-            own[OX + i] - above[OX + i],
-            own[OY + i] - above[OY + i],
-            own[OZ + i] - above[OZ + i],
-        )
+        dx, dy, dz = below[OX + i], below[OY + i], below[OZ + i]
         ax, ay, az = above[R02 + i], above[R12 + i], above[R22 + i]
         nx = own[NX + i] + (dy * fz - dz * fy)
         ny = own[NY + i] + (dz * fx - dx * fz)
         nz = own[NZ + i] + (dx * fy - dy * fx)
+        own[NX + i], own[NY + i], own[NZ + i] = nx, ny, nz
         entry[i] = ax * fx + ay * fy + az * fz if slide else ax * nx + ay * ny + az * nz
 
 
@@ -150,11 +148,7 @@ def _couple(own, above, slide, entry):  # type: ignore[no-untyped-def]
 def _carry(own, above, m):  # type: ignore[no-untyped-def]
     """Add a joint's moments of mass to its parent's."""
     for i in range(LANES):
-        dx, dy, dz = (
-            own[OX + i] - above[OX + i],
-            own[OY + i] - above[OY + i],
-            own[OZ + i] - above[OZ + i],
-        )
+        dx, dy, dz = own[OX + i], own[OY + i], own[OZ + i]
         hx, hy, hz = own[HX + i], own[HY + i], own[HZ + i]
         ex, ey, ez = hx + m * dx, hy + m * dy, hz + m * dz
         above[HX + i] += ex
@@ -175,28 +169,31 @@ def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # t
     a, b, c = lever
     own = x[foot]
     for i in range(LANES):
-        point[TX + i] = own[OX + i] + (own[R00 + i] * a + own[R01 + i] * b + own[R02 + i] * c)
-        point[TY + i] = own[OY + i] + (own[R10 + i] * a + own[R11 + i] * b + own[R12 + i] * c)
-        point[TZ + i] = own[OZ + i] + (own[R20 + i] * a + own[R21 + i] * b + own[R22 + i] * c)
+        dx = own[R00 + i] * a + own[R01 + i] * b + own[R02 + i] * c
+        dy = own[R10 + i] * a + own[R11 + i] * b + own[R12 + i] * c
+        dz = own[R20 + i] * a + own[R21 + i] * b + own[R22 + i] * c
+        point[TX + i], point[TY + i], point[TZ + i] = dx, dy, dz
+        point[DX + i], point[DY + i], point[DZ + i] = dx, dy, dz
         point[SIZE + i] = 0.0
     for k in range(1, len(parent)):
         if not carries[k]:
             rows[k] = 0.0
-            continue
+    k = foot
+    while k > 0:
         own, row, slide = x[k], rows[k], slides[k]
         for i in range(LANES):
             ax, ay, az = own[R02 + i], own[R12 + i], own[R22 + i]
-            dx, dy, dz = (
-                point[TX + i] - own[OX + i],
-                point[TY + i] - own[OY + i],
-                point[TZ + i] - own[OZ + i],
-            )
+            dx, dy, dz = point[DX + i], point[DY + i], point[DZ + i]
             jx = ax if slide else ay * dz - az * dy
             jy = ay if slide else az * dx - ax * dz
             jz = az if slide else ax * dy - ay * dx
             row[i], row[LANES + i], row[2 * LANES + i] = jx, jy, jz
+            point[DX + i] = dx + own[OX + i]
+            point[DY + i] = dy + own[OY + i]
+            point[DZ + i] = dz + own[OZ + i]
         for i in range(LANES):
             point[SIZE + i] += row[i] ** 2 + row[LANES + i] ** 2 + row[2 * LANES + i] ** 2
+        k = parent[k]
 
 
 @njit
@@ -221,11 +218,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
         for i in range(LANES):
             ax, ay, az = own[R02 + i], own[R12 + i], own[R22 + i]
             wx, wy, wz = above[WX + i], above[WY + i], above[WZ + i]
-            dx, dy, dz = (
-                own[OX + i] - above[OX + i],
-                own[OY + i] - above[OY + i],
-                own[OZ + i] - above[OZ + i],
-            )
+            dx, dy, dz = own[OX + i], own[OY + i], own[OZ + i]
             turned, slid = (0.0, dv[i]) if slide else (dv[i], 0.0)
             own[VX + i] = above[VX + i] + (wy * dz - wz * dy) + ax * slid
             own[VY + i] = above[VY + i] + (wz * dx - wx * dz) + ay * slid
@@ -254,11 +247,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
     own = x[foot]
     for i in range(LANES):
         px, py, pz = impulse[i], impulse[LANES + i], impulse[2 * LANES + i]
-        dx, dy, dz = (
-            point[TX + i] - own[OX + i],
-            point[TY + i] - own[OY + i],
-            point[TZ + i] - own[OZ + i],
-        )
+        dx, dy, dz = point[TX + i], point[TY + i], point[TZ + i]
         own[FX + i] += px
         own[FY + i] += py
         own[FZ + i] += pz
@@ -280,11 +269,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
             above = x[parent[k]]
             for i in range(LANES):
                 fx, fy, fz = own[FX + i], own[FY + i], own[FZ + i]
-                dx, dy, dz = (
-                    own[OX + i] - above[OX + i],
-                    own[OY + i] - above[OY + i],
-                    own[OZ + i] - above[OZ + i],
-                )
+                dx, dy, dz = own[OX + i], own[OY + i], own[OZ + i]
                 above[FX + i] += fx
                 above[FY + i] += fy
                 above[FZ + i] += fz

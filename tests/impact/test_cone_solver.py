@@ -21,7 +21,7 @@ def test_one_contact_is_newtons_law(seed, friction):
     velocity = np.array([*rng.normal(size=2) * 3, -rng.uniform(1, 3)])
     problem = ContactProblem(
         normal=np.array([0.0, 0.0, 1.0]),
-        leg_delassus=root_of @ root_of.T,
+        leg_rows=root_of,
         ball=kd.Ball(),
         centre_velocity=velocity,
         spin=np.zeros(3),

@@ -39,7 +39,7 @@ def planar(friction, offset, speed=14.0, e=0.8):
     """A particle of a leg that attacks along x; the normal leans by `offset` [rad]."""
     return ContactProblem(
         normal=np.array([math.cos(offset), 0.0, math.sin(offset)]),
-        leg_delassus=np.eye(3) / 5.0,
+        leg_rows=np.eye(3) / np.sqrt(5.0),
         ball=kd.Ball.paper(),
         centre_velocity=np.array([-speed, 0.0, 0.0]),
         spin=np.zeros(3),
@@ -85,7 +85,7 @@ def test_rolling_is_what_sticking_leaves():
     """A thin shell that lands on an immovable floor with sliding: 2/5 of it goes into spin."""
     problem = ContactProblem(
         normal=np.array([0.0, 0.0, 1.0]),
-        leg_delassus=np.zeros((3, 3)),
+        leg_rows=np.zeros((3, 0)),
         ball=kd.Ball(),
         centre_velocity=np.array([1.0, 0.0, -3.0]),
         spin=np.zeros(3),
@@ -103,7 +103,7 @@ def test_sideways_hits_mirror():
             law(
                 ContactProblem(
                     normal=np.array([0.9, side * 0.3, 0.3]) / math.sqrt(0.99),
-                    leg_delassus=np.diag([0.4, 0.7, 0.9]),
+                    leg_rows=np.diag(np.sqrt([0.4, 0.7, 0.9])),
                     ball=kd.Ball(),
                     centre_velocity=np.array([-8.0, 0.0, -2.0]),
                     spin=np.array([0.0, 5.0, 0.0]),

@@ -4,6 +4,7 @@ from chains import random_leg
 
 import kickdyn as kd
 from kickdyn.accuracy.exact_impact import exact_impact, given
+from kickdyn.accuracy.extreme_impacts import chain
 from kickdyn.impact.problem import contact_axes
 
 
@@ -36,3 +37,14 @@ def test_a_foot_that_comes_centrally_but_for_rounding_has_its_digits(seed, mu):
     assert error < 10**-hit.digits
     if not hit.sticking:  # which takes the inverse of the whole matrix
         assert error < 2e-14
+
+
+@pytest.mark.parametrize("last", [1e-3, 1e-6])
+@pytest.mark.parametrize("knee", [-0.4, 0.2, 0.7])
+def test_a_foot_that_gives_way_across_the_normal_takes_no_digits(knee, last):
+    leg, normal = chain((0.4, 0.3, 0.3 * last), (2.0, 1.0, last)), np.array([0.8, 0.0, 0.6])
+    posture = leg.posture((0.3, knee, -0.9))
+    v = posture.joint_velocity(3.0 * normal)
+    hit = kd.strike(leg, posture.q, v, kd.Ball(), kd.Contact(normal, 0.6, 0.15))
+    assert not hit.sticking
+    assert exact_impact(*given(hit))["impulse"].error(hit.impulse) < 2e-15

@@ -10,6 +10,7 @@ from functools import partial
 
 import click
 import numpy as np
+from click.core import ParameterSource
 
 from kickdyn import checks
 from kickdyn.air import Air
@@ -157,6 +158,8 @@ def plan(
             ball_height -= CROUCH * float(standing.contact_point[2])
     around = _blown(AIRS[air](), wind)
     spread = None if robust is None else _spread(robust)
+    if spread is not None:
+        _check_robust(swing)
     kick = partial(
         plan_kick,
         leg,
@@ -230,6 +233,16 @@ def _spread(text: str) -> dict[str, float]:
                 f"robust is {text!r}: it must be like speed=0.02,angle=0.01"
             ) from None
     return found
+
+
+def _check_robust(swing: bool) -> None:
+    given = click.get_current_context().get_parameter_source("objective")
+    if given == ParameterSource.COMMANDLINE:
+        raise InvalidInput("robust and objective are named: the scatter is what is made least")
+    if swing:
+        raise InvalidInput(
+            "robust and swing are named: a swing goes with objective joint speed or effort"
+        )
 
 
 def _shape(name: str) -> str:

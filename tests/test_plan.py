@@ -120,6 +120,14 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),
         (["--distance", "9", "--time", "1", "--ball-at", "1,2"], "ball-at is '1,2': it must be 3"),
         (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
+        (
+            ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--objective", "effort"],
+            "robust and objective are named",
+        ),
+        (
+            ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--swing"],
+            "a swing goes with objective joint speed or effort",
+        ),
     ],
 )
 def test_bad_input_is_one_line(arguments, words):

@@ -24,6 +24,9 @@ limits are kept this far away."""
 STEP = 1e-7
 """Of the differences that stand for an objective's derivatives, where it has none."""
 
+UNLIMITED = 100.0
+"""What the speed of a joint without a limit counts in, in the objective `joint speed` [rad/s]."""
+
 NOTHING_HELD = np.zeros(0)
 
 
@@ -86,11 +89,8 @@ class Equations:
         self.rest = leg.configuration()
         self.low = np.maximum(leg.lower[self.qs], -math.pi)
         self.high = np.minimum(leg.upper[self.qs], math.pi)
-        self.speed = np.where(
-            np.isfinite(leg.velocity_limit[self.vs]) & (leg.velocity_limit[self.vs] > 0),
-            *(leg.velocity_limit[self.vs], 100.0),
-        )
-        self.effort = leg.effort_limit[self.vs]
+        self.fastest, self.effort = self._limits()
+        self.speed = np.where(np.isfinite(self.fastest), self.fastest, UNLIMITED)
         known = leg.outward is not None and touch.contact.offset is None
         self.outward = leg.outward if known and leg.outward is not None else np.zeros((0, 3))
         self._draw = np.random.default_rng(0)
@@ -104,6 +104,23 @@ class Equations:
                 self.basis = self._directions()
         self._check_directions()
         self._hold_ball(lies)
+
+    def _limits(self) -> tuple[Array, Array]:
+        """Return limits of speed and torque; where they are lifted, one of 0 is none."""
+        found = []
+        for what, every in (
+            ("speed", self.leg.velocity_limit),
+            ("effort", self.leg.effort_limit),
+        ):
+            own = every[self.vs]
+            if self.limits and not (own > 0.0).all():
+                name = self.names[int(np.argmin(own > 0.0))]
+                raise InvalidInput(
+                    f"{what} limit of {name} is {own.min():g}: it must be above 0, or all limits "
+                    "lifted (limits=False, --no-limits)"
+                )
+            found.append(np.where(own > 0.0, own, np.inf))
+        return found[0], found[1]
 
     def _directions(self) -> Array:
         stacked = np.hstack([self.posture(self._any()).jacobian for _ in range(8)])

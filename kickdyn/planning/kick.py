@@ -78,7 +78,8 @@ def plan_kick(
             largest linear impulse in a joint [N s], or `most joint impulse`; `foot speed` [m/s]:
             the posture that makes the most impulse of it; `effort`, the kinetic energy that the
             swing must build up [J]; `scatter`, the root mean square error of the landing [m] for
-            errors given by `spread`, searched from the plan of least joint speed.
+            errors given by `spread`, searched from the plans of all other objectives: no
+            more than theirs.
         restitution: of the contact; 0.8 as the paper's Table 2.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
@@ -86,7 +87,9 @@ def plan_kick(
         ball_height: of the ball's centre [m, world frame]; free when not named.
         ball_at: where the ball's centre lies, instead, shape `(3,)` [m, world frame]: what is left
             is self-motion, the way of a redundant leg to kick from one place in many postures.
-        limits: whether velocity and effort limits hold; those of the joints' range always do.
+        limits: whether velocity and effort limits hold; those of the joints' range always do. An
+            infinite one always holds, its use is 0, and `joint speed` counts it as 100 rad/s; one
+            of 0 is refused, or none with `limits=False`.
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
@@ -130,7 +133,13 @@ def plan_kick(
     found = search.run(cost, STARTS)
     if found is not None and spread is not None:
         cost = least_scatter(touch, launch, air, spread)
-        found = search.improve(found, cost)
+        known = [found]
+        if found.share == 1.0:  # what is least for others may scatter less, or lead to what does
+            for one in list(OBJECTIVES.values())[1:]:
+                other = Search(limb.leg, touch, lies, limits, turn)
+                run = other.run(one(other, touch), STARTS)
+                known += [run] if run is not None and run.share == 1.0 else []
+        found = min((search.improve(one, cost) for one in known), key=lambda one: one.value)
     if found is None:
         there = f"{lies:g}" if isinstance(lies, float) else np.asarray(lies).tolist()
         where = "" if lies is None else f" that touches a ball at {there} m"
@@ -225,7 +234,7 @@ def _carried_out(
         path = follow(start, touch.ball, air, ground, plane=plane)
         end = path.rest
     error = float(np.linalg.norm(end.position - start.position - goal.target))
-    fast = np.abs(found.v[search.vs]) / search.speed
+    fast = np.abs(found.v[search.vs]) / search.fastest
     used = np.abs(search.torque(found.posture.q, found.v)) / search.effort
     uses = {"speed of": fast, "effort of": used}
     return KickPlan(

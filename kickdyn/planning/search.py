@@ -87,9 +87,11 @@ class Search(Equations):
             size = abs(objective(posture, self.whole(start[n : 2 * n] * self.speed))) or 1.0
         cost = objective if whole else None
         kept: dict[str, Any] = {"x": None}
-        v_most = 1.0 - FEASIBLE if self.limits else math.inf
+        v_most = np.full(n, math.inf)
+        if self.limits:
+            v_most[np.isfinite(self.fastest)] = 1.0 - FEASIBLE
         bounds = [
-            *zip(self.low, self.high, strict=True), *[(-v_most, v_most)] * n,
+            *zip(self.low, self.high, strict=True), *zip(-v_most, v_most, strict=True),
             (1.0, 1.0) if whole else (0.0, 1.0),
         ]  # fmt: skip
 

@@ -34,3 +34,26 @@ def test_slopes_are_those_of_the_values(name, friction, objective):
     digits = 1e-5 if "joint impulse" in (objective or "") else 1e-7
     assert np.abs(slopes - expected)[:1].max() < digits * size[0]
     assert (np.abs(slopes - expected)[1:] < 1e-7 * size[1:]).all()
+
+
+def limited(what, value):
+    model = kd.Leg.human().model
+    limits = getattr(model, what)
+    limits[1] = value
+    setattr(model, what, limits)
+    return kd.Leg.from_model(model, "toe")
+
+
+@pytest.mark.parametrize("what", ["velocityLimit", "effortLimit"])
+def test_a_limit_of_0_is_refused_or_lifted_and_an_infinite_one_holds(what):
+    goal, air = kd.Goal(10, time=1), kd.Air()
+    with pytest.raises(kd.InvalidInput, match=r"limit of knee is 0: it must be above 0.*no-limits"):
+        kd.plan_kick(limited(what, 0.0), goal, BALL, air)
+    lifted = kd.plan_kick(limited(what, 0.0), goal, BALL, air, limits=False)
+    free = kd.plan_kick(limited(what, np.inf), goal, BALL, air)
+    for plan in (lifted, free):
+        assert plan.status == "met"
+        others = np.delete(np.abs(plan.v) / LEGS["human"].velocity_limit, 1)
+        if what == "velocityLimit":
+            assert plan.speed_use == pytest.approx(others.max())
+        assert np.isfinite(plan.effort_use)

@@ -28,3 +28,23 @@ def test_scatter_is_that_of_the_strike():
     expected = scatter(PLAN.hit, AIR, **spread).radius
     assert radius(PLAN.hit.posture, PLAN.v) == pytest.approx(expected, rel=1e-6)
     assert radius(PLAN.hit.posture, -PLAN.v) > 1e3  # the foot moves away
+
+
+@pytest.mark.parametrize(
+    ("leg", "goal", "spread"),
+    [
+        (
+            kd.Leg.from_robot("g1", legs_only=True),
+            kd.Goal((5, 1, 0), time=0.9),
+            {"speed": 0.02, "angle": 0.01, "contact": 0.002},
+        ),
+        (kd.Leg.testbed(), kd.Goal(2, time=0.6), {"angle": 0.02}),
+    ],
+)
+def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
+    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", spread=spread)
+    own = scatter(robust.hit, AIR, **spread).radius
+    for name in OBJECTIVES:
+        other = kd.plan_kick(leg, goal, BALL, AIR, objective=name)
+        assert other.status == "met"
+        assert own <= scatter(other.hit, AIR, **spread).radius * (1 + 1e-6), name

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import xarray as xr
-from rich.console import Console
 
 from kickdyn import checks
 from kickdyn.air import Air
@@ -34,7 +33,7 @@ from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
 from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.opened import Sweep, open_sweep
 from kickdyn.sweep.progress import progress
-from kickdyn.sweep.report import as_json, table, text
+from kickdyn.sweep.report import as_json, show, text
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
 from kickdyn.sweep.summary import (
@@ -202,7 +201,7 @@ def posture_sweep(
         _write_json(json_file, {**as_json(leg, kick, counted, lines, chosen), **kept})
         files += [json_file]
     if json_file != "-":
-        Console(highlight=False, width=200).print(table(leg, kick, lines))  # cuts no number off
+        show(leg, kick, lines)
         click.echo(text(counted, residual, lines, chosen))
         if survey is not None:
             click.echo("No posture is kept; --json writes the best, the front and a sample.")

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from textwrap import fill
 
 from rich import box
+from rich.console import Console
 from rich.markup import escape
+from rich.measure import Measurement
 from rich.table import Table
 
 from kickdyn.leg import Leg
@@ -15,26 +17,31 @@ from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.provenance import provenance
 from kickdyn.sweep.summary import Line
 
+WIDE = 200
+"""Characters, where there is no screen."""
 
-def table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
-    """Return the table of the summary's postures."""
+
+def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Table:
+    """Return the table of the summary's postures: a line each, or a column where that is too wide.
+
+    Args:
+        leg: the leg.
+        kick: what the postures share.
+        lines: the postures.
+        width: of the screen, in characters.
+    """
     flight = "vacuum" if kick.air is None else f"air {kick.air.density:.4g} kg/m3"
-    result = Table(
-        title=f"{escape(leg.name)}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
+    title = (
+        f"{escape(leg.name)}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
         f"e {kick.restitution:g}, mu {kick.friction:g}, "
-        f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}",
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        padding=(0, 1),
+        f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
     joints = list(leg.angles_deg(leg.configuration()))  # a floating base has no one angle
     units = {"m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
     heads = (" / " if len(joints) <= 3 else " /\n").join(joints)
     paper = any(line.paper for line in lines)
     odd = any(line.outcome.status != "ok" for line in lines)
-    for head in (
+    head = (
         "posture",
         escape(heads) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
         "eff. mass\nkg",
@@ -47,16 +54,50 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line]) -> Table:
         "immovable\nN s",
         *(("Table 2\nN s",) if paper else ()),
         *(("status",) if odd else ()),
-    ):
-        result.add_column(head, justify="left" if head == "posture" else "right", no_wrap=True)
-    for line in lines:
-        result.add_row(
+    )
+    rows = [
+        (
             line.label,
             " / ".join(f"{value:.4g}" for value in line.angles.values()),
             *_numbers(line),
             *((f"{line.paper:.3f}" if line.paper else "",) if paper else ()),
             *((line.outcome.status,) if odd else ()),
         )
+        for line in lines
+    ]
+    upright = _laid(title, head, rows)
+    if Measurement.get(Console(width=WIDE), Console(width=WIDE).options, upright).maximum <= width:
+        return upright
+    names = [name.replace("\n", ", ").replace("/, ", "/ ") for name in head]
+    names[1] = head[1].replace(" / ", " /\n")
+    narrow = [[*row] for row in rows]
+    for row in narrow:
+        row[1] = row[1].replace(" / ", " /\n")
+        row[8] = row[8].replace(" ", "\n")  # the joint's name over its number
+    first, *others = zip(names, *narrow, strict=True)
+    return _laid(title, first, others)
+
+
+def show(leg: Leg, kick: Kick, lines: Sequence[Line]) -> None:
+    """Print the table as wide as the screen is; no number is cut off."""
+    screen = Console(highlight=False)
+    width = screen.width if screen.is_terminal else WIDE
+    Console(highlight=False, width=WIDE).print(table(leg, kick, lines, width))
+
+
+def _laid(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    result = Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1),
+    )
+    for number, name in enumerate(head):
+        result.add_column(name, justify="right" if number else "left", no_wrap=True)
+    for row in rows:
+        result.add_row(*row)
     return result
 
 

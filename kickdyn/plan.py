@@ -7,6 +7,7 @@ import math
 import sys
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import click
 import numpy as np
@@ -20,11 +21,11 @@ from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, replacing
 from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick import OutOfReach, plan_kick
 from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.match import OVER, Wall, scored
 from kickdyn.planning.objectives import OBJECTIVES
-from kickdyn.planning.report import as_json, swing_said, text, verdict
+from kickdyn.planning.report import as_json, swing_said, text, unreachable_json, verdict
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_answer import Swing
 from kickdyn.posture_sweep import AIRS, load_leg
@@ -178,11 +179,16 @@ def plan(
         surface=surface,
         swing=swing,
     )
-    with busy("planning the kick") as say:
-        planned = kick(goal)
-        if swing:
-            say("planning the swing")
-        swung = plan_swing(leg, planned) if swing else None
+    try:
+        with busy("planning the kick") as say:
+            planned = kick(goal)
+            if swing:
+                say("planning the swing")
+            swung = plan_swing(leg, planned) if swing else None
+    except OutOfReach as error:
+        if json_file is not None:
+            _write_json(json_file, unreachable_json(goal, error.found))
+        raise
     said = [verdict(planned)]
     if players is not None:
         said.append(players.passed(planned, kick))
@@ -195,7 +201,8 @@ def plan(
         from kickdyn.view.swing_plot import swing_figure
 
         save_figure(swing_figure(swung), plot)
-    _write(planned, swung, said, players, mouth, json_file, view, plot)
+    report = as_json(planned, swung, players, mouth, spread)
+    _write(planned, swung, said, players, mouth, report, json_file, view, plot)
 
 
 def _blown(air: Air | None, wind: str | None) -> Air | None:
@@ -255,6 +262,7 @@ def _write(
     said: list[str],
     wall: Wall | None,
     mouth: bool,
+    report: dict[str, Any],
     json_file: str | None,
     view: str | None,
     plot: str | None,
@@ -273,16 +281,22 @@ def _write(
         )
         write_page(view, html)
     if json_file is not None:
-        written = json.dumps(as_json(planned, swung), indent=2, allow_nan=False) + "\n"
+        _write_json(json_file, report)
         if json_file == "-":
-            sys.stdout.write(written)
             return
-        with replacing(json_file) as draft:
-            draft.write_text(written, encoding="utf-8")
     click.echo("\n".join([*said, *text(planned)]))
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
+
+
+def _write_json(file: str, report: dict[str, Any]) -> None:
+    written = json.dumps(report, indent=2, allow_nan=False) + "\n"
+    if file == "-":
+        sys.stdout.write(written)
+        return
+    with replacing(file) as draft:
+        draft.write_text(written, encoding="utf-8")
 
 
 if __name__ == "__main__":

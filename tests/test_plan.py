@@ -58,7 +58,43 @@ def test_a_free_kick_over_a_wall_into_the_corner(tmp_path):
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "Its lower edge clears the wall by 0.1 m." in ended.stdout
     assert "It goes in" in (tmp_path / "free.html").read_text()
-    assert json.loads((tmp_path / "free.json").read_text())["goal"]["over"] == [9.15, 2.0]
+    report = json.loads((tmp_path / "free.json").read_text())
+    assert report["goal"]["over"] == [9.15, 2.0]
+    assert report["wall"]["above"] == pytest.approx(0.1, abs=1e-6)
+    assert report["wall"]["beside"] < 0
+    post, bar = report["mouth"]["post"], report["mouth"]["bar"]
+    assert f"in, {post:.3g} m from the post and {bar:.3g} m under" in ended.stdout
+    assert report["mouth"]["end"] == "in"
+
+
+def test_json_says_what_else_is_known():
+    far = ["--distance", "50", "--time", "2", "--beside", "9.15:0.9", "--json", "-"]
+    ended = door(*far, "--leg", "g1", "--no-limits")
+    assert json.loads(ended.stdout)["goal"]["beside"] == [9.15, 0.9]
+    weak = json.loads(door("--distance", "50", "--time", "2", "--json", "-").stdout)
+    said = door("--distance", "50", "--time", "2").stdout
+    within = weak["within_limits"]
+    assert f"are {within['distance']:.4g} m in {within['time']:.4g} s" in said
+    robust = ["--distance", "15", "--time", "1", "--robust", "speed=0.02,angle=0.01", "--json", "-"]
+    scatter = json.loads(door(*robust).stdout)["scatter"]
+    (xx, _), (_, yy) = scatter["covariance"]
+    assert scatter["radius"] == pytest.approx((xx + yy) ** 0.5)
+    assert set(scatter["by_source"]) == {"speed", "angle"}
+
+
+def test_an_unreachable_goal_has_json_with_the_nearest():
+    ended = door("--distance", "20", "--launch-speed", "5", "--json", "-")
+    assert ended.returncode == 2
+    report = json.loads(ended.stdout)
+    assert (report["status"], report["limit"]) == ("unreachable", "least speed")
+    assert report["nearest"]["target_m"] == [20, 0, 0]
+    assert report["nearest"]["speed"] > 5
+    assert report["nearest"]["launch_speed"] == pytest.approx(report["nearest"]["speed"])
+    ended = door("--distance", "20", "--time", "60", "--pass", "turf", "--json", "-")
+    assert ended.returncode == 2
+    report = json.loads(ended.stdout)
+    assert report["limit"] == "rolling"
+    assert 0 < report["nearest"]["time"] < 60
 
 
 def test_a_pass_of_a_robot_has_a_page(tmp_path):

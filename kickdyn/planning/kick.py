@@ -23,7 +23,7 @@ from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import strike_at
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
-from kickdyn.planning.answer import Launch, to_target
+from kickdyn.planning.answer import Launch, Launches, to_target
 from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.heading import turned
@@ -32,13 +32,29 @@ from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
 from kickdyn.planning.limb import Limb, limb_of
 from kickdyn.planning.objectives import OBJECTIVES, least_scatter
-from kickdyn.planning.passes import plan_pass
+from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.search import Found, Search
 from kickdyn.planning.touch import touch_for
 
 if TYPE_CHECKING:
     from kickdyn.planning.part import Part
     from kickdyn.planning.swing_kick import SwungKick
+
+
+class OutOfReach(InvalidInput):
+    """A goal that no launch meets.
+
+    Attributes:
+        found: what `plan_launches` or `plan_pass` says of it, with the nearest there is.
+    """
+
+    def __init__(self, said: str, found: Launches | Pass) -> None:
+        self.found = found
+        super().__init__(said)
+
+    def __reduce__(self) -> tuple[type[OutOfReach], tuple[str, Launches | Pass]]:
+        return (OutOfReach, (str(self), self.found))
+
 
 STARTS = 4
 """Of the search, drawn with a fixed seed."""
@@ -175,7 +191,7 @@ def _launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> L
     for _ in range(30):
         found = plan_launches(goal, ball, air, spin=across, speed_limit=SPEED_LIMIT)
         if found.status != "met":
-            raise InvalidInput(f"the goal is {found.said}")
+            raise OutOfReach(f"the goal is {found.said}", found)
         launch = found.solutions[0 if arc == "low" else -1]
         way = launch.velocity / launch.speed
         lost = float(launch.spin @ way)
@@ -194,7 +210,7 @@ def _pass(goal: Goal, ball: Ball, air: Air | None, spin: Array, ground: Ground) 
         )
     found = plan_pass(goal.target[:2], goal.time, ball, air, ground, spin=spin)
     if found.status != "met":
-        raise InvalidInput(f"the pass is out of reach: {found.said}")
+        raise OutOfReach(f"the pass is out of reach: {found.said}", found)
     along = abs(float(spin @ found.velocity)) / math.hypot(*found.velocity)
     if along > 1e-9 * math.hypot(*spin):
         raise InvalidInput(

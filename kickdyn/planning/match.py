@@ -55,6 +55,24 @@ class Wall(NamedTuple):
                 f"which is {distance:g} m away"
             )
 
+    def clearance(self, planned: KickPlan) -> tuple[float, float, float] | None:
+        """Return how the ball passes the wall [m]; None where it comes down before.
+
+        By how much its lower edge is above the wall, and its side beside it, both below 0 where it
+        is not, and where its centre is to the left of the wall's middle.
+        """
+        goal, path, radius = planned.goal, planned.path, planned.hit.struck.radius
+        start = path.launch.position
+
+        def short(time: float) -> float:
+            return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
+
+        if short(path.duration) < 0.0:
+            return None
+        where = path.sample(float(brentq(short, 0.0, path.duration))).position - start
+        aside = float(np.cross((0.0, 0.0, 1.0), goal.ahead) @ where)
+        return float(where[2]) - self.height, abs(aside) - self.width / 2 - radius, aside
+
     def passed(self, planned: KickPlan, kick: Callable[[Goal], KickPlan]) -> str:
         """Return by how much the ball clears the wall, as a sentence.
 
@@ -65,18 +83,11 @@ class Wall(NamedTuple):
         Raises:
             InvalidInput: it does not, though it meets its goal.
         """
-        goal, path, radius = planned.goal, planned.path, planned.hit.struck.radius
-        self.check_before(goal.distance)
-        start = path.launch.position
-
-        def short(time: float) -> float:
-            return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
-
-        if short(path.duration) < 0.0:
+        self.check_before(planned.goal.distance)
+        clear = self.clearance(planned)
+        if clear is None:
             return "The ball comes down before the wall."
-        where = path.sample(float(brentq(short, 0.0, path.duration))).position - start
-        aside = float(np.cross((0.0, 0.0, 1.0), goal.ahead) @ where)
-        above, room = float(where[2]) - self.height, abs(aside) - self.width / 2 - radius
+        above, room, aside = clear
         if above > 0.0:
             return f"Its lower edge clears the wall by {above:.3g} m."
         if room > 0.0:
@@ -114,16 +125,34 @@ class Wall(NamedTuple):
         return f"go {' or '.join(can)}"
 
 
-def scored(planned: KickPlan) -> str:
-    """Return whether a kick ends in the goal straight ahead at the target's distance."""
+class Score(NamedTuple):
+    """How a kick meets the goal straight ahead at the target's distance.
+
+    Attributes:
+        end: `in`, `short` or `past`.
+        post: from the ball's side to the nearer post [m]; below 0 beyond it.
+        bar: from its upper edge up to the bar [m], likewise.
+    """
+
+    end: str
+    post: float
+    bar: float
+
+
+def score(planned: KickPlan) -> Score:
+    """Return how a kick meets the goal."""
     radius = planned.hit.struck.radius
     start, end = planned.path.launch.position, planned.path.sample(planned.path.duration).position
     _, left, up = end - start
-    short = planned.goal.target[0] - (end - start)[0] > 1e-3
-    beside = MOUTH[0] / 2 - abs(float(left)) - radius
-    under = MOUTH[1] - float(up) - 2 * radius
-    if not short and beside >= 0.0 and under >= 0.0 and up > -radius:
-        return f"It goes in, {beside:.3g} m from the post and {under:.3g} m under the bar."
-    if short or up <= -radius:
-        return "It does not come to the goal."
-    return "It goes past the goal."
+    short = planned.goal.target[0] - (end - start)[0] > 1e-3 or up <= -radius
+    post = MOUTH[0] / 2 - abs(float(left)) - radius
+    bar = MOUTH[1] - float(up) - 2 * radius
+    return Score("short" if short else "in" if min(post, bar) >= 0.0 else "past", post, bar)
+
+
+def scored(planned: KickPlan) -> str:
+    """Return whether a kick ends in the goal straight ahead at the target's distance."""
+    found = score(planned)
+    if found.end == "in":
+        return f"It goes in, {found.post:.3g} m from the post and {found.bar:.3g} m under the bar."
+    return "It does not come to the goal." if found.end == "short" else "It goes past the goal."

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
+from kickdyn.flight.path import Flight
+from kickdyn.planning.answer import Launches
+from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick_answer import KickPlan
+from kickdyn.planning.match import Wall, score
+from kickdyn.planning.passes import Pass
+from kickdyn.planning.scatter import scatter
 from kickdyn.planning.swing_answer import Swing
 
 NEAR = 5e-4
@@ -50,15 +57,20 @@ def _end(planned: KickPlan) -> str:
 
 
 def _within(planned: KickPlan) -> str:
-    """Return a goal in the kick's direction that is a little within the limits."""
-    if isinstance(planned.path, Course) or planned.launch.spin.any():
+    path = within_limits(planned)
+    if path is None:
         return ""
+    return f" Within them, that way, are {path.range:.4g} m in {path.duration:.4g} s."
+
+
+def within_limits(planned: KickPlan) -> Flight | None:
+    """Return a flight in the kick's direction that is a little within the limits, if known."""
+    if isinstance(planned.path, Course) or planned.launch.spin.any():
+        return None
     state, ball = planned.hit.ball, planned.hit.struck
     slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
     path = fly(slower, ball, planned.launch.air)
-    if planned.launch.elevation <= 0.0 or path.status != "landed":
-        return ""
-    return f" Within them, that way, are {path.range:.4g} m in {path.duration:.4g} s."
+    return path if planned.launch.elevation > 0.0 and path.status == "landed" else None
 
 
 def _deg(angle: float) -> str:
@@ -97,12 +109,26 @@ def text(planned: KickPlan) -> list[str]:
     ]
 
 
-def as_json(planned: KickPlan, swing: Swing | None = None) -> dict[str, Any]:
-    """Return a plan as what JSON can hold: SI units, degrees where a name says so."""
+def as_json(
+    planned: KickPlan,
+    swing: Swing | None = None,
+    wall: Wall | None = None,
+    mouth: bool = False,
+    spread: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
+    """Return a plan as what JSON can hold: SI units, degrees where a name says so.
+
+    Args:
+        planned: the kick.
+        swing: to it, if one was planned.
+        wall: that it passes, if there is one.
+        mouth: whether there is a goal.
+        spread: of the errors its scatter was made least for.
+    """
     launch, hit, goal, leg = planned.launch, planned.hit, planned.goal, planned.leg
     return {
         "status": planned.status,
-        "goal": {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind)},
+        "goal": _goal_json(goal),
         "launch": {
             "speed": launch.speed,
             "elevation_deg": math.degrees(launch.elevation),
@@ -136,7 +162,56 @@ def as_json(planned: KickPlan, swing: Swing | None = None) -> dict[str, Any]:
         "time": planned.path.duration,
         "landing_error": planned.landing_error,
         "time_error": planned.time_error,
+        **({} if planned.status == "met" else {"within_limits": _within_json(planned)}),
+        **({} if wall is None else {"wall": _wall_json(wall, planned)}),
+        **({"mouth": score(planned)._asdict()} if mouth else {}),
+        **({} if spread is None else {"scatter": _scatter_json(planned, spread)}),
         **({} if swing is None else {"swing": _swing_json(swing)}),
+    }
+
+
+def unreachable_json(goal: Goal, found: Launches | Pass) -> dict[str, Any]:
+    """Return what `--json` writes of a goal that nothing meets."""
+    near: dict[str, Any] | None = None
+    if isinstance(found, Launches):
+        if found.nearest is not None:
+            near = {**_goal_json(found.nearest.goal), "launch_speed": found.nearest.speed}
+    else:
+        near = {"distance": found.course.distance, "time": found.time}
+    return {
+        "status": "unreachable",
+        "goal": _goal_json(goal),
+        "limit": found.limit,
+        "nearest": near,
+    }
+
+
+def _goal_json(goal: Goal) -> dict[str, Any]:
+    beside = {} if goal.beside is None else {"beside": goal.beside}
+    return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
+
+
+def _within_json(planned: KickPlan) -> dict[str, float] | None:
+    path = within_limits(planned)
+    return None if path is None else {"distance": path.range, "time": path.duration}
+
+
+def _wall_json(wall: Wall, planned: KickPlan) -> dict[str, float | None]:
+    clear = wall.clearance(planned)
+    return (
+        {"above": None, "beside": None}
+        if clear is None
+        else dict(zip(("above", "beside"), clear[:2], strict=True))
+    )
+
+
+def _scatter_json(planned: KickPlan, spread: Mapping[str, float]) -> dict[str, Any]:
+    found = scatter(planned.hit, planned.launch.air, **spread)
+    return {
+        "mean": found.mean.tolist(),
+        "covariance": found.covariance.tolist(),
+        "by_source": {name: part.tolist() for name, part in found.by_source.items()},
+        "radius": found.radius,
     }
 
 

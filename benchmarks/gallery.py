@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
 IMAGES = ROOT / "docs" / "images"
 MOST = 150_000
+SCRIPT = "from kickdyn.cli import main; main()"
 PICTURE = re.compile(
     r"!\[[^]]*\]\(images/(gallery-([a-z-]+)\.png)\)\s+```(sh|python)\n(.*?)```", re.S
 )
@@ -33,7 +34,6 @@ def main(wanted: list[str]) -> None:
         if wanted and name not in wanted:
             continue
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / "scenes").symlink_to(ROOT / "scenes")
             for command in _commands(kind, text):
                 subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
             _save(Path(folder) / "picture.png", IMAGES / file)
@@ -46,7 +46,7 @@ def _commands(kind: str, text: str) -> list[list[str]]:
     if kind == "python":
         return [[sys.executable, "-c", text]]
     lines = [shlex.split(line) for line in text.replace("\\\n", " ").splitlines()]
-    return [[sys.executable, *line[1:]] for line in lines if line]
+    return [[sys.executable, "-c", SCRIPT, *line[1:]] for line in lines if line]
 
 
 def _save(picture: Path, file: Path) -> None:

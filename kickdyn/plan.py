@@ -25,7 +25,15 @@ from kickdyn.planning.kick import OutOfReach, plan_kick
 from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.match import OVER, Wall, scored
 from kickdyn.planning.objectives import OBJECTIVES
-from kickdyn.planning.report import as_json, swing_said, text, unreachable_json, verdict
+from kickdyn.planning.report import (
+    aftermath,
+    as_json,
+    scattered,
+    swing_said,
+    text,
+    unreachable_json,
+    verdict,
+)
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_answer import Swing
 from kickdyn.posture_sweep import AIRS, load_leg
@@ -190,12 +198,15 @@ def plan(
             _write_json(json_file, unreachable_json(goal, error.found))
         raise
     said = [verdict(planned)]
+    if spread is not None:
+        said.append(scattered(planned, spread))
     if players is not None:
         said.append(players.passed(planned, kick))
     if mouth:
         said.append(scored(planned))
     if swung is not None:
         said.append(swing_said(swung))
+    said += aftermath(planned, not no_limits)
     if swung is not None and plot is not None:
         from kickdyn.sweep.picture import save_figure
         from kickdyn.view.swing_plot import swing_figure

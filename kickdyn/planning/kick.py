@@ -159,7 +159,10 @@ def plan_kick(
     if found is None:
         there = f"{lies:g}" if isinstance(lies, float) else np.asarray(lies).tolist()
         where = "" if lies is None else f" that touches a ball at {there} m"
-        raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so")
+        from kickdyn.planning.excluded import why_none
+
+        why = why_none(limb.leg, touch, lies, limits, turn, STARTS)
+        raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so: {why}")
     binding: tuple[str, ...] = ()
     parts: tuple[Part, Part] | None = None
     if swing:

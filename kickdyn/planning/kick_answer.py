@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
+
+import numpy as np
 
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
@@ -16,6 +19,12 @@ from kickdyn.planning.answer import Launch
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.part import Part
 from kickdyn.planning.touch import Touch
+
+AT_END = 1e-6
+"""Distance from the end of a range at which a joint is there [rad; m]."""
+
+STILL = 1e-9
+"""Share of the fastest joint's speed below which one stands still."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,6 +90,34 @@ class KickPlan(Card):
 
     def _picture(self) -> str:
         return self.path._picture()
+
+    @property
+    def after(self) -> dict[str, float]:
+        """Joints that run faster than their limit just after the impact, with how many times."""
+        limit = self.leg.velocity_limit
+        used = {name: abs(self.hit.v_after[i]) / limit[i] for name, i in self._joints() if limit[i]}
+        return {name: float(use) for name, use in used.items() if use > 1.0}
+
+    @property
+    def into_stop(self) -> tuple[str, ...]:
+        """Joints at an end of their range that run on beyond it just after the impact."""
+        found = []
+        for name, i in self._joints():
+            (low, high), at, v = self.leg.joint_range(name), self._angle(name), self.hit.v_after[i]
+            if (at - low < AT_END and v < 0.0) or (high - at < AT_END and v > 0.0):
+                found.append(name)
+        return tuple(found)
+
+    def _joints(self) -> list[tuple[str, int]]:
+        """Return the joints that move just after the impact, with their place in v."""
+        leg = self.leg
+        every = [(name, leg.velocity_index(name)) for name in leg.angles_deg(self.q)]
+        fast = float(np.abs(self.hit.v_after).max())
+        return [(name, i) for name, i in every if abs(self.hit.v_after[i]) > STILL * fast]
+
+    def _angle(self, name: str) -> float:
+        value = self.leg.angles_deg(self.q)[name]
+        return value if self.leg.joint_unit(name) == "m" else math.radians(value)
 
     @property
     def q(self) -> Array:

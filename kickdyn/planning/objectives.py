@@ -95,3 +95,7 @@ OBJECTIVES: dict[str, Callable[[Equations, Touch], Objective]] = {
     "most joint impulse": _most_joint_impulse,
 }
 """What can be made least, or most where the name says so; `scatter` besides."""
+
+UNITS = {"joint impulse": "N s", "most joint impulse": "N s", "effort": "J", "foot speed": "m/s",
+         "scatter": "m"}  # fmt: skip
+"""Of their values; `joint speed` has none."""

@@ -14,6 +14,7 @@ from kickdyn.planning.answer import Launches
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.match import Wall, score
+from kickdyn.planning.objectives import UNITS
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.scatter import scatter
 from kickdyn.planning.swing_answer import Swing
@@ -73,6 +74,27 @@ def within_limits(planned: KickPlan) -> Flight | None:
     return path if planned.launch.elevation > 0.0 and path.status == "landed" else None
 
 
+def aftermath(planned: KickPlan, limits: bool) -> list[str]:
+    """Return what the joints do just after the impact that they should not, in a line, or none.
+
+    Args:
+        planned: the kick.
+        limits: whether speed limits matter.
+    """
+    parts = [f"{name} into its stop" for name in planned.into_stop]
+    if limits:
+        parts += [f"{name} at {use:.0%} of its speed limit" for name, use in planned.after.items()]
+    return [f"Just after the impact: {', '.join(parts)}."] if parts else []
+
+
+def scattered(planned: KickPlan, spread: Mapping[str, float]) -> str:
+    """Return in a line how far off the ball lands for errors of given size."""
+    found = scatter(planned.hit, planned.launch.air, **spread)
+    parts = {name: math.sqrt(float(part.trace())) for name, part in found.by_source.items()}
+    said = ", ".join(f"{size:.3g} m by {name}" for name, size in parts.items())
+    return f"It lands {found.radius:.3g} m off in the root mean square: {said}."
+
+
 def _deg(angle: float) -> str:
     return f"{round(math.degrees(angle), 3) + 0.0:.3f}"  # no -0
 
@@ -92,6 +114,7 @@ def text(planned: KickPlan) -> list[str]:
         for name in angles
         if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
     ]
+    value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
     how = f"{launch.steps} Newton steps" if launch.steps >= 0 else "found by search"
     turned = math.degrees(planned.heading)
     aside = [f"base    turned {turned:.2f} deg to the left"] if turned else []
@@ -101,7 +124,7 @@ def text(planned: KickPlan) -> list[str]:
         f"touch   {_mm(up)} mm up and {_mm(left)} mm left of the ball's centre, "
         f"impulse {math.hypot(*hit.impulse):.4f} N s, "
         f"foot {math.hypot(*hit.foot_velocity):.4f} m/s",
-        f"leg     {planned.objective} {planned.value:.4g}; speed {planned.speed_use:.0%} and "
+        f"leg     {planned.objective} {value}; speed {planned.speed_use:.0%} and "
         f"effort {planned.effort_use:.0%} of their limits; worst joint impulse "
         f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
         *aside,
@@ -155,6 +178,8 @@ def as_json(
             "binding": list(planned.binding),
             "speed_use": planned.speed_use,
             "effort_use": planned.effort_use,
+            "after": planned.after,
+            "into_stop": list(planned.into_stop),
             "worst_joint": hit.worst_joint[0],
             "worst_joint_impulse": hit.worst_joint[1],
         },

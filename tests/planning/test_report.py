@@ -1,10 +1,12 @@
 import json
 import re
 
+import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.report import as_json, text, verdict
+from kickdyn.planning.report import aftermath, as_json, scattered, text, verdict
+from kickdyn.planning.scatter import scatter
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 WEAK = kd.plan_kick(LEG, kd.Goal(50, time=2), BALL, AIR)
@@ -48,3 +50,34 @@ def test_lines_and_json():
     assert said["landing_error"] == WEAK.landing_error
     assert said["time_error"] == said["time"] - 2
     assert said["leg"]["v"] == pytest.approx(WEAK.v.tolist())
+
+
+def test_what_happens_just_after_the_impact():
+    plan = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
+    assert plan.q[1] == pytest.approx(LEG.lower[1], abs=1e-9)  # the knee, stretched
+    assert plan.hit.v_after[1] < 0.0
+    assert plan.into_stop == ("knee",)
+    used = np.abs(plan.hit.v_after) / LEG.velocity_limit
+    fast = {name: use for name, use in zip(LEG.joint_names, used, strict=True) if use > 1.0}
+    assert plan.after == pytest.approx(fast)
+    assert fast.keys() == {"hip", "ankle"}
+    (line,) = aftermath(plan, limits=True)
+    said = f"knee into its stop, hip at {fast['hip']:.0%} of its speed limit, ankle at "
+    assert line == f"Just after the impact: {said}{fast['ankle']:.0%} of its speed limit."
+    assert aftermath(plan, limits=False) == ["Just after the impact: knee into its stop."]
+    leg = as_json(plan)["leg"]
+    assert (leg["after"], leg["into_stop"]) == (plan.after, ["knee"])
+    swung = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, swing=True)
+    assert aftermath(swung, limits=True) == []
+
+
+def test_the_scatter_by_source_has_units():
+    spread = {"speed": 0.02, "angle": 0.01}
+    plan = kd.plan_kick(LEG, kd.Goal(10, time=1), BALL, AIR, objective="scatter", spread=spread)
+    found = scatter(plan.hit, AIR, **spread)
+    sizes = {name: np.sqrt(np.trace(part)) for name, part in found.by_source.items()}
+    assert scattered(plan, spread) == (
+        f"It lands {found.radius:.3g} m off in the root mean square: {sizes['speed']:.3g} m by "
+        f"speed, {sizes['angle']:.3g} m by angle."
+    )
+    assert f"scatter {found.radius:.4g} m;" in text(plan)[2]

@@ -7,6 +7,7 @@ import pytest
 INTERRUPTS = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(1)\n"
 SWALLOWS = f"try:\n    exec({INTERRUPTS!r})\nexcept BaseException:\n    pass\n"
 COMMAND = """
+import signal
 import time
 import click
 from kickdyn.door import run
@@ -17,6 +18,7 @@ def kick():
     time.sleep(20)
     print("it went on")
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run behind a shell
 run(kick)
 """
 

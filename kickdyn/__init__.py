@@ -124,6 +124,8 @@ _LATE = {
     "open_sweep": "kickdyn.sweep.opened",
 }
 
+__all__ = list(_LATE)
+
 
 def __getattr__(name: str) -> object:
     """Load a name when it is asked for: commands that only say how they are used need none."""

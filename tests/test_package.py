@@ -68,3 +68,12 @@ def test_no_public_name_hides_a_module():
     for name in dir(kd):
         if not name.startswith("_") and importlib.util.find_spec(f"kickdyn.{name}"):
             assert isinstance(getattr(kd, name), types.ModuleType), name
+
+
+def test_a_star_brings_every_public_name():
+    names: dict[str, object] = {}
+    exec("from kickdyn import *", names)
+    public = {name for name in dir(kd) if name[0].isupper() or callable(getattr(kd, name))}
+    public = {n for n in public if getattr(getattr(kd, n), "__module__", "").startswith("kickdyn.")}
+    assert public <= names.keys()
+    assert {"Leg", "strike", "plan_kick", "open_sweep"} <= public

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from kickdyn.version import __version__ as __version__
+
+# a .numba_config.yaml of the working directory has no say in where machine code is read from
+os.environ.setdefault("NUMBA_CACHE_DIR", "")
+os.environ.setdefault("NUMBA_CACHE_LOCATOR_CLASSES", "")
 
 if TYPE_CHECKING:  # loaded when they are asked for: see below
     from kickdyn.air import Air as Air
@@ -127,12 +132,14 @@ _LATE = {
 __all__ = list(_LATE)
 
 
-def __getattr__(name: str) -> object:
-    """Load a name when it is asked for: commands that only say how they are used need none."""
-    if name not in _LATE:
-        raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(_LATE[name]), name)
-    return found
+if not TYPE_CHECKING:  # which would take any name for known
+
+    def __getattr__(name: str) -> object:
+        """Load a name when it is asked for: commands that only say how they are used need none."""
+        if name not in _LATE:
+            raise AttributeError(f"module 'kickdyn' has no attribute {name!r}")
+        found = globals()[name] = getattr(import_module(_LATE[name]), name)
+        return found
 
 
 def __dir__() -> list[str]:

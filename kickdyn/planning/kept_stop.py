@@ -77,6 +77,8 @@ def kept_stop(
         if over <= 0.0:
             return part, solved
         slack, near = slack + over + SLACK / 2, solved.unknowns
+    if known is not None and sure:
+        return replace(known, joints=joints), stopper.as_it_is(known)
     raise InvalidInput(
         f"no {ask.name} is found whose torques keep their limits between {len(part.nodes) - 1} "
         "intervals: take more nodes"

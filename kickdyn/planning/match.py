@@ -81,7 +81,7 @@ class Wall(NamedTuple):
             kick: plans another, to see what would clear the wall where this does not.
 
         Raises:
-            InvalidInput: it does not, though it meets its goal.
+            InvalidInput: it does not.
         """
         self.check_before(planned.goal.distance)
         clear = self.clearance(planned)
@@ -93,11 +93,10 @@ class Wall(NamedTuple):
         if room > 0.0:
             side = "left" if aside > 0.0 else "right"
             return f"It passes {room:.3g} m {side} of the wall."
-        if planned.status != "met":
-            return "It hits the wall."
+        weak = "" if planned.status == "met" else "the kick is beyond the leg's limits, and "
         raise InvalidInput(
-            f"the ball hits the wall, {-above:.3g} m under its top and {-room:.3g} m inside its "
-            f"edge: {self._way_round(planned, aside, kick)}"
+            f"{weak}the ball hits the wall, {-above:.3g} m under its top and {-room:.3g} m inside "
+            f"its edge: {self._way_round(planned, aside, kick)}"
         )
 
     def _way_round(self, planned: KickPlan, aside: float, kick: Callable[[Goal], KickPlan]) -> str:

@@ -6,8 +6,8 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 
 from kickdyn.ball import BallState
 from kickdyn.card import Printed
@@ -71,6 +71,10 @@ class Simulation(Printed):
     evaluations: int
     spread: float
     _numerical: Callable[[], float] = field(repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the estimate, not how it is made."""
+        return {**self.__dict__, "_numerical": partial(float, self.numerical_error)}
 
     @cached_property
     def numerical_error(self) -> float:

@@ -61,3 +61,20 @@ def test_the_oldest_equations_go(tmp_path, monkeypatch):
     compiling._forget(tmp_path)
     left = sorted(file.name for file in tmp_path.iterdir())
     assert left == [*(f"compiling.equations_{age}.nbi" for age in range(3)), "march.nbi"]
+
+
+def test_a_file_of_the_working_directory_does_not_say_where_code_is_kept(tmp_path):
+    (tmp_path / ".numba_config.yaml").write_text("cache_dir: planted\n")
+    script = (
+        "import kickdyn, numba\n"
+        "from kickdyn.flight.batch import march\n"
+        "numba.config.reload_config()\n"
+        "print([numba.config.CACHE_DIR])\n"
+    )
+    environment = {name: v for name, v in os.environ.items() if not name.startswith("NUMBA_")}
+    told = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env=environment,
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    assert told.stdout == "['']\n"
+    assert not (tmp_path / "planted").exists()

@@ -271,3 +271,12 @@ def test_the_way_that_a_plan_promises_keeps_its_limits_and_is_found(leg, goal):
 
 def test_a_plan_without_a_swing_promises_none():
     assert kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR).parts is None
+
+
+def test_the_way_a_plan_carries_is_the_answer_where_the_solver_finds_none():
+    leg = kd.Leg.testbed()
+    goal = kd.Goal(1.7027424644632017, time=0.3004798734347314)
+    plan = kd.plan_kick(leg, goal, kd.Ball(), kd.Air(), swing=True, objective="effort")
+    swing = kd.plan_swing(leg, plan)
+    assert swing.status == "met"
+    assert swing.torque_use <= 1.0

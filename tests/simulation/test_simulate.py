@@ -1,6 +1,7 @@
 """Answers stay within their tolerance and their own error, and say what they leave out."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -299,3 +300,11 @@ def test_what_cannot_be_simulated_is_refused():
     away = kick(touch=kd.Contact((-1, 0, 0), 0.8))
     with pytest.raises(kd.NoImpact):
         kd.simulate(away, 1.0)
+
+
+def test_an_answer_can_be_pickled():
+    answer = kd.simulate(kd.load_scene("free_kick"))
+    again = pickle.loads(pickle.dumps(answer))
+    assert again.numerical_error == answer.numerical_error > 0.0
+    assert (again.status, again.error) == (answer.status, answer.error)
+    np.testing.assert_array_equal(again.end.position, answer.end.position)

@@ -85,8 +85,9 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[Row]:
         ]
     else:
         aloft = " (still aloft)" if path.status == "aloft" else ""
+        flown = "to the plane" if path.status == "at plane" else "carry"
         way = [
-            (f"carry {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+            (f"{flown} {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
             ("flight time", f"{path.duration:.4g} s"),
             ("flight", escape(path.method)),
         ]

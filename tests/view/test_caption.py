@@ -76,6 +76,13 @@ def test_a_ball_still_aloft(make_kick):
     assert rows(panel((hit, ball, path)))["carry"].endswith("(still aloft)")
 
 
+def test_a_flight_to_a_plane_is_no_carry(make_kick):
+    hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
+    said = rows(panel((hit, ball, kd.fly(hit.ball, ball, plane=kd.Plane((2, 0, 0), (-1, 0, 0))))))
+    assert "carry" not in said
+    assert said["to the plane"].endswith(" m")
+
+
 def test_names_are_escaped(load, spoil):
     evil = "&lt;script&gt;alert(1)&lt;/script&gt;"
     leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}&amp;"')))

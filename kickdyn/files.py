@@ -70,8 +70,12 @@ def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
 
 
 def write_json(path: str, document: object) -> None:
-    """Write a document as JSON, whole or not at all; `-` is stdout."""
-    text = json.dumps(document, indent=2) + "\n"
+    """Write a document as JSON, whole or not at all; `-` is stdout.
+
+    Raises:
+        ValueError: it holds nan or inf, which JSON does not know.
+    """
+    text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     if path == "-":
         sys.stdout.write(text)
         return

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -18,7 +16,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import busy, run
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.ground import SURFACES
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import OutOfReach, plan_kick
@@ -195,7 +193,7 @@ def plan(
             swung = plan_swing(leg, planned) if swing else None
     except OutOfReach as error:
         if json_file is not None:
-            _write_json(json_file, unreachable_json(goal, error.found))
+            write_json(json_file, unreachable_json(goal, error.found))
         raise
     said = [verdict(planned)]
     if spread is not None:
@@ -292,22 +290,13 @@ def _write(
         )
         write_page(view, html)
     if json_file is not None:
-        _write_json(json_file, report)
+        write_json(json_file, report)
         if json_file == "-":
             return
     click.echo("\n".join([*said, *text(planned)]))
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
-
-
-def _write_json(file: str, report: dict[str, Any]) -> None:
-    written = json.dumps(report, indent=2, allow_nan=False) + "\n"
-    if file == "-":
-        sys.stdout.write(written)
-        return
-    with replacing(file) as draft:
-        draft.write_text(written, encoding="utf-8")
 
 
 if __name__ == "__main__":

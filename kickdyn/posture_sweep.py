@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -21,7 +19,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput, Unfinished
-from kickdyn.files import check_distinct, check_writable, exists, replacing
+from kickdyn.files import check_distinct, check_writable, exists, write_json
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
@@ -198,7 +196,7 @@ def posture_sweep(
     files = [file for file in (out, plot, view) if file is not None]
     if json_file is not None:
         kept = {} if survey is None else {"kept": survey.as_json()}
-        _write_json(json_file, {**as_json(leg, kick, counted, lines, chosen), **kept})
+        write_json(json_file, {**as_json(leg, kick, counted, lines, chosen), **kept})
         files += [json_file]
     if json_file != "-":
         show(leg, kick, lines)
@@ -283,15 +281,6 @@ def _writers(
     if data is not None and out is not None:
         writers.append(partial(save, data, out))
     return writers
-
-
-def _write_json(file: str, report: dict[str, object]) -> None:
-    written = json.dumps(report, indent=2, allow_nan=False) + "\n"
-    if file == "-":
-        sys.stdout.write(written)
-        return
-    with replacing(file) as draft:
-        draft.write_text(written, encoding="utf-8")
 
 
 Shown = tuple[Impact, Ball, Flight]

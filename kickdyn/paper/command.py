@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable, Sequence
 from itertools import chain
 from pathlib import Path
@@ -16,7 +14,7 @@ from rich.table import Table
 
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, replacing
+from kickdyn.files import check_distinct, check_writable, replacing, write_json
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import Section, chosen
 from kickdyn.style import styled
@@ -72,7 +70,8 @@ def paper(
         with replacing(view) as draft:
             draft.write_text(page, encoding="utf-8")
     if json_file is not None:
-        _write_json(json_file, [*items, *chain.from_iterable(others.values())])
+        every = [*items, *chain.from_iterable(others.values())]
+        write_json(json_file, [item.as_json() for item in every])
     if json_file == "-":
         return
     console = Console(width=190, highlight=False)
@@ -112,15 +111,6 @@ def _make_folder(name: str) -> None:
         Path(name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(f"{name} cannot be made ({error.strerror})") from None
-
-
-def _write_json(file: str, items: list[Item]) -> None:
-    text = json.dumps([item.as_json() for item in items], indent=2, allow_nan=False) + "\n"
-    if file == "-":
-        sys.stdout.write(text)
-        return
-    with replacing(file) as draft:
-        draft.write_text(text, encoding="utf-8")
 
 
 COLOURS = {"reproduced": "green", "shape reproduced": "cyan", "not reachable": "yellow"}

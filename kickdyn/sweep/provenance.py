@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from importlib import metadata
 from typing import Any
 
@@ -14,6 +15,14 @@ from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.version import __version__
+
+_HASHED = {
+    "leg_sha256": "the text of its leg's URDF is not this one's",
+    "model_sha256": "its leg's model is not this one's: masses, lengths, armature, what is locked "
+    "or what holds it",
+    "air_sha256": "its air is not this one's: digits that are not shown, or functions",
+}
+"""What to say where a hash differs, of which the digits say nothing."""
 
 
 def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
@@ -48,6 +57,51 @@ def axes(grid: Grid) -> dict[str, list[Any]]:
         name: [len(values), float(values[0]), float(values[-1]), _sha256(values.tobytes())]
         for name, values in grid.axes.items()
     }
+
+
+def difference(
+    found: Mapping[str, Any], wanted: Mapping[str, Any], units: Mapping[str, str]
+) -> str | None:
+    """Return in words the first thing by which a sweep is another; None if there is none.
+
+    Args:
+        found: its provenance and the `axes` of its `grid`, as JSON has them.
+        wanted: what they would have to be.
+        units: of the joints that are wanted.
+    """
+    for name, value in wanted.items():
+        there = found.get(name)
+        if name == "grid" and isinstance(there, dict):
+            if list(there) != list(value):  # the same joints in another order as well
+                return f"its joints are {', '.join(there)}, this one's {', '.join(value)}"
+            if said := [
+                _axis(k, there[k], value[k], units[k]) for k in value if there[k] != value[k]
+            ]:
+                return "; ".join(said)
+        elif there != value:
+            return _HASHED.get(name, f"its {name} is {there!r}, this one's {value!r}")
+    return None
+
+
+def _axis(name: str, there: Any, here: Any, unit: str) -> str:
+    """Return how an axis differs from another."""
+    (said, ends), (wanted, others) = (_span(each, unit) for each in (there, here))
+    if ends == others and said != wanted:
+        return f"{name} has {said} {ends} there, {wanted} here"
+    if ends != others:
+        return f"{name} has {said} {ends} there, {wanted} {others} here"
+    return f"{name} has {said} {ends} there as here, but not the same ones"
+
+
+def _span(axis: Any, unit: str) -> tuple[str, str]:
+    count, low, high, _ = axis
+    first, last = (
+        f"{round(float(np.degrees(end)) if unit == 'rad' else end, 9):.12g}" for end in (low, high)
+    )
+    shown = "deg" if unit == "rad" else unit
+    if count == 1:
+        return "1 value", f"of {first} {shown}"
+    return f"{count} values", f"from {first} to {last} {shown}"
 
 
 def _model(leg: Leg) -> str:

@@ -25,7 +25,7 @@ from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import STATUSES, Kick
 from kickdyn.sweep.notes import Notes
 from kickdyn.sweep.outcomes import interpolated, kernel_scene
-from kickdyn.sweep.provenance import axes, provenance
+from kickdyn.sweep.provenance import axes, difference, provenance
 from kickdyn.sweep.run import VARIABLES, check_names
 
 CHUNK = 131_072
@@ -84,7 +84,7 @@ class Store:
         }
         try:
             if self.path.exists():
-                self._check(attributes, resume)
+                self._check(leg, attributes, resume)
             elif not self.path.resolve().parent.is_dir():  # Zarr would make all that is missing
                 raise InvalidInput(f"{path} cannot be written (its folder does not exist)")
             else:
@@ -97,7 +97,7 @@ class Store:
         if self.summary is not None:  # killed while it tidied up
             self._notes.clear()
 
-    def _check(self, attributes: dict[str, Any], resume: bool) -> None:
+    def _check(self, leg: Leg, attributes: dict[str, Any], resume: bool) -> None:
         if not resume:
             raise InvalidInput(f"{self.path} exists: --resume goes on with it, else name another")
         import zarr
@@ -106,12 +106,9 @@ class Store:
             found = dict(zarr.open_group(self.path, mode="r").attrs)
         except (OSError, ValueError):
             raise InvalidInput(f"{self.path} is no sweep: there is nothing to resume") from None
-        for name, value in json.loads(json.dumps(attributes)).items():
-            if found.get(name) != value:
-                raise InvalidInput(
-                    f"{self.path} is of another sweep: its {name} is {found.get(name)!r}, "
-                    f"this one's {value!r}"
-                )
+        units = {name: leg.joint_unit(name) for name in self._grid.axes}
+        if other := difference(found, json.loads(json.dumps(attributes)), units):
+            raise InvalidInput(f"{self.path} is of another sweep: {other}")
 
     def _make(self, leg: Leg, attributes: dict[str, Any]) -> None:
         """Make the empty store under another name first: one that is there is whole."""

@@ -6,9 +6,9 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.grid import Grid, grid
 from kickdyn.sweep.kick import Kick
-from kickdyn.sweep.provenance import axes, provenance
+from kickdyn.sweep.provenance import axes, difference, provenance
 from kickdyn.urdf_file import shipped_urdf
 
 KICK = Kick(attack=0.3)
@@ -73,3 +73,52 @@ def test_every_value_of_an_axis_counts():
     one, other = axes(Grid({"hip": values})), axes(Grid({"hip": moved}))
     assert one["hip"][:3] == other["hip"][:3] == [5, 0.0, 1.0]
     assert one != other
+
+
+HERE = ("hip=-30:90:0.5", "knee=0:140:0.5")
+
+
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [
+        (HERE, None),
+        (HERE[:1], "its joints are hip, this one's hip, knee"),
+        (HERE[::-1], "its joints are knee, hip, this one's hip, knee"),
+        ((HERE[0], "knee=0:140:1"), "knee has 141 values from 0 to 140 deg there, 281 values here"),
+        (
+            ("hip=-30:0:0.3", "knee=20"),
+            "hip has 101 values from -30 to 0 deg there, 241 values from -30 to 90 deg here; "
+            "knee has 1 value of 20 deg there, 281 values from 0 to 140 deg here",
+        ),
+    ],
+)
+def test_another_grid_is_told_by_its_joints(there, said):
+    leg = kd.Leg.human()
+    found, wanted = ({"grid": axes(grid(leg, each))} for each in (there, HERE))
+    assert difference(found, wanted, dict.fromkeys(("hip", "knee"), "rad")) == said
+
+
+def test_an_axis_that_looks_the_same_is_told_too():
+    found, wanted = ({"grid": axes(Grid({"rail": np.array([0.0, end])}))} for end in (0.3, 0.1 * 3))
+    said = "rail has 2 values from 0 to 0.3 m there as here, but not the same ones"
+    assert difference(found, wanted, {"rail": "m"}) == said
+
+
+@pytest.mark.parametrize(
+    ("leg", "kick", "said"),
+    [
+        (human(1.1), KICK, "its leg's model is not this one's: masses"),
+        (human(), replace(KICK, speed=2.0), "its foot_speed_m_s is 1.0, this one's 2.0"),
+        (human(), replace(KICK, air=kd.Air(drag=drag(0.2))), "its air is"),
+        (
+            human(),
+            replace(KICK, air=kd.Air(density=kd.Air().density + 1e-9)),
+            "its air is not this one's: digits that are not shown",
+        ),
+    ],
+)
+def test_another_leg_or_kick_is_told_in_words(leg, kick, said):
+    told_so = difference(told(human(), KICK), told(leg, kick), {})
+    assert told_so.startswith(said)
+    assert len(told_so) < 400
+    assert "sha256" not in told_so

@@ -118,18 +118,25 @@ def test_what_is_there_is_not_overwritten(tmp_path):
         stream(path, LEG, POSTURES, KICK)
     with pytest.raises(kd.InvalidInput, match=r"its foot_speed_m_s is 4\.0, this one's 5\.0"):
         stream(path, LEG, POSTURES, Kick(speed=5.0, air=None), resume=True)
-    with pytest.raises(kd.InvalidInput, match="its grid is"):
+    turned = Grid(dict(reversed(POSTURES.axes.items())))  # the same joints, numbered otherwise
+    with pytest.raises(kd.InvalidInput, match="this one's ankle, knee, hip"):
+        stream(path, LEG, turned, KICK, resume=True)
+    with pytest.raises(kd.InvalidInput, match="its joints are hip, knee, ankle, this"):
         stream(path, LEG, grid(LEG, ["hip=0:90:15"]), KICK, resume=True)
     inside = POSTURES.axes | {"knee": POSTURES.axes["knee"] ** 1.01}
     inside["knee"][-1] = POSTURES.axes["knee"][-1]
     others = {
-        "ball_inertia_factor": (LEG, POSTURES, replace(KICK, ball=kd.Ball(inertia_factor=0.4))),
-        "model_sha256": (LEG.with_armature({"hip": 0.5}), POSTURES, KICK),
-        "attack_rad": (LEG, POSTURES, replace(KICK, attack=KICK.attack + 1e-13)),
-        "grid": (LEG, Grid(inside), KICK),
+        "its ball_inertia_factor is": (
+            LEG,
+            POSTURES,
+            replace(KICK, ball=kd.Ball(inertia_factor=0.4)),
+        ),
+        "its leg's model is not": (LEG.with_armature({"hip": 0.5}), POSTURES, KICK),
+        "its attack_rad is": (LEG, POSTURES, replace(KICK, attack=KICK.attack + 1e-13)),
+        "knee has 7 values from 0 to 30 deg there as here, but": (LEG, Grid(inside), KICK),
     }
-    for name, (leg, postures, kick) in others.items():
-        with pytest.raises(kd.InvalidInput, match=f"is of another sweep: its {name} is"):
+    for said, (leg, postures, kick) in others.items():
+        with pytest.raises(kd.InvalidInput, match=f"is of another sweep: {said}"):
             stream(path, leg, postures, kick, resume=True)
     attributes = json.loads((path / "zarr.json").read_text())
     attributes["attributes"]["source"] = "kickdyn 0.0"

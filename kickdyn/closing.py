@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from kickdyn.checks import Array
 from kickdyn.constraints import CLOSED, Constraints
 from kickdyn.errors import InvalidInput
-from kickdyn.posture import checked_configuration
 
 if TYPE_CHECKING:
     from kickdyn.leg import Leg
@@ -37,7 +36,7 @@ def close_loops(leg: Leg, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
     if isinstance(keep, str) or not isinstance(keep, Iterable):
         raise InvalidInput(f"keep is {keep!r}: it must be a list of joints' names")
     model = leg.workspace.model
-    q, fixed = checked_configuration(model, q), [leg.velocity_index(name) for name in keep]
+    q, fixed = leg.checked_configuration(q), [leg.velocity_index(name) for name in keep]
     if leg.constraints is None or not leg.constraints.loops:
         return q
     own = leg.constraints.between(model)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from kickdyn.checks import Array
 
@@ -43,3 +43,21 @@ def condition(inertia: Array, factor: Array) -> float:
     scaled, root = inertia * scale * scale[:, None], factor * scale[:, None]
     reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
     return 1.0 / float(reciprocal) if reciprocal else math.inf
+
+
+def rounding(inertia: Array, factor: Array, rows: Array) -> float:
+    """Return by how many times M's rounding is seen in a foot's inverse mass, at most.
+
+    An error of M by e of its diagonal, E, changes the inverse mass J M^-1 J^T along an axis by
+    x^T E x with x = M^-1 J^T: at most e (sum_i sqrt(M_ii) |x_i|)^2.
+
+    Args:
+        inertia: M = L L^T, shape `(nv, nv)`.
+        factor: L.
+        rows: L^-1 J^T, shape `(nv, n)`.
+    """
+    x = blas.dtrsm(1.0, factor, rows, lower=1, trans_a=1)
+    sums = np.sqrt(inertia.diagonal()).dot(abs(x)).tolist()
+    squares = (rows * rows).sum(axis=0).tolist()
+    shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
+    return max(shares, default=1.0)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
@@ -17,6 +15,7 @@ from kickdyn.checks import Array
 from kickdyn.closing import close_loops
 from kickdyn.constraints import Constraints, Support
 from kickdyn.errors import InvalidInput
+from kickdyn.jointed import Jointed
 from kickdyn.posture import Posture
 from kickdyn.robots import robot, robot_file, robot_model
 from kickdyn.sealed import read_only
@@ -26,7 +25,7 @@ from kickdyn.urdf_model import build_model, reduced_model
 from kickdyn.workspace import Workspace
 
 
-class Leg(Card):
+class Leg(Jointed, Card):
     """A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_armature`, `standing_on` and `with_loops` return another.
@@ -54,10 +53,9 @@ class Leg(Card):
         loops: tuple[tuple[str, str], ...] = (),
         outward: Array | None = None,
     ) -> None:
-        self._model = model.copy()
+        super().__init__(model.copy())
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self._gravity = model.gravity.copy()
-        self.name = str(model.name)
         self.frame = frame
         self.urdf = urdf
         self.frame_id = frame_id(self._model, frame)
@@ -65,12 +63,6 @@ class Leg(Card):
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
         self.contact_lever = read_only(self._model.frames[self.frame_id].placement.translation)
-        self.joint_names: tuple[str, ...] = tuple(self._model.names)[1:]
-        self.nq, self.nv = int(model.nq), int(model.nv)
-        self.lower = read_only(self._model.lowerPositionLimit)
-        self.upper = read_only(self._model.upperPositionLimit)
-        self.velocity_limit = read_only(self._model.velocityLimit)
-        self.effort_limit = read_only(self._model.effortLimit)
         self.outward = None if outward is None else read_only(outward)
         self._held = {"supports": supports, "loops": loops, "outward": outward}
         self.constraints: Constraints | None = None
@@ -230,10 +222,9 @@ class Leg(Card):
         yield "robot", self.name, ""
         yield "contact frame", self.frame, ""
         yield "mass", float(pin.computeTotalMass(self._model)), "kg"
-        for name in self.joint_names:
-            if self._model.nvs[1 + self.joint_names.index(name)] == 1:
-                low, high = (shown(end) for end in self.joint_range(name))
-                yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+        for name in self._single():
+            low, high = (shown(end) for end in self.joint_range(name))
+            yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
 
     @property
     def model(self) -> Any:
@@ -272,54 +263,3 @@ class Leg(Card):
             InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
         """
         return close_loops(self, q, keep)
-
-    def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
-        """Return q with the named joints at their values and all others at 0.
-
-        Args:
-            angles: joint name to value [rad; m for prismatic joints].
-
-        Raises:
-            InvalidInput: no such joint, or a value that is not finite.
-        """
-        step = np.zeros(self.nv)
-        for name, value in checks.mapping("angles", angles).items():
-            step[self.velocity_index(name)] = checks.number(f"joint {name}", value)
-        return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
-
-    def angles_deg(self, q: Array) -> dict[str, float]:
-        """Return the values of joints of one degree of freedom [deg; m for prismatic joints]."""
-        step = pin.difference(self._model, pin.neutral(self._model), q)
-        values = {}
-        for number, name in enumerate(self.joint_names, start=1):
-            if self._model.nvs[number] != 1:
-                continue
-            value = float(step[self.velocity_index(name)])
-            values[name] = value if self.joint_unit(name) == "m" else math.degrees(value)
-        return values
-
-    def velocity_index(self, joint: str) -> int:
-        """Return the index of a joint of one degree of freedom in v; raise `InvalidInput`."""
-        if joint not in self.joint_names:
-            raise InvalidInput(
-                f"joint {joint!r} is unknown: {self.name} has {', '.join(self.joint_names)}"
-            )
-        index = 1 + self.joint_names.index(joint)
-        if self._model.nvs[index] != 1:
-            raise InvalidInput(f"joint {joint!r} has {self._model.nvs[index]} degrees of freedom")
-        return int(self._model.idx_vs[index])
-
-    def joint_unit(self, joint: str) -> str:
-        """Return `m` for a prismatic joint, `rad` for any other of one degree of freedom."""
-        self.velocity_index(joint)
-        kind = self._model.joints[1 + self.joint_names.index(joint)].shortname()
-        return "m" if kind.startswith("JointModelP") else "rad"
-
-    def joint_range(self, joint: str) -> tuple[float, float]:
-        """Return lower and upper limit of a joint [rad or m]; +-pi for a continuous one."""
-        self.velocity_index(joint)
-        index = 1 + self.joint_names.index(joint)
-        at = self._model.idx_qs[index]
-        if self._model.nqs[index] != 1:
-            return -math.pi, math.pi
-        return float(self.lower[at]), float(self.upper[at])

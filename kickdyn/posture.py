@@ -17,7 +17,7 @@ from kickdyn import checks
 from kickdyn.articulated import Articulated
 from kickdyn.card import Card, Row
 from kickdyn.checks import Array
-from kickdyn.conditioning import condition, factored
+from kickdyn.conditioning import condition, factored, rounding
 from kickdyn.errors import InvalidInput
 from kickdyn.hold import Hold
 from kickdyn.sealed import Sealed
@@ -67,7 +67,7 @@ class Posture(Card, Sealed):
         space = leg.workspace
         model, data = space.model, space.data
         self.leg = leg
-        self.q = checked_configuration(model, q)
+        self.q = leg.checked_configuration(q)
         pin.forwardKinematics(model, data, self.q)
         placement = pin.updateFramePlacement(model, data, leg.frame_id)
         self.contact_point: Array = placement.translation.copy()
@@ -173,17 +173,8 @@ class Posture(Card, Sealed):
 
     @cached_property
     def rounding(self) -> float:
-        """By how many times M's rounding is seen in `delassus`, at most; 1 of a sound leg.
-
-        An error of M by e of its diagonal, E, changes the inverse mass J M^-1 J^T along an axis by
-        x^T E x with x = M^-1 J^T: at most e (sum_i sqrt(M_ii) |x_i|)^2.
-        """
-        rows = self.mobility.T
-        x = blas.dtrsm(1.0, self._factor, rows, lower=1, trans_a=1)
-        sums = np.sqrt(self.inertia.diagonal()).dot(abs(x)).tolist()
-        squares = (rows * rows).sum(axis=0).tolist()
-        shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
-        return max(shares, default=1.0)
+        """By how many times M's rounding is seen in `delassus`, at most; 1 of a sound leg."""
+        return rounding(self.inertia, self._factor, self.mobility.T)
 
     @property
     def doubtful(self) -> bool:
@@ -311,26 +302,3 @@ class Posture(Card, Sealed):
                 f"v moves {name}, which is held, at {speed:.3g} {unit} in {self!r}: "
                 "Posture.admissible(v) gives the nearest velocity that does not"
             )
-
-
-def checked_configuration(model: Any, q: ArrayLike) -> Array:
-    """Return q checked, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
-    checked = checks.vector("q", q, model.nq)
-    if model.nq != model.nv and not pin.isNormalized(model, checked, 1e-9):
-        name, part = _not_unit(model, checked)
-        raise InvalidInput(
-            f"q is {checked.tolist()}: {part} of {name} must have length 1 (Leg.configuration "
-            "makes one from angles)"
-        )
-    return checked
-
-
-def _not_unit(model: Any, q: Array) -> tuple[str, str]:
-    """Return the first joint whose part of q has not length 1, and what it is."""
-    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
-        alone = pin.neutral(model)
-        alone[joint.idx_q : joint.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
-        if not pin.isNormalized(model, alone, 1e-9):
-            free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
-            return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
-    return model.name, "what stands for angles"

@@ -213,67 +213,6 @@ def test_each_thread_has_its_own_workspace():
     assert leg.workspace.data is spaces[0]
 
 
-def mixed():
-    """One joint of each kind: limited, continuous, prismatic."""
-    model = pin.Model()
-    model.name = "mixed"
-    parent = 0
-    for kind, name, limits in (
-        (pin.JointModelRY(), "turn", ([-1.0], [2.0])),
-        (pin.JointModelRUBY(), "spin", ([-1.1] * 2, [1.1] * 2)),
-        (pin.JointModelPZ(), "slide", ([0.0], [0.3])),
-    ):
-        low, high = (np.array(limit) for limit in limits)
-        size = np.ones(1)
-        parent = model.addJoint(parent, kind, pin.SE3.Identity(), name, size, size, low, high)
-        model.appendBodyToJoint(parent, BODY, pin.SE3.Identity())
-    tip = pin.SE3(np.eye(3), np.array([0, 0, -1.0]))
-    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
-    return kd.Leg.from_model(model, "toe")
-
-
-def test_joints_of_every_kind():
-    leg = mixed()
-    assert (leg.nq, leg.nv) == (4, 3)
-    q = leg.configuration({"spin": 3.0, "slide": 0.2})
-    assert q == pytest.approx([0, math.cos(3), math.sin(3), 0.2], abs=1e-15)
-    assert leg.posture(q).contact_point == pytest.approx(
-        [-0.8 * math.sin(3), 0, -0.8 * math.cos(3)]
-    )
-    assert leg.joint_range("turn") == (-1, 2)
-    assert leg.joint_range("spin") == (-math.pi, math.pi)
-    assert leg.joint_range("slide") == (0, 0.3)
-    assert [leg.joint_unit(name) for name in leg.joint_names] == ["rad", "rad", "m"]
-    degrees = {"turn": 0, "spin": math.degrees(3), "slide": 0.2}
-    assert leg.angles_deg(q) == pytest.approx(degrees)
-
-
-def test_nothing_named_is_everything_at_zero():
-    assert mixed().configuration().tolist() == [0, 1, 0, 0]
-
-
-@pytest.mark.parametrize(
-    ("angles", "said"),
-    [
-        ({"twist": 1}, "joint 'twist' is unknown: mixed has turn, spin, slide"),
-        ({"turn": math.nan}, "joint turn is nan"),
-        ({"turn": "30"}, "joint turn is '30'"),
-        ({"universe": 1}, "joint 'universe' is unknown"),
-    ],
-)
-def test_bad_angles_are_refused(angles, said):
-    with pytest.raises(kd.InvalidInput, match=said):
-        mixed().configuration(angles)
-
-
-@pytest.mark.parametrize("method", ["velocity_index", "joint_range", "joint_unit"])
-def test_joint_of_many_degrees_is_refused_by_name(method):
-    leg = kd.Leg.from_model(arm(joint=pin.JointModelFreeFlyer(), joints=1), "toe")
-    assert leg.configuration().tolist() == [0, 0, 0, 0, 0, 0, 1]
-    with pytest.raises(kd.InvalidInput, match="joint 'j0' has 6 degrees of freedom"):
-        getattr(leg, method)("j0")
-
-
 def test_locked_joints_move_as_one_body():
     leg, q = kd.Leg.human(), [0.3, 0.8, -0.2]
     locked = leg.locked({"ankle": -0.2})
@@ -341,7 +280,7 @@ def test_repr_names_joints_and_frame():
 
 def test_wrong_kinds_are_named():
     leg = kd.Leg.human()
-    calls = {"joints": leg.locked, "angles": leg.configuration, "rotors": leg.with_armature}
+    calls = {"joints": leg.locked, "rotors": leg.with_armature}
     for name, call in calls.items():
         with pytest.raises(kd.InvalidInput, match=rf"^{name} is .*must map names to values"):
             call(["hip"])

@@ -1,0 +1,111 @@
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+
+BODY = pin.Inertia(1.0, np.array([0.0, 0.0, -0.25]), np.diag([0.1, 0.1, 0.05]))
+
+
+def mixed():
+    """One joint of each kind: limited, continuous, prismatic."""
+    model = pin.Model()
+    model.name = "mixed"
+    parent = 0
+    for kind, name, limits in (
+        (pin.JointModelRY(), "turn", ([-1.0], [2.0])),
+        (pin.JointModelRUBY(), "spin", ([-1.1] * 2, [1.1] * 2)),
+        (pin.JointModelPZ(), "slide", ([0.0], [0.3])),
+    ):
+        low, high = (np.array(limit) for limit in limits)
+        size = np.ones(1)
+        parent = model.addJoint(parent, kind, pin.SE3.Identity(), name, size, size, low, high)
+        model.appendBodyToJoint(parent, BODY, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0, 0, -1.0]))
+    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe")
+
+
+def test_joints_of_every_kind():
+    leg = mixed()
+    assert (leg.nq, leg.nv) == (4, 3)
+    q = leg.configuration({"spin": 3.0, "slide": 0.2})
+    assert q == pytest.approx([0, math.cos(3), math.sin(3), 0.2], abs=1e-15)
+    assert leg.posture(q).contact_point == pytest.approx(
+        [-0.8 * math.sin(3), 0, -0.8 * math.cos(3)]
+    )
+    assert leg.joint_range("turn") == (-1, 2)
+    assert leg.joint_range("spin") == (-math.pi, math.pi)
+    assert leg.joint_range("slide") == (0, 0.3)
+    assert [leg.joint_unit(name) for name in leg.joint_names] == ["rad", "rad", "m"]
+    degrees = {"turn": 0, "spin": math.degrees(3), "slide": 0.2}
+    assert leg.angles_deg(q) == pytest.approx(degrees)
+
+
+def test_nothing_named_is_everything_at_zero():
+    assert mixed().configuration().tolist() == [0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("angles", "said"),
+    [
+        ({"twist": 1}, "joint 'twist' is unknown: mixed has turn, spin, slide"),
+        ({"turn": math.nan}, "joint turn is nan"),
+        ({"turn": "30"}, "joint turn is '30'"),
+        ({"universe": 1}, "joint 'universe' is unknown"),
+        (["turn"], "^angles is .*must map names to values"),
+    ],
+)
+def test_bad_angles_are_refused(angles, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        mixed().configuration(angles)
+
+
+@pytest.mark.parametrize("method", ["velocity_index", "joint_range", "joint_unit"])
+def test_joint_of_many_degrees_is_refused_by_name(method):
+    leg = kd.Leg.from_robot("bolt", base="floating")
+    assert leg.configuration()[:7].tolist() == [0, 0, 0, 0, 0, 0, 1]
+    assert "root_joint" not in leg.angles_deg(leg.configuration())
+    with pytest.raises(kd.InvalidInput, match="joint 'root_joint' has 6 degrees of freedom"):
+        getattr(leg, method)("root_joint")
+
+
+@pytest.mark.parametrize(
+    ("q", "said"),
+    [
+        ([0, 0], r"shape \(2,\): it must be \(3,\)"),
+        ([[0, 0, 0]], r"shape \(1, 3\)"),
+        (np.zeros((3, 1)), r"shape \(3, 1\)"),
+        ([0, math.nan, 0], "finite"),
+        ([0, math.inf, 0], "finite"),
+        ([0, 1j, 0], "real numbers"),
+        ("000", "real numbers"),
+        ([True, False, True], "real numbers"),
+        (np.ma.array([0.0, 1.0, 2.0], mask=[0, 0, 1]), "masked"),
+    ],
+    ids=str,
+)
+def test_bad_q_is_refused(q, said):
+    leg = kd.Leg.human()
+    for door in (leg.posture, leg.closed, leg.checked_configuration):
+        with pytest.raises(kd.InvalidInput, match=f"^q .*{said}"):
+            door(q)
+
+
+@pytest.mark.parametrize("pair", [[0, 0], [2, 0], [1, 1e-3]])
+def test_cosine_and_sine_must_belong_together(pair):
+    with pytest.raises(kd.InvalidInput, match=r"the \(cos, sin\) pair of spin must have length 1"):
+        mixed().posture([0.1, *pair, 0.2])
+    assert mixed().posture([0.1, 0.6, 0.8, 0.2]).q.tolist() == [0.1, 0.6, 0.8, 0.2]
+
+
+def test_a_floating_base_without_its_quaternion_is_named():
+    leg = kd.Leg.from_robot("bolt", base="floating")
+    with pytest.raises(kd.InvalidInput, match=r"the quaternion \(xyzw, last\) of root_joint must"):
+        leg.posture(np.zeros(leg.nq))
+    stretched = leg.configuration()
+    stretched[3:7] *= 2
+    with pytest.raises(kd.InvalidInput, match="of root_joint must have length 1"):
+        leg.posture(stretched)

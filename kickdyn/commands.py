@@ -29,9 +29,9 @@ class _Place(click.types.StringParamType):
         """Complete names of legs where a leg is asked for, else of files."""
         names: list[str] = []
         if param.name == "leg_name":
-            from kickdyn.robots import ROBOTS
+            from kickdyn.named import LEGS
 
-            names = [*dict.fromkeys(["human", "testbed", *ROBOTS])]
+            names = [*LEGS]
         found = [CompletionItem(name) for name in names if name.startswith(incomplete)]
         return found or [CompletionItem(incomplete, type="file")]
 

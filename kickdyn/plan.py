@@ -18,6 +18,7 @@ from kickdyn.door import busy, run
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.ground import SURFACES
+from kickdyn.named import AIRS, load_leg
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import OutOfReach, plan_kick
 from kickdyn.planning.kick_answer import KickPlan
@@ -34,7 +35,6 @@ from kickdyn.planning.report import (
 )
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_answer import Swing
-from kickdyn.posture_sweep import AIRS, load_leg
 
 CROUCH = 0.1
 """By how much lower a robot's hips are when it kicks, over the height of its straight leg: its

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 import xarray as xr
+from click.core import ParameterSource
 
 from kickdyn import checks
-from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import run
 from kickdyn.errors import InvalidInput, Unfinished
-from kickdyn.files import check_distinct, check_writable, exists, write_json
+from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
-from kickdyn.robots import ROBOTS
+from kickdyn.named import AIRS, SHIPPED, load_leg
 from kickdyn.sweep.block import Space
 from kickdyn.sweep.expression import Expression
 from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
@@ -42,17 +42,9 @@ from kickdyn.sweep.summary import (
     paper_lines,
     worst_residual,
 )
-from kickdyn.urdf_file import shipped_urdf
 
 if TYPE_CHECKING:
     from kickdyn.sweep.survey import Survey
-
-SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
-AIRS: dict[str, Callable[[], Air | None]] = {
-    "standard": Air,
-    "paper": Air.paper,
-    "none": lambda: None,
-}
 
 KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
@@ -92,14 +84,15 @@ class _Typed(click.Command):
               "best, the front, marginals and a sample are kept, for --json.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with what is in DIR.zarr.")
 @click.option("--threads", type=click.IntRange(1, 1024),
-              help="Threads that fill DIR.zarr.  [default: one per core]")  # fmt: skip
+              help="Threads that fill DIR.zarr, or take more than a million postures.  [default: "
+              "one per core]")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1, 1024), metavar="N",
               help="Processes that do, instead of threads (kickdyn[cluster]).")  # fmt: skip
 @click.option("--cluster", metavar="tcp://HOST:PORT",
               help="Scheduler of dask.distributed whose workers do.")  # fmt: skip
 @click.option("--carry-error", default=CARRY_ERROR, show_default=True,
-              help="In DIR.zarr, how far off a carry may be that is read off polynomials rather "
-              "than flown [m]; 0 flies every ball.")  # fmt: skip
+              help="In DIR.zarr, or of more than a million postures, how far off a carry may be "
+              "that is read off polynomials, not flown [m]; 0 flies every ball.")  # fmt: skip
 @click.option("--where", metavar="CONDITION",
               help="Best, worst, plot and page are of postures that fulfil it, such as "
               "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and results.")  # fmt: skip
@@ -154,6 +147,7 @@ def posture_sweep(
         raise InvalidInput("--workers and --cluster fill a Zarr store: name it with --out DIR.zarr")
     if sum(each is not None for each in (threads, workers, cluster)) > 1:
         raise InvalidInput("--threads, --workers and --cluster exclude each other: choose one")
+    _check_effect(leg, kick, threads, chunked=streams or postures.size > MAX_POSTURES)
     if resume and not Path(str(out)).exists():
         click.echo(f"{out} is not there: nothing to resume, a new sweep begins", err=True)
     _check_outputs(None if streams else out, json_file, plot, view)
@@ -209,23 +203,30 @@ def posture_sweep(
         _serve(shown)
 
 
-def load_leg(name: str, frame: str | None = None) -> Leg:
-    """Return one of the shipped legs, a robot's, or a URDF file's; raise `InvalidInput`."""
-    if name in SHIPPED:
-        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
-    if name in ROBOTS:
-        return _limb(Leg.from_robot(name, frame, legs_only=True))
-    if not exists(name) and not Path(name).suffix:
-        known = ", ".join([*SHIPPED, *(robot for robot in ROBOTS if robot not in SHIPPED)])
-        raise InvalidInput(f"leg {name!r} is neither {known} nor a file")
-    return Leg.from_urdf(name, frame or "toe")
+def _check_effect(leg: Leg, kick: Kick, threads: int | None, *, chunked: bool) -> None:
+    """Refuse what is asked of a sweep chunk by chunk where it would do nothing."""
+    named = click.get_current_context().get_parameter_source("carry_error")
+    if threads is not None and not chunked:
+        raise InvalidInput(
+            "--threads is for more than a million postures or a Zarr store: name it with "
+            "--out DIR.zarr"
+        )
+    if named != ParameterSource.COMMANDLINE:
+        return
+    if not chunked:
+        raise InvalidInput(
+            "--carry-error is for more than a million postures or a Zarr store: here every ball "
+            "is flown"
+        )
+    from kickdyn.sweep.outcomes import interpolated, kernel_scene
 
-
-def _limb(leg: Leg) -> Leg:
-    """Lock what does not move the foot: on a fixed base it has no say."""
-    model = leg.workspace.model
-    moving = {model.names[joint] for joint in model.supports[leg.contact_joint]}
-    return leg.locked({name: 0.0 for name in leg.joint_names if name not in moving})
+    if kick.air is None:
+        raise InvalidInput("--carry-error is for carries in air: without, they are exact")
+    if not interpolated(kernel_scene(leg, kick), kick, 1.0):
+        raise InvalidInput(
+            f"--carry-error is for legs that move in the plane of the kick: of {leg.name} every "
+            "ball is flown"
+        )
 
 
 def _check_outputs(

@@ -171,6 +171,11 @@ def test_any_urdf(tmp_path):
         (["--json", "."], "is a folder"),
         (["--nose"], "No such option"),
         (["--workers", "2"], "--workers and --cluster fill a Zarr store"),
+        (["--threads", "2"], "--threads is for more than a million postures or a Zarr store"),
+        (["--threads", "2", "--out", "x.nc"], "--threads is for more than a million"),
+        (["--carry-error", "0"], "--carry-error is for more than a million postures or a Zarr"),
+        (["--carry-error", "1e-3", "--out", "x.nc"], "here every ball is flown"),
+        (["--carry-error", "1e-3", "--out", "x.zarr", "--air", "none"], "for carries in air"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
@@ -186,6 +191,14 @@ def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
     assert words in ended.stderr
     assert ended.stderr.count("\n") == 1
     assert {f.name for f in tmp_path.iterdir()} == {"page.html", "file.zarr"}
+
+
+def test_a_leg_whose_balls_are_all_flown_takes_no_carry_error(tmp_path):
+    asked = ("--leg", "g1", "--joint", "right_knee_joint=0:40:20", "--out", "x.zarr")
+    ended = door(*asked, "--carry-error", "1e-3", cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "in the plane of the kick: of g1 every ball is flown" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_help_shows_an_example():

@@ -5,9 +5,12 @@ from __future__ import annotations
 import logging
 import os
 import pickle
+import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import lru_cache
+from multiprocessing import resource_tracker
+from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Any
 
 from kickdyn.errors import InvalidInput, KickdynError
@@ -21,8 +24,8 @@ PATIENCE = 5.0
 AHEAD = 3
 """Chunks per worker that a scheduler holds: it never waits, and never has them all."""
 
-_DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""Workers leave Ctrl-C, which a terminal sends to all, to the process that started them."""
+STOPPING = 0.5
+"""How long workers of this machine that are at work in the end may take to stop [s]."""
 
 _LOOPBACK = "127.0.0.1"
 
@@ -96,17 +99,56 @@ def _client(where: str | int) -> Iterator[Any]:
             logger.setLevel(level)
         return
     here = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
-    with (
-        _safe_path(),
-        dask.LocalCluster(
-            n_workers=where, threads_per_worker=1, processes=True, host=_LOOPBACK,
-            dashboard_address=here, worker_dashboard_address=here,
-            scheduler_kwargs={"dashboard": False}, memory_limit=0, silence_logs=logging.CRITICAL,
-            preload=[_DEAF],
-        ) as cluster,
-        dask.Client(cluster, set_as_default=False) as client,
-    ):  # fmt: skip
+    started = ExitStack()
+    try:
+        with _safe_path(), _held():
+            cluster = started.enter_context(dask.LocalCluster(
+                n_workers=where, threads_per_worker=1, processes=True, host=_LOOPBACK,
+                dashboard_address=here, worker_dashboard_address=here,
+                scheduler_kwargs={"dashboard": False}, memory_limit=0,
+                silence_logs=logging.CRITICAL,
+            ))  # fmt: skip
+            for nanny in cluster.workers.values():
+                started.callback(cluster.sync, nanny.close, timeout=STOPPING)
+            client = started.enter_context(dask.Client(cluster, set_as_default=False))
         yield client
+    finally:
+        with _held():
+            started.close()
+
+
+@contextmanager
+def _held() -> Iterator[None]:
+    """Hold Ctrl-C back: processes that are started meanwhile never hear it, this one in the end.
+
+    A terminal sends it to all of them, and dask leaves tracebacks if it comes while they start.
+    What is blocked here stays so in threads and processes that are begun; the handler is for the
+    threads that are there already. A second Ctrl-C is not held back.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    heard: list[int] = []
+    before: Any = signal.getsignal(signal.SIGINT)
+
+    def note(number: int, frame: Any) -> None:
+        if heard:
+            raise KeyboardInterrupt
+        heard.append(number)
+
+    resource_tracker.ensure_running()  # which would unblock it, as it starts
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    notes = current_thread() is main_thread() and callable(before)
+    if notes:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        if notes:
+            signal.signal(signal.SIGINT, before)
+    if heard:
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -52,9 +52,10 @@ def gather(carries, rows, delassus):  # type: ignore[no-untyped-def]
 def strike(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
     """Fill in the impulse on the ball, flat, and the energy lost, with the ball's give.
 
-    Doubt what cancels: a foot much lighter than the ball that gives way along one direction.
+    Doubt what cancels: a foot much lighter than the ball that gives way along one direction. What
+    slips out of a plane is left to `slide`.
     """
-    push, slipping = (1.0 + e) * speed, 0
+    push = (1.0 + e) * speed
     for i in range(LANES):
         g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
         g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
@@ -63,7 +64,6 @@ def strike(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type
         t = -h23 / h22
         s = -(g13 + g12 * t) / g11
         sticks = s * s + t * t <= mu * mu
-        slipping += 0 if sticks else 1
         flat = g12 == 0.0 and g23 == 0.0
         s = min(max(s, -mu), mu) if flat or mu == 0.0 else s
         t = 0.0 if flat or mu == 0.0 else t
@@ -74,38 +74,32 @@ def strike(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type
         sliding = 0.0 if sticks else (g11 * s + g13) * p
         impulse[i], impulse[LANES + i], impulse[2 * LANES + i] = s * p, t * p, p
         lost[i] = 0.5 * p * (speed * (1.0 - e) - s * sliding)
-    if slipping == 0 or mu == 0.0:
-        return
+
+
+@njit
+def slide(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
+    """Put the impulses of `strike` that leave the cone on it, where they are not flat."""
     for i in range(LANES):
-        g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
-        g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
-        s, t = impulse[i], impulse[LANES + i]
-        if (g12 == 0.0 and g23 == 0.0) or s * s + t * t <= (mu * impulse[2 * LANES + i]) ** 2:
+        g12, g23 = delassus[D12 + i], delassus[D23 + i]
+        s, t, most = impulse[i], impulse[LANES + i], mu * impulse[2 * LANES + i]
+        if s * s + t * t <= most * most or (g12 == 0.0 and g23 == 0.0) or doubt[i] > 0.0:
             continue
-        found = _slip(g11, g12, g22, g13, g23, g33, push, mu, speed * (1.0 - e))
+        g11, g22 = delassus[D11 + i] + across, delassus[D22 + i] + across
+        g13, g33 = delassus[D13 + i], delassus[D33 + i] + along
+        found = _slip(g11, g12, g22, g13, g23, g33, (1.0 + e) * speed, mu, speed * (1.0 - e))
         impulse[i], impulse[LANES + i], impulse[2 * LANES + i], lost[i] = found
 
 
 @njit
 def _slip(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
     """Return impulse and energy lost on the cone: `kickdyn.impact.newton`, number by number."""
-    x1, x2, x3 = mu * push * g11, mu * push * g12, push * g13
-    y1, y2, y3 = mu * push * g12, mu * push * g22, push * g23
-    mean, cos1, sin1 = (x2 - y1) / 2, -y3, x3
-    cos2, sin2 = -(x2 + y1) / 2, (x1 - y2) / 2
-    coefficients = np.empty(5, np.complex128)
-    coefficients[0], coefficients[1] = complex(cos2, -sin2) / 2, complex(cos1, -sin1) / 2
-    coefficients[2] = mean
-    coefficients[3], coefficients[4] = complex(cos1, sin1) / 2, complex(cos2, sin2) / 2
+    cos1, sin1, cos2, sin2 = -g23, g13, -mu * g12, 0.5 * mu * (g11 - g22)
     best = (math.nan, math.nan, math.nan, -math.inf)
-    for root in np.roots(coefficients):
-        if not abs(abs(root) - 1.0) < 1e-4:
-            continue
-        angle = math.atan2(root.imag, root.real)
+    for angle in _opposed(cos1, sin1, cos2, sin2):
         for _ in range(3):
             c, s = math.cos(angle), math.sin(angle)
             c2, s2 = c * c - s * s, 2.0 * c * s
-            value = mean + cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
+            value = cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
             slope = -cos1 * s + sin1 * c + 2.0 * (sin2 * c2 - cos2 * s2)
             angle -= value / slope if slope != 0.0 else 0.0
         s, t = mu * math.cos(angle), mu * math.sin(angle)
@@ -118,6 +112,28 @@ def _slip(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-u
         if lost > best[3]:
             best = (s * p, t * p, p, lost)
     return best
+
+
+@njit
+def _opposed(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
+    """Return every angle at which the sum of these waves, of angle and double angle, is about 0.
+
+    The roots on the unit circle of a quartic in exp(i angle): eigenvalues of its companion matrix,
+    as `np.roots` finds them, which takes seconds to compile.
+    """
+    angles, count = np.empty(4), 0
+    if max(abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
+        angles[0], angles[1] = math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)
+        return angles[:2]
+    first, companion = complex(cos2, -sin2), np.zeros((4, 4), np.complex128)
+    companion[0, 0], companion[0, 2] = -complex(cos1, -sin1) / first, -complex(cos1, sin1) / first
+    companion[0, 3] = -complex(cos2, sin2) / first
+    companion[1, 0] = companion[2, 1] = companion[3, 2] = 1.0
+    for root in np.linalg.eigvals(companion):
+        if abs(abs(root) - 1.0) < 1e-4:
+            angles[count] = math.atan2(root.imag, root.real)
+            count += 1
+    return angles[:count]
 
 
 @njit

@@ -24,7 +24,7 @@ from kickdyn.sweep import arithmetic, factors, impulses, planar, spatial
 from kickdyn.sweep.arithmetic import HOW, njit
 from kickdyn.sweep.compiled import compiled, named
 from kickdyn.sweep.factors import factor, unweigh, weigh
-from kickdyn.sweep.impulses import D33, gather, least, strike
+from kickdyn.sweep.impulses import D33, gather, least, slide, strike
 from kickdyn.sweep.scene import Scene
 
 TANGENT, ACROSS, NORMAL, GIVE, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
@@ -93,6 +93,8 @@ def _kernel(motion: Any, width: int) -> Any:
             weigh(parent, carries, inertia, rows)
             gather(carries, rows, delassus)
             strike(delassus, across, along, speed, e, mu, impulse, lost, doubt)
+            if width == 3:  # else nothing slips out of the plane, and it need not be compiled
+                slide(delassus, across, along, speed, e, mu, impulse, lost, doubt)
             end = min(LANES, count - begin)
             if full:
                 least(carries, rows, delassus, speed, v, work, doubt)

@@ -63,6 +63,23 @@ def test_a_worker_that_is_killed_costs_time_only(tmp_path):
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
 
 
+def test_ctrl_c_waits_for_the_workers_and_does_not_reach_them():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        held, waited = cluster._held(), False
+        with pytest.raises(KeyboardInterrupt), held:
+            waited = os.kill(os.getpid(), signal.SIGINT) is None
+        assert waited
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+        with cluster._client(1) as client:
+            client.wait_for_workers(1, timeout=30)
+            (deaf,) = client.run(lambda: signal.pthread_sigmask(signal.SIG_BLOCK, [])).values()
+        assert signal.SIGINT in deaf
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_workers_do_not_import_from_the_working_directory(tmp_path, monkeypatch):
     for name in ("multiprocessing", "signal", "pickle", "distributed", "kickdyn"):
         hostile = f"from pathlib import Path; Path({str(tmp_path)!r}, '{name} ran').touch()"

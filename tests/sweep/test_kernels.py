@@ -75,6 +75,14 @@ def test_the_general_kernel_is_kick_from(seed):
     assert seen["doubt"] <= 1
 
 
+@pytest.mark.parametrize("friction", [1e-6, 1e-10, 1e-14, 1e-18, 1e-300])
+def test_the_slightest_friction_is_a_slip_against_the_sliding(friction):
+    leg = random_leg(np.random.default_rng(3), joints=4)
+    axes = {name: np.array([-1.3, 0.4]) for name in leg.joint_names}
+    _, seen = agree(leg, Kick(speed=2.0, friction=friction), axes)
+    assert seen == {"sticks": 0, "slips": 16, "doubt": 0}
+
+
 @pytest.mark.parametrize("friction", [0.15, 1.0])
 @pytest.mark.parametrize(("last", "doubt"), [(1e-2, 0.0), (1e-4, 0.5), (1e-6, 1.0), (1e-8, 1.0)])
 def test_short_light_feet_keep_their_digits_or_are_marked(last, doubt, friction):

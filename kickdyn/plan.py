@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the other imports: Ctrl-C ends those in a line too
+    from kickdyn.door import enter
+
+    enter("plan", "kickdyn.plan", "plan")
+
 import math
 from dataclasses import replace
 from functools import partial
@@ -14,7 +19,7 @@ from click.core import ParameterSource
 from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.door import busy, run
+from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.ground import SURFACES
@@ -297,7 +302,3 @@ def _write(
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
-
-
-if __name__ == "__main__":
-    run(plan)

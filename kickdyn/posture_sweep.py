@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the other imports: Ctrl-C ends those in a line too
+    from kickdyn.door import enter
+
+    enter("posture-sweep", "kickdyn.posture_sweep", "posture_sweep")
+
 import math
 import shlex
 import threading
@@ -17,7 +22,6 @@ from click.core import ParameterSource
 
 from kickdyn import checks
 from kickdyn.ball import Ball
-from kickdyn.door import run
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.files import check_distinct, check_writable, write_json
 from kickdyn.flight.fly import fly
@@ -303,7 +307,3 @@ def _serve(shown: Shown) -> None:
         click.echo(f"showing the kick at {server.url} (this machine only) until Ctrl-C", err=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
-
-
-if __name__ == "__main__":
-    run(posture_sweep)

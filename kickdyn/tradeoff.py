@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the other imports: Ctrl-C ends those in a line too
+    from kickdyn.door import enter
+
+    enter("tradeoff", "kickdyn.tradeoff", "tradeoff")
+
 import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,7 +16,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from kickdyn.door import busy, run
+from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_writable, write_json
 
@@ -121,7 +126,3 @@ def _flight_table(rows: list[Measured]) -> Table:
         cells = (row.scene, row.method, tol, f"{row.error:.1e}", f"{row.evaluations:.0f}")
         table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
     return table
-
-
-if __name__ == "__main__":
-    run(tradeoff)

@@ -37,3 +37,20 @@ def test_ctrl_c_ends_an_import(package, tmp_path):
     )
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.strip() == "kick: interrupted"
+
+
+@pytest.mark.parametrize("package", ["click", "numpy"])
+@pytest.mark.parametrize("module", ["posture_sweep", "plan", "tradeoff", "view", "paper"])
+def test_ctrl_c_ends_a_modules_own_imports(module, package, tmp_path):
+    """`python -m kickdyn.plan` as well as the script, whatever is under way."""
+    (tmp_path / f"{package}.py").write_text("raise KeyboardInterrupt")
+    asked = ["--flight"] if module == "tradeoff" else ["--help"]
+    ended = subprocess.run(
+        [sys.executable, "-m", f"kickdyn.{module}", *asked],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr.strip() == f"{module.replace('_', '-')}: interrupted"

@@ -1,6 +1,5 @@
 """Run the paper's door."""
 
-from kickdyn.door import run
-from kickdyn.paper.command import paper
+from kickdyn.door import enter
 
-run(paper)
+enter("paper", "kickdyn.paper.command", "paper")

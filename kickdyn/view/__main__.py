@@ -1,6 +1,5 @@
 """Run the view's door."""
 
-from kickdyn.door import run
-from kickdyn.view.command import view
+from kickdyn.door import enter
 
-run(view)
+enter("view", "kickdyn.view.command", "view")

@@ -8,6 +8,7 @@ from importlib import import_module
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
+from kickdyn.shipped import shipped
 from kickdyn.version import __version__
 
 DOORS = {
@@ -21,19 +22,24 @@ DOORS = {
 
 
 class _Place(click.types.StringParamType):
-    """A text that names a file, which a shell completes; or a leg, by name or file."""
+    """A text that names a file, which a shell completes; or a leg or a scene, by name or file."""
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete names of legs where a leg is asked for, else of files."""
-        names: list[str] = []
-        if param.name == "leg_name":
-            from kickdyn.named import LEGS
+        """Complete names of files, and of legs or scenes where one is asked for."""
+        found = [CompletionItem(name) for name in _names(param) if name.startswith(incomplete)]
+        return [CompletionItem(incomplete, type="file"), *found]  # bash drops what is before a file
 
-            names = [*LEGS]
-        found = [CompletionItem(name) for name in names if name.startswith(incomplete)]
-        return found or [CompletionItem(incomplete, type="file")]
+
+def _names(param: click.Parameter) -> list[str]:
+    if param.name == "leg_name":
+        from kickdyn.named import LEGS
+
+        return [*LEGS]
+    if param.name in ("scene", "scene_file"):
+        return sorted(scene.stem for scene in shipped("scenes").glob("*.toml"))
+    return []
 
 
 class _Doors(click.Group):

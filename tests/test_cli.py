@@ -3,6 +3,8 @@
 import json
 import os
 import re
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -74,8 +76,28 @@ def test_completion_knows_commands_and_options():
     assert "--restitution" in completed("kickdyn plan --rest", 2)
     assert completed("kickdyn view sce", 2).split() == ["file,sce"]
     assert completed("kickdyn posture-sweep --out s", 3).split() == ["file,s"]
-    assert completed("kickdyn plan --leg h", 3).split() == ["plain,human"]
+    assert completed("kickdyn plan --leg h", 3).split() == ["file,h", "plain,human"]
     assert completed("kickdyn plan --leg ./h", 3).split() == ["file,./h"]
+    assert completed("kickdyn view fr", 2).split() == ["file,fr", "plain,free_kick"]
+    robots = ["file,rob", "plain,robocup_carpet", "plain,robot_chip"]
+    assert completed("kickdyn tradeoff --scene rob", 3).split() == robots
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash_offers_names_beside_files(tmp_path):
+    """In bash itself, which forgets what it was told before a file."""
+    (tmp_path / "kickdyn").write_text(f'#!/bin/sh\nexec {shlex.join(SCRIPT)} "$@"\n')
+    (tmp_path / "kickdyn").chmod(0o755)
+    teach = CliRunner().invoke(kickdyn_command, ["completion", "bash"]).output
+    ask = (
+        "compopt() { :; }\nCOMP_WORDS=(kickdyn view p) COMP_CWORD=2\n"
+        "_kickdyn_completion kickdyn\necho ${COMPREPLY[@]}"
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    ended = subprocess.run(
+        ["bash", "-c", f"{teach}\n{ask}"], env=environment, capture_output=True, text=True
+    )
+    assert (ended.stdout, ended.stderr) == ("paper_kick\n", "")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -18,6 +18,7 @@ from kickdyn.card import Card, Row
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.approach import AT_REST, approach
 from kickdyn.impact.held import check_free
 from kickdyn.impact.hertz import (
     BRIEFEST,
@@ -28,7 +29,6 @@ from kickdyn.impact.hertz import (
     until,
 )
 from kickdyn.impact.squeeze import Squeeze
-from kickdyn.impact.strike import AT_REST, approach
 from kickdyn.impact.torque import Torque, acting, check_pickles, own_torque
 from kickdyn.leg import Leg
 
@@ -203,17 +203,10 @@ def collide(
     """
     checks.number("tol", tol, at_least=1e-13, at_most=1e-3)
     checks.made_of(Leg, leg=leg)
-    checks.made_of(Ball, ball=ball)
-    checks.made_of(Contact, touch=touch)
     check_free(leg, "a contact that takes time is")
     torque = own_torque(torque, leg.nv)
-    posture = leg.posture(q)
-    if touch.offset is not None:
-        posture = posture.touched_at(touch.offset)
-    v = checks.vector("v", v, leg.nv)
-    centre = posture.contact_point + ball.radius * touch.normal
-    before = BallState(centre, ball_velocity, ball_spin)
-    speed = approach(posture, v, posture.jacobian @ v, before, touch)
+    met = approach(leg.posture(q), v, ball, touch, ball_velocity, ball_spin)
+    posture, v, _, before, speed = met
     checks.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
     mass = 1.0 / (1.0 / posture.mass_along(touch.normal) + 1.0 / ball.mass)
     contact = _contact(contact_time, stiffness, mass, speed, touch.restitution)
@@ -252,7 +245,7 @@ def collide(
 
     state = squeeze.state(last)
     energies = squeeze.energy(start) + state.work - state.lost - squeeze.energy(last)
-    after = BallState(centre + state.moved, state.velocity, state.spin, end)
+    after = BallState(before.position + state.moved, state.velocity, state.spin, end)
     foot = squeeze.foot_at(state) - posture.contact_point
     impulse = squeeze.impulse(end, last)
     for array in (impulse, v, state.q, state.v, foot):

@@ -13,7 +13,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.strike import AT_REST, approach, check_ball_speed
+from kickdyn.impact.approach import AT_REST, approach
 from kickdyn.leg import Leg
 
 
@@ -49,21 +49,11 @@ def engine_strike(
     that are independent; with rows of lower rank it would answer wrongly without a word.
     """
     checks.made_of(Leg, leg=leg)
-    checks.made_of(Ball, ball=ball)
-    checks.made_of(Contact, touch=touch)
+    posture, v, _, before, _ = approach(leg.posture(q), v, ball, touch, ball_velocity, ball_spin)
     if touch.friction != 0.0:
         raise InvalidInput(
             f"friction is {touch.friction:g}: Pinocchio's impulseDynamics knows only 0"
         )
-    posture = leg.posture(q)
-    v = checks.vector("v", v, leg.nv)
-    posture.check_velocity(v)
-    if touch.offset is not None:
-        posture = posture.touched_at(touch.offset)
-    centre = posture.contact_point + ball.radius * touch.normal
-    before = BallState(centre, ball_velocity, ball_spin)
-    check_ball_speed(ball, before)
-    approach(posture, v, posture.jacobian @ v, before, touch)
 
     model = leg.workspace.model.copy()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
@@ -79,7 +69,7 @@ def engine_strike(
     foot_frame = model.addFrame(frame)
     data = pin.Data(model)
 
-    both_q = np.concatenate([posture.q, centre, [0.0, 0.0, 0.0, 1.0]])
+    both_q = np.concatenate([posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
     both_v = np.concatenate([v, before.velocity, before.spin])
     pin.computeJointJacobians(model, data, both_q)
     foot_row, ball_row = (
@@ -92,6 +82,5 @@ def engine_strike(
         rows = np.vstack([rows, np.hstack([held, np.zeros((len(held), 6))])])
     after = pin.impulseDynamics(model, data, both_q, both_v, rows, touch.restitution, 0.0)
     impulse = float(data.impulse_c[0]) * touch.normal
-    return EngineImpact(
-        impulse, BallState(centre, after[leg.nv : leg.nv + 3], after[leg.nv + 3 :]), after[: leg.nv]
-    )
+    kicked = BallState(before.position, after[leg.nv : leg.nv + 3], after[leg.nv + 3 :])
+    return EngineImpact(impulse, kicked, after[: leg.nv])

@@ -16,12 +16,13 @@ from kickdyn.checks import Array
 from kickdyn.constraints import Support
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.approach import AT_REST
 from kickdyn.impact.cone_solver import solve_cones
 from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.result import Impact
-from kickdyn.impact.strike import AT_REST, check_energy, strike
+from kickdyn.impact.strike import check_energy, strike
 from kickdyn.leg import Leg
 from kickdyn.posture import Posture
 from kickdyn.vectors import cross

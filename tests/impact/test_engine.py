@@ -81,20 +81,3 @@ def test_separating_bodies_are_not_pulled():
     away = kd.Contact(-touch.normal, touch.restitution)
     with pytest.raises(kd.NoImpact, match="away from the ball"):
         kd.engine_strike(leg, q, v, ball, away, **options)
-
-
-def test_what_is_no_kick_is_refused():
-    leg = LEGS["human"]
-    q = np.radians([5.0, 10.0, -5.0])
-    v = leg.posture(q).joint_velocity((3, 0, 1))
-    kick = [leg, q, v, kd.Ball(), kd.Contact((1, 0, 0.3), 0.7)]
-    for place, said in (
-        (0, r"leg is None.*kickdyn\.Leg"),
-        (3, "ball is None"),
-        (4, "touch is None"),
-    ):
-        with pytest.raises(kd.InvalidInput, match=said):
-            kd.engine_strike(*[None if k == place else part for k, part in enumerate(kick)])
-    for strike in (kd.strike, kd.engine_strike):
-        with pytest.raises(kd.InvalidInput, match=r"the ball moves at .* must be below 1e"):
-            strike(*kick, ball_spin=(0, 1e200, 0))

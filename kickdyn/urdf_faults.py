@@ -71,15 +71,29 @@ def _name(element: Element, tag: str, faults: list[str]) -> str:
     return ""
 
 
-def _numbers(where: str, text: str | None, count: int, faults: list[str]) -> list[float] | None:
-    """Parse exactly `count` finite decimal numbers, or add a fault."""
+def _numbers(
+    where: str,
+    element: Element,
+    key: str,
+    count: int,
+    faults: list[str],
+    *,
+    least: float = -math.inf,
+    unit: str = "",
+) -> list[float] | None:
+    """Read exactly `count` finite decimal numbers from an attribute, or add a fault."""
+    text = element.get(key)
     parts = (text or "").split()
     values = [float(part) for part in parts if _NUMBER.fullmatch(part)]
-    if len(parts) != count or len(values) != count or not all(map(math.isfinite, values)):
-        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
-        faults.append(f"{where} is {_shown(text)}: it must be {wanted}")
-        return None
-    return values
+    whole = len(parts) == count == len(values) and all(map(math.isfinite, values))
+    if whole and min(values) >= least:
+        return values
+    wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+    wanted += f", {least:g} or more" if least > -math.inf else ""
+    wanted += f" [{unit}]" if unit else ""
+    said = f"has no {key}" if text is None else f"{key} is {_shown(text)}"
+    faults.append(f"{where} {said}: it must be {wanted}")
+    return None
 
 
 def _shown(text: str | None) -> str:
@@ -97,7 +111,7 @@ def _origin(where: str, parent: Element, faults: list[str]) -> None:
     origin = parent.find("origin")
     for key in ("xyz", "rpy"):
         if origin is not None and key in origin.attrib:
-            _numbers(f"{where} origin {key}", origin.get(key), 3, faults)
+            _numbers(f"{where} origin", origin, key, 3, faults)
 
 
 def _link(name: str, link: Element, faults: list[str]) -> bool | None:
@@ -144,7 +158,7 @@ def _mass(where: str, element: Element | None, faults: list[str]) -> float | Non
     if element is None:
         faults.append(f"{where} inertial has no mass")
         return None
-    values = _numbers(f"{where} mass", element.get("value"), 1, faults)
+    values = _numbers(f"{where} mass", element, "value", 1, faults, unit="kg")
     return values[0] if values else None
 
 
@@ -153,7 +167,7 @@ def _inertia(where: str, element: Element | None, faults: list[str]) -> np.ndarr
         faults.append(f"{where} inertial has no inertia")
         return None
     keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    read = [_numbers(f"{where} inertia {key}", element.get(key), 1, faults) for key in keys]
+    read = [_numbers(f"{where} inertia", element, key, 1, faults, unit="kg m2") for key in keys]
     if any(value is None for value in read):
         return None
     xx, xy, xz, yy, yz, zz = (value[0] for value in read if value)
@@ -184,7 +198,7 @@ def _geometry(where: str, geometry: Element | None, faults: list[str]) -> None:
     elif shape.tag not in _SIZES:
         faults.append(f"{where} shape <{shape.tag}> is unknown")
     for key, count in _SIZES.get(shape.tag, {}).items():
-        sizes = _numbers(f"{where} {shape.tag} {key}", shape.get(key), count, faults)
+        sizes = _numbers(f"{where} {shape.tag}", shape, key, count, faults, unit="m")
         if sizes and min(sizes) <= 0:
             faults.append(f"{where} {shape.tag} {key} is {shape.get(key)!r}: it must be above 0")
 
@@ -200,27 +214,32 @@ def _joint(name: str, joint: Element, faults: list[str]) -> None:
         faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
     axis = joint.find("axis")
     if kind in MOVING and axis is not None:
-        values = _numbers(f"{where} axis", axis.get("xyz"), 3, faults)
+        values = _numbers(f"{where} axis", axis, "xyz", 3, faults)
         if values and not 1e-100 < max(map(abs, values)) < 1e100:  # its square is needed
             shown = " ".join(f"{value:g}" for value in values)
             faults.append(f"{where} axis is {shown}: it must have a direction")
-    if kind in ("revolute", "prismatic"):
-        _limit(where, joint.find("limit"), faults)
+    _limit(where, kind, joint.find("limit"), faults)
 
 
-def _limit(where: str, limit: Element | None, faults: list[str]) -> None:
+def _limit(where: str, kind: str, limit: Element | None, faults: list[str]) -> None:
+    """Check a limit; only a joint with a range must have one."""
+    ranged = kind in ("revolute", "prismatic")
+    angle, force = ("m", "N") if kind == "prismatic" else ("rad", "N m")
     if limit is None:
-        faults.append(f"{where} has no limit (a joint without one is of type continuous)")
+        if ranged:
+            endless = "" if kind == "prismatic" else " (turning without end is of type continuous)"
+            faults.append(
+                f"{where} has no limit: it must have lower and upper [{angle}], effort [{force}] "
+                f"and velocity [{angle}/s]{endless}"
+            )
         return
-    keys = ("lower", "upper", "effort", "velocity")
-    read = {key: _numbers(f"{where} limit {key}", limit.get(key), 1, faults) for key in keys}
-    lower, upper = read["lower"], read["upper"]
-    if lower and upper and lower[0] > upper[0]:
-        faults.append(f"{where} limit lower {lower[0]:g} is above upper {upper[0]:g}")
-    for key in ("effort", "velocity"):
-        value = read[key]
-        if value and value[0] < 0:
-            faults.append(f"{where} limit {key} is {value[0]:g}: it must be 0 or more")
+    where = f"{where} limit"
+    keys = [key for key in ("lower", "upper") if ranged or key in limit.attrib]
+    ends = [_numbers(where, limit, key, 1, faults, unit=angle) for key in keys]
+    for key, unit in (("effort", force), ("velocity", f"{angle}/s")):
+        _numbers(where, limit, key, 1, faults, least=0.0, unit=unit)
+    if ranged and ends[0] and ends[1] and ends[0] > ends[1]:
+        faults.append(f"{where} lower {ends[0][0]:g} is above upper {ends[1][0]:g}")
 
 
 def _tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> bool:
@@ -232,7 +251,9 @@ def _tree(links: dict[str, Element], joints: dict[str, Element], faults: list[st
         for role in ("parent", "child"):
             element = joint.find(role)
             link = None if element is None else element.get("link")
-            if link not in links:
+            if link is None:
+                faults.append(f"joint {name!r} has no {role}: it must name a link")
+            elif link not in links:
                 faults.append(f"joint {name!r} {role} is {_shown(link)}: there is no such link")
             ends[role] = link or ""
         if len(faults) > before:

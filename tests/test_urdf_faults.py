@@ -17,8 +17,15 @@ THIGH_MASS = '<mass value="7"/>'
 THIGH_INERTIA = '<inertia ixx="0.08" ixy="0" ixz="0" iyy="0.07" iyz="0" izz="0.02"/>'
 SHANK_INERTIAL = re.compile(r'<inertial>\s*<mass value="3"/>.*?</inertial>', re.DOTALL)
 KNEE_LIMIT = '<limit lower="0" upper="2.5" effort="80" velocity="20"/>'
+LIMITS = {
+    "lower": r"it must be a finite number \[rad\]$",
+    "upper": r"it must be a finite number \[rad\]$",
+    "effort": r"it must be a finite number, 0 or more \[N m\]$",
+    "velocity": r"it must be a finite number, 0 or more \[rad/s\]$",
+}
 KNEE_AXIS = '<axis xyz="0 1 0"/>'
 KNEE = 'name="knee" type="revolute"'
+CONTINUOUS = 'name="knee" type="continuous"'
 END = "</robot>"
 
 
@@ -27,7 +34,8 @@ def inertia(xx, yy, zz, xy=0):
 
 
 def mass(value, said=None):
-    said = said or rf"^link 'thigh' mass is {re.escape(repr(value))}: it must be a finite number$"
+    text = re.escape(repr(value))
+    said = said or rf"^link 'thigh' mass value is {text}: it must be a finite number \[kg\]$"
     return THIGH_MASS, f'<mass value="{value}"/>', said
 
 
@@ -54,13 +62,13 @@ REFUSED = {
     "mass of Arabic digits": mass("\u0667"),
     "mass empty": mass(""),
     "mass of a million digits": mass(
-        "9" * 1_000_000, r"'9{60}'\.\.\.: it must be a finite number$"
+        "9" * 1_000_000, r"'9{60}'\.\.\.: it must be a finite number \[kg\]$"
     ),
-    "mass without value": (THIGH_MASS, "<mass/>", "^link 'thigh' mass is None"),
+    "mass without value": (THIGH_MASS, "<mass/>", "^link 'thigh' mass has no value: it"),
     "mass missing": (THIGH_MASS, "", "^link 'thigh' inertial has no mass"),
     "inertia missing": (THIGH_INERTIA, "", "^link 'thigh' inertial has no inertia"),
     "inertia nan": moments(1, "nan", 1, said="iyy is 'nan'"),
-    "inertia entry missing": ('ixx="0.08"', "", "^link 'thigh' inertia ixx is None"),
+    "inertia entry missing": ('ixx="0.08"', "", r"inertia has no ixx: .*\[kg m2\]$"),
     "inertia zero": moments(0, 0, 0, said="is not positive definite"),
     "not positive semidefinite": moments(1, 1, -1, said="is not positive definite"),
     "indefinite": moments(1, 1, 1, xy=2, said="is not positive definite"),
@@ -80,8 +88,8 @@ REFUSED = {
         *('<parent link="thigh"/>', '<parent link="thihg"/>'),
         "^joint 'knee' parent is 'thihg': there is no such link",
     ),
-    "no parent": ('<parent link="thigh"/>', "", "^joint 'knee' parent is None"),
-    "missing child": ('<child link="shank"/>', "", "^joint 'knee' child is None"),
+    "no parent": ('<parent link="thigh"/>', "", "^joint 'knee' has no parent: it must name"),
+    "missing child": ('<child link="shank"/>', "", "^joint 'knee' has no child: it must name"),
     "closed loop": (
         END,
         '<joint name="close" type="fixed"><parent link="base"/><child link="toe"/></joint></robot>',
@@ -94,22 +102,33 @@ REFUSED = {
     "missing type": (KNEE, 'name="knee"', "^joint 'knee' type is ''"),
     "planar": (KNEE, 'name="knee" type="planar"', "^joint 'knee' type is 'planar'"),
     "floating": (KNEE, 'name="knee" type="floating"', "^joint 'knee' type is 'floating'"),
-    "missing limit": (KNEE_LIMIT, "", "^joint 'knee' has no limit"),
+    "missing limit": (KNEE_LIMIT, "", r"has no limit: .*\[rad\], effort .*continuous\)$"),
     **{
-        f"no {key}": (
-            *(KNEE_LIMIT, re.sub(rf'{key}="\S+"', "", KNEE_LIMIT)),
-            f"^joint 'knee' limit {key} is None",
+        f"{what} {key}": (*(KNEE_LIMIT, re.sub(f'{key}="[^"]*"', change, KNEE_LIMIT)), said + valid)
+        for key, valid in LIMITS.items()
+        for what, change, said in (
+            ("no", "", f"^joint 'knee' limit has no {key}: "),
+            ("empty", f'{key}=""', f"^joint 'knee' limit {key} is '': "),
+            ("words for", f'{key}="80 Nm"', f"^joint 'knee' limit {key} is '80 Nm': "),
+            ("infinite", f'{key}="inf"', f"^joint 'knee' limit {key} is 'inf': "),
         )
-        for key in ("effort", "velocity", "lower", "upper")
     },
     "nan limit": ('upper="2.5"', 'upper="nan"', "^joint 'knee' limit upper is 'nan'"),
     "lower above upper": ('upper="2.5"', 'upper="-1"', "limit lower 0 is above upper -1"),
-    "negative effort": ('effort="80"', 'effort="-80"', "^joint 'knee' limit effort is -80"),
-    "negative velocity": ('velocity="20"', 'velocity="-1"', "^joint 'knee' limit velocity is -1"),
+    "negative effort": (
+        'effort="80"',
+        'effort="-80"',
+        "^joint 'knee' limit effort is '-80': .*0 or",
+    ),
+    "negative velocity": (
+        'velocity="20"',
+        'velocity="-1"',
+        "^joint 'knee' limit velocity is '-1': ",
+    ),
     "axis 0 0 0": (KNEE_AXIS, '<axis xyz="0 0 0"/>', "^joint 'knee' axis is 0 0 0"),
-    "axis nan": (KNEE_AXIS, '<axis xyz="0 nan 0"/>', "^joint 'knee' axis is '0 nan 0'"),
-    "axis of 2": (KNEE_AXIS, '<axis xyz="0 1"/>', "^joint 'knee' axis is '0 1'"),
-    "axis without numbers": (KNEE_AXIS, "<axis/>", "^joint 'knee' axis is None"),
+    "axis nan": (KNEE_AXIS, '<axis xyz="0 nan 0"/>', "^joint 'knee' axis xyz is '0 nan 0'"),
+    "axis of 2": (KNEE_AXIS, '<axis xyz="0 1"/>', "^joint 'knee' axis xyz is '0 1'"),
+    "axis without numbers": (KNEE_AXIS, "<axis/>", "^joint 'knee' axis has no xyz: it"),
     "axis vanishing when squared": (KNEE_AXIS, '<axis xyz="0 1e-200 0"/>', "axis is 0 1e-200 0"),
     "axis overflowing when squared": (KNEE_AXIS, '<axis xyz="0 1e200 0"/>', r"axis is 0 1e\+200 0"),
     "two axes": (KNEE_AXIS, KNEE_AXIS * 2, "^joint 'knee' has 2 of <axis>"),
@@ -195,8 +214,34 @@ def test_odd_but_sound_robot_is_taken_unchanged(spoil, load, capfd, old, new):
 
 
 def test_continuous_joint_has_cosine_and_sine(spoil, load):
-    leg = load(spoil((KNEE, 'name="knee" type="continuous"'), (KNEE_LIMIT, "")))
+    leg = load(spoil((KNEE, CONTINUOUS), (KNEE_LIMIT, "")))
     assert (leg.nq, leg.nv) == (3, 2)
+
+
+@pytest.mark.parametrize("ends", ["", 'lower="0"', 'lower="1" upper="0"'])
+def test_continuous_joint_may_have_a_limit_without_a_range(spoil, load, ends):
+    leg = load(spoil((KNEE, CONTINUOUS), (KNEE_LIMIT, f'<limit {ends} effort="80" velocity="7"/>')))
+    assert (leg.effort_limit[1], leg.velocity_limit[1]) == (80, 7)
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "said"),
+    [
+        ("continuous", '<limit velocity="1"/>', r"has no effort: .*, 0 or more \[N m\]$"),
+        ("continuous", '<limit effort="1"/>', r"has no velocity: .*, 0 or more \[rad/s\]$"),
+        (*("continuous", '<limit upper="x" effort="1" velocity="1"/>'), "upper is 'x': "),
+        ("fixed", "<limit/>", "has no effort: "),
+        ("prismatic", "", r"has no limit: .*upper \[m\], effort \[N\] and velocity \[m/s\]$"),
+        (*("prismatic", '<limit lower="0" upper="1" effort="1"/>'), r"has no velocity: .*\[m/s\]$"),
+    ],
+)
+def test_limits_of_other_joints_are_judged_too(spoil, load, kind, limit, said):
+    with pytest.raises(kd.UrdfError) as caught:
+        load(spoil((KNEE, f'name="knee" type="{kind}"'), (KNEE_LIMIT, limit)))
+    fault = caught.value.faults[0]
+    assert fault.startswith("joint 'knee' ")
+    assert re.search(said, fault)
+    assert len(caught.value.faults) == 1 + (kind == "fixed")  # no velocity either
 
 
 def test_all_faults_come_at_once(spoil, load):

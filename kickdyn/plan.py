@@ -1,4 +1,4 @@
-"""From a wished-for flight back to the kick (`python -m kickdyn.plan`)."""
+"""From a wished-for flight back to the kick (`kickdyn plan`)."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ from kickdyn.sweep.grid import MAX_POSTURES, MOST_POSTURES, Grid, grid
 from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.opened import Sweep, open_sweep
 from kickdyn.sweep.progress import progress
-from kickdyn.sweep.report import as_json, show, text
+from kickdyn.sweep.report import as_json, show
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.store import check_name, save
 from kickdyn.sweep.summary import (
@@ -197,8 +197,7 @@ def posture_sweep(
         write_json(json_file, {**as_json(leg, kick, counted, lines, chosen), **kept})
         files += [json_file]
     if json_file != "-":
-        show(leg, kick, lines)
-        click.echo(text(counted, residual, lines, chosen))
+        show(leg, kick, counted, residual, lines, chosen)
         if survey is not None:
             click.echo("No posture is kept; --json writes the best, the front and a sample.")
         for file in files:

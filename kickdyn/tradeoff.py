@@ -1,4 +1,4 @@
-"""The trade of speed for accuracy, measured here and now (`python -m kickdyn.tradeoff`)."""
+"""The trade of speed for accuracy, measured here and now (`kickdyn tradeoff`)."""
 
 from __future__ import annotations
 

@@ -28,7 +28,9 @@ PAIRS = [
     for (kind, code), (next_kind, said) in pairwise(BLOCKS)
     if kind == "python" and next_kind == "text"
 ]
-COMMANDS = [said for kind, said in BLOCKS if kind == "text" and said.startswith("$ python -m")]
+COMMANDS = [
+    said for kind, said in BLOCKS if kind == "text" and said.startswith("$ kickdyn posture-sweep")
+]
 
 
 def test_there_is_something_to_test():
@@ -47,11 +49,16 @@ def test_snippets_print_what_is_said(code, said):
 @pytest.mark.parametrize("block", COMMANDS)
 def test_commands_print_what_is_said(block):
     command, said = block.split("\n", 1)
-    arguments = shlex.split(command.removeprefix("$ python -m kickdyn.posture_sweep"))
+    arguments = shlex.split(command.removeprefix("$ kickdyn posture-sweep"))
     result = CliRunner().invoke(posture_sweep, arguments)
     assert [line.rstrip() for line in result.output.strip().splitlines()] == [
         line.rstrip() for line in said.strip().splitlines()
     ]
+
+
+def test_the_door_of_the_main_job_is_named_once_and_the_script_else():
+    assert re.findall(r"python -m (\S+?)`", README) == ["kickdyn.posture_sweep"]
+    assert README.count("python -m kickdyn") == 1
 
 
 def test_make_targets_exist():

@@ -1,4 +1,4 @@
-"""The door to the paper: `python -m kickdyn.paper`."""
+"""The door to the paper: `kickdyn paper`."""
 
 from __future__ import annotations
 

@@ -18,7 +18,10 @@ from kickdyn.sweep.provenance import provenance
 from kickdyn.sweep.summary import Line
 
 WIDE = 200
-"""Characters, where there is no screen."""
+"""Characters of a table, where there is no screen."""
+
+PROSE = 80
+"""Characters of a line of text at most, whatever the screen."""
 
 
 def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Table:
@@ -37,13 +40,13 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Tab
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
     joints = list(leg.angles_deg(leg.configuration()))  # a floating base has no one angle
-    units = {"m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
+    units = {name: "m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
     heads = (" / " if len(joints) <= 3 else " /\n").join(joints)
     paper = any(line.paper for line in lines)
     odd = any(line.outcome.status != "ok" for line in lines)
     head = (
         "posture",
-        escape(heads) + "\n" + (units.pop() if len(units) == 1 else "deg, m"),
+        escape(heads) + "\n" + ", ".join(sorted({*units.values()})),
         "eff. mass\nkg",
         "impulse\nN s",
         "ball /\nfoot",
@@ -69,20 +72,29 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Tab
     if Measurement.get(Console(width=WIDE), Console(width=WIDE).options, upright).maximum <= width:
         return upright
     names = [name.replace("\n", ", ").replace("/, ", "/ ") for name in head]
-    names[1] = head[1].replace(" / ", " /\n")
-    narrow = [[*row] for row in rows]
-    for row in narrow:
-        row[1] = row[1].replace(" / ", " /\n")
-        row[8] = row[8].replace(" ", "\n")  # the joint's name over its number
-    first, *others = zip(names, *narrow, strict=True)
-    return _laid(title, first, others)
+    first, _, *others = zip(names, *rows, strict=True)
+    angles = [
+        (f"{escape(name)}, {unit}", *(f"{line.angles[name]:.4g}" for line in lines))
+        for name, unit in units.items()
+    ]
+    loads = others[6][0], *(cell.replace(" ", "\n") for cell in others[6][1:])
+    others[6] = loads  # the joint's name over its number
+    return _laid(title, first, [*angles, *others])
 
 
-def show(leg: Leg, kick: Kick, lines: Sequence[Line]) -> None:
-    """Print the table as wide as the screen is; no number is cut off."""
+def show(
+    leg: Leg,
+    kick: Kick,
+    counted: dict[str, int],
+    residual: float,
+    lines: Sequence[Line],
+    chosen: tuple[str, int] | None = None,
+) -> None:
+    """Print table and text as wide as the screen is; no number is cut off."""
     screen = Console(highlight=False)
     width = screen.width if screen.is_terminal else WIDE
     Console(highlight=False, width=WIDE).print(table(leg, kick, lines, width))
+    print(text(counted, residual, lines, chosen, min(PROSE, width)))
 
 
 def _laid(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
@@ -122,6 +134,7 @@ def text(
     residual: float,
     lines: Sequence[Line],
     chosen: tuple[str, int] | None = None,
+    width: int = PROSE,
 ) -> str:
     """Return what is to be said below the table: why, how many, how exact.
 
@@ -130,10 +143,9 @@ def text(
         residual: the largest of restitution and momentum.
         lines: of the summary.
         chosen: a condition, and how many postures that are ok fulfil it.
+        width: of a line, in characters; a word that is longer is not broken.
     """
-    said = [
-        fill(f"{line.label} ({line.posture()}): {line.why}.", 100) for line in lines if line.why
-    ]
+    said = [f"{line.label} ({line.posture()}): {line.why}." for line in lines if line.why]
     parts = ", ".join(f"{number} {name}" for name, number in counted.items() if number)
     said.append(f"{sum(counted.values())} postures: {parts}.")
     if chosen is not None:
@@ -141,7 +153,7 @@ def text(
     if math.isfinite(residual):
         power = math.ceil(math.log10(max(residual, 1e-17))) + 1
         said.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
-    return "\n".join(said)
+    return "\n".join(fill(each, width, break_long_words=False) for each in said)
 
 
 def as_json(

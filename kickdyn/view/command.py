@@ -1,4 +1,4 @@
-"""The door to the pictures: `python -m kickdyn.view`."""
+"""The door to the pictures: `kickdyn view`."""
 
 from __future__ import annotations
 

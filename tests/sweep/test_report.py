@@ -4,7 +4,7 @@ from rich.console import Console
 import kickdyn as kd
 from kickdyn.sweep.grid import grid
 from kickdyn.sweep.kick import Kick
-from kickdyn.sweep.report import show, table
+from kickdyn.sweep.report import show, table, text
 from kickdyn.sweep.run import sweep
 from kickdyn.sweep.summary import best_and_worst, paper_lines
 
@@ -33,12 +33,29 @@ def test_a_narrow_screen_has_a_column_per_posture(lines):
     for row in wide[3:]:
         assert set(row.split()) <= set(words), row
     (heads,) = [line.split() for line in narrow if "paper a" in line]
+    for joint, values in (("hip", [5, 5, 5, 10, 0]), ("ankle", [-5, 15, 40, 0, 0])):
+        (angles,) = [line.split() for line in narrow if line.startswith(f" {joint}, deg")]
+        assert angles[-len(lines) :] == [str(value) for value in values]
     (masses,) = [line.split() for line in narrow if "eff. mass, kg" in line]
     assert heads[0] == "posture"
     assert masses[-len(lines) :] == [f"{line.numbers['effective_mass']:.4g}" for line in lines]
 
 
+def test_prose_fits_a_screen(lines):
+    counted, where = (
+        {"ok": 3, "too fast": 0, "out of reach": 1},
+        ("hip < 5 and " * 9 + "knee > 1", 2),
+    )
+    for width, most in ((None, 80), (60, 60)):
+        said = text(counted, 1e-15, lines, where, *([] if width is None else [width]))
+        assert most - 12 < max(map(len, said.splitlines())) <= most
+        assert "Best and worst are of the 2 that are ok where hip < 5" in said
+        assert "4 postures: 3 ok, 1 out of reach." in said
+
+
 def test_a_pipe_has_no_width(lines, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "80")
-    show(LEG, KICK, lines)
-    assert max(map(len, capsys.readouterr().out.splitlines())) > 80
+    monkeypatch.setenv("COLUMNS", "60")
+    show(LEG, KICK, {"ok": 2}, 1e-15, lines)
+    table, prose = capsys.readouterr().out.split("\nbest (")
+    assert max(map(len, table.splitlines())) > 80
+    assert 60 < max(map(len, prose.splitlines())) <= 80

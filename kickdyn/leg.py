@@ -38,7 +38,8 @@ class Leg(Jointed, Card):
         joint_names: without the universe, in the model's order.
         nq, nv: sizes of configuration and velocity.
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
-        velocity_limit, effort_limit: shape `(nv,)` [rad/s, N m].
+        velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
+            [rad/s, N m; m/s, N for prismatic joints].
         constraints: supports and loops; None without any.
         outward: of the contact normals n, in the contact frame's axes, those with which the foot
             can meet a ball: where `outward @ n >= 0`, shape `(k, 3)`; None where that is unknown.

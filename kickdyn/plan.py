@@ -82,8 +82,9 @@ knees are bent, by 52 degrees if it stood on that foot."""
               "self-motion.")  # fmt: skip
 @click.option("--objective", default="joint speed", show_default=True,
               type=click.Choice(list(OBJECTIVES)),
-              help="What is made least, or most where it says so.")  # fmt: skip
-@click.option("--no-limits", is_flag=True, help="Lift the joints' speed and effort limits.")
+              help="What is made least, or most where it says so; effort is the leg's kinetic "
+              "energy.")  # fmt: skip
+@click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--spin", metavar="X,Y,Z", help="Of the ball [rad/s]; back spin has Y below 0.")

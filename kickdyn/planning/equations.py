@@ -62,7 +62,7 @@ class Equations:
         touch: what the foot must do.
         lies: height of the ball's centre, or where it is, shape `(3,)` [m, world frame]; None
             leaves it free.
-        limits: whether velocity and effort limits hold.
+        limits: whether limits of speed and torque hold.
         turn: whether a leg whose foot moves in a plane may be turned towards the launch.
 
     Attributes:
@@ -110,7 +110,7 @@ class Equations:
         found = []
         for what, every in (
             ("speed", self.leg.velocity_limit),
-            ("effort", self.leg.effort_limit),
+            ("torque", self.leg.effort_limit),
         ):
             own = every[self.vs]
             if self.limits and not (own > 0.0).all():

@@ -61,4 +61,4 @@ def _too_weak(search: Search, posture: Posture) -> str:
         if torque > limit
     ]
     said = f": held still, {', '.join(weak)}" if weak else ""
-    return f"without its speed and effort limits it has one{said}"
+    return f"without its speed and torque limits it has one{said}"

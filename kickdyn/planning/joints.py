@@ -27,7 +27,7 @@ class Joints:
         names: of them, in order.
         qs, vs: their indices in the leg's q and v.
         low, high: range, a turn at most, shape `(n,)` [rad; m for prismatic joints].
-        speed, effort: limits, shape `(n,)` [rad/s, N m].
+        speed, effort: limits of speed and torque, shape `(n,)` [rad/s, N m].
     """
 
     model: Any
@@ -44,7 +44,7 @@ def joints_of(leg: Leg) -> Joints:
     """Return the joints that swing a leg's foot.
 
     Raises:
-        InvalidInput: one has more than one degree of freedom, or no limit of speed or effort.
+        InvalidInput: one has more than one degree of freedom, or no limit of speed or torque.
     """
     whole = leg.model
     numbers = [int(j) for j in whole.supports[leg.contact_joint] if j > 0]
@@ -53,7 +53,7 @@ def joints_of(leg: Leg) -> Joints:
     others = [j for j in range(1, whole.njoints) if j not in numbers]
     model = pin.buildReducedModel(whole, others, leg.configuration()) if others else whole
     names = tuple(model.names)[1:]
-    for what, limits in (("speed", model.velocityLimit), ("effort", model.effortLimit)):
+    for what, limits in (("speed", model.velocityLimit), ("torque", model.effortLimit)):
         for name, limit in zip(names, limits.tolist(), strict=True):
             if not 0.0 < limit < 1e6:
                 raise InvalidInput(

@@ -93,9 +93,9 @@ def plan_kick(
         objective: `joint speed`, mean square of speeds over their limits; `joint impulse`, the
             largest linear impulse in a joint [N s], or `most joint impulse`; `foot speed` [m/s]:
             the posture that makes the most impulse of it; `effort`, the kinetic energy that the
-            swing must build up [J]; `scatter`, the root mean square error of the landing [m] for
-            errors given by `spread`, searched from the plans of all other objectives: no
-            more than theirs.
+            swing must build up [J], not what `plan_swing` calls so; `scatter`, the root mean
+            square error of the landing [m] for errors given by `spread`, searched from the plans
+            of all other objectives: no more than theirs.
         restitution: of the contact; 0.8 as the paper's Table 2.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
@@ -103,7 +103,7 @@ def plan_kick(
         ball_height: of the ball's centre [m, world frame]; free when not named.
         ball_at: where the ball's centre lies, instead, shape `(3,)` [m, world frame]: what is left
             is self-motion, the way of a redundant leg to kick from one place in many postures.
-        limits: whether velocity and effort limits hold; those of the joints' range always do. An
+        limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         arc: `low` or `high`, where two launches meet the goal.

@@ -17,6 +17,7 @@ from kickdyn.impact.result import Impact
 from kickdyn.leg import Leg
 from kickdyn.planning.answer import Launch
 from kickdyn.planning.goal import Goal
+from kickdyn.planning.objectives import SAID, UNITS
 from kickdyn.planning.part import Part
 from kickdyn.planning.touch import Touch
 
@@ -46,8 +47,8 @@ class KickPlan(Card):
         time_error: how much later than by `launch` it ends [s].
         speed_use, effort_use: largest joint speed and torque at the touch, over their limits; the
             torque is what keeps the joints' speed, gravity included.
-        binding: limits that are reached, such as `speed of knee`; `swing` where a harder kick has
-            no way from rest and to rest.
+        binding: limits that are reached, such as `speed of knee`, or `effort of knee`, its torque;
+            `swing` where a harder kick has no way from rest and to rest.
         heading: how far `leg` is turned to the left about the vertical [rad]; 0 but for a leg
             whose foot moves in a plane, and a goal aside of it.
         parts: of the swing that `swing=True` found with it, before and after the impact; from
@@ -84,7 +85,8 @@ class KickPlan(Card):
         yield "launch", self.hit.ball.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
         yield "time error", self.time_error, "s"
-        yield self.objective, self.value, ""
+        what = SAID.get(self.objective, self.objective)
+        yield what, self.value, UNITS.get(self.objective, "")
         yield "of the speed limit", self.speed_use, ""
         yield "of the torque limit", self.effort_use, ""
 

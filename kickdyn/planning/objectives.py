@@ -99,3 +99,6 @@ OBJECTIVES: dict[str, Callable[[Equations, Touch], Objective]] = {
 UNITS = {"joint impulse": "N s", "most joint impulse": "N s", "effort": "J", "foot speed": "m/s",
          "scatter": "m"}  # fmt: skip
 """Of their values; `joint speed` has none."""
+
+SAID = {"effort": "effort (kinetic energy)"}
+"""What is shown of those whose name alone may mean another thing."""

@@ -14,7 +14,7 @@ from kickdyn.planning.answer import Launches
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick_answer import KickPlan
 from kickdyn.planning.match import Wall, score
-from kickdyn.planning.objectives import UNITS
+from kickdyn.planning.objectives import SAID, UNITS
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.scatter import scatter
 from kickdyn.planning.swing_answer import Swing
@@ -34,7 +34,8 @@ def verdict(planned: KickPlan) -> str:
             f"The ball comes to ({where}) m after {planned.path.duration:.4g} s; strike and flight "
             f"miss it by {planned.landing_error:.2g} m."
         )
-    limits = f" ({', '.join(planned.binding)})" if planned.binding else ""
+    reached = ", ".join(limit.replace("effort of", "torque of") for limit in planned.binding)
+    limits = f" ({reached})" if reached else ""
     return (
         f"Beyond the leg's limits{limits}: it gives the ball {planned.share:.0%} of the speed that "
         f"({where}) m takes. {_end(planned)}{_within(planned)}"
@@ -116,6 +117,7 @@ def text(planned: KickPlan) -> list[str]:
     ]
     value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
     how = f"{launch.steps} Newton steps" if launch.steps >= 0 else "found by search"
+    what = SAID.get(planned.objective, planned.objective)
     turned = math.degrees(planned.heading)
     aside = [f"base    turned {turned:.2f} deg to the left"] if turned else []
     return [
@@ -124,8 +126,8 @@ def text(planned: KickPlan) -> list[str]:
         f"touch   {_mm(up)} mm up and {_mm(left)} mm left of the ball's centre, "
         f"impulse {math.hypot(*hit.impulse):.4f} N s, "
         f"foot {math.hypot(*hit.foot_velocity):.4f} m/s",
-        f"leg     {planned.objective} {value}; speed {planned.speed_use:.0%} and "
-        f"effort {planned.effort_use:.0%} of their limits; worst joint impulse "
+        f"leg     {what} {value}; speed {planned.speed_use:.0%} and "
+        f"torque {planned.effort_use:.0%} of their limits; worst joint impulse "
         f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
         *aside,
         *joints,

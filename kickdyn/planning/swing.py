@@ -44,8 +44,9 @@ def plan_swing(
     Args:
         leg: that was planned for, or one that differs from it in limits only.
         plan: by `plan_kick`; `swing=True` there leaves room to swing.
-        objective: `effort`, the mean over the joints of (torque / limit)^2, integrated over time;
-            or `time`, the duration of each part.
+        objective: `effort`, that of the torques: the mean over the joints of (torque / limit)^2,
+            integrated over time (`plan_kick` calls the kinetic energy so); or `time`, the duration
+            of each part.
         longest: duration of either part [s].
         start: posture at rest before, shape `(nq,)`; free when not named, as long as the joints'
             torques can hold it.

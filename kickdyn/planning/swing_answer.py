@@ -51,7 +51,8 @@ class Swing(Card):
         yield "of the planned speed", self.share, ""
         yield "backswing", self.backswing.duration, "s"
         yield "follow-through", self.follow_through.duration, "s"
-        yield self.objective, self.value, "s"
+        what = "effort (of torques)" if self.objective == "effort" else self.objective
+        yield what, self.value, "s"
         yield "of the torque limit", self.torque_use, ""
         yield "of the speed limit", self.speed_use, ""
         yield "range left", self.range_left, "rad"

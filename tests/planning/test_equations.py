@@ -44,10 +44,11 @@ def limited(what, value):
     return kd.Leg.from_model(model, "toe")
 
 
-@pytest.mark.parametrize("what", ["velocityLimit", "effortLimit"])
-def test_a_limit_of_0_is_refused_or_lifted_and_an_infinite_one_holds(what):
+@pytest.mark.parametrize(("what", "named"), [("velocityLimit", "speed"), ("effortLimit", "torque")])
+def test_a_limit_of_0_is_refused_or_lifted_and_an_infinite_one_holds(what, named):
     goal, air = kd.Goal(10, time=1), kd.Air()
-    with pytest.raises(kd.InvalidInput, match=r"limit of knee is 0: it must be above 0.*no-limits"):
+    said = f"^{named} limit of knee is 0: it must be above 0.*no-limits"
+    with pytest.raises(kd.InvalidInput, match=said):
         kd.plan_kick(limited(what, 0.0), goal, BALL, air)
     lifted = kd.plan_kick(limited(what, 0.0), goal, BALL, air, limits=False)
     free = kd.plan_kick(limited(what, np.inf), goal, BALL, air)

@@ -33,6 +33,6 @@ def test_a_ball_out_of_reach_is_told_of_one_within(how):
 
 def test_joints_too_weak_to_hold_the_leg_are_named():
     said = refusal(changed(effortLimit=[1.0, 1.0, 1.0]), ball_height=-0.7)
-    assert "without its speed and effort limits it has one: held still, hip takes" in said
+    assert "without its speed and torque limits it has one: held still, hip takes" in said
     assert "and has 1" in said
     assert "knee takes" in said

@@ -29,13 +29,13 @@ def test_what_hangs_on_them_comes_with_them():
     assert alone == pytest.approx(every, abs=1e-10)
 
 
-@pytest.mark.parametrize("what", ["velocityLimit", "effortLimit"])
-def test_a_joint_without_limits_is_refused(what):
+@pytest.mark.parametrize(("what", "named"), [("velocityLimit", "speed"), ("effortLimit", "torque")])
+def test_a_joint_without_limits_is_refused(what, named):
     model = kd.Leg.human().model
     limits = getattr(model, what)
     limits[1] = np.inf
     setattr(model, what, limits)
-    with pytest.raises(kd.InvalidInput, match="limit of knee is inf: a swing needs one"):
+    with pytest.raises(kd.InvalidInput, match=f"^{named} limit of knee is inf: a swing needs one"):
         room.joints_of(kd.Leg.from_model(model, "toe"))
 
 

@@ -52,6 +52,20 @@ def test_lines_and_json():
     assert said["leg"]["v"] == pytest.approx(WEAK.v.tolist())
 
 
+def test_effort_says_whether_it_is_energy_or_torque():
+    model = LEG.model
+    model.effortLimit = np.array([60.0, 40.0, 20.0])
+    weak = kd.Leg.from_model(model, "toe")
+    plan = kd.plan_kick(weak, kd.Goal(60, time=2), BALL, AIR, objective="effort")
+    (joint,) = (limit.removeprefix("effort of ") for limit in plan.binding if "effort" in limit)
+    assert f"torque of {joint}" in verdict(plan)
+    assert "effort" not in verdict(plan)
+    line = next(line for line in text(plan) if line.startswith("leg"))
+    assert f"effort (kinetic energy) {plan.value:.4g} J; " in line
+    assert f"torque {plan.effort_use:.0%} of their limits" in line
+    assert re.search(r"\n  effort \(kinetic energy\) +\d+\.?\d* J\n", repr(plan))
+
+
 def test_what_happens_just_after_the_impact():
     plan = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
     assert plan.q[1] == pytest.approx(LEG.lower[1], abs=1e-9)  # the knee, stretched

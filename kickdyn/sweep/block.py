@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 
 from kickdyn.checks import Array
 from kickdyn.leg import Leg
-from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.grid import DIGITS, Grid
 from kickdyn.sweep.run import VARIABLES
 
 Numbers = NDArray[np.int64]
-
-DIGITS = 9
-"""Decimals of an angle [deg]: it is 30, not 29.999999999999996, whichever way it came."""
 
 
 def shown(unit: str) -> str:
@@ -42,6 +39,7 @@ class Space:
         """Return the space of joint values [rad; m] with their units."""
         values = {
             name: np.round(np.degrees(each) if units[name] == "rad" else each, DIGITS)
+            + 0.0  # no -0
             for name, each in axes.items()
         }
         results = {name: unit for name, (unit, _) in VARIABLES.items()}

@@ -28,6 +28,9 @@ RATE = 2e5
 
 DEFAULT_STEP_DEG = 10.0
 
+DIGITS = 9
+"""Decimals of an angle [deg]: it is 30, not 29.999999999999996, whichever way it came."""
+
 _UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|degrees|°|rad|m|cm|mm)")
 
 

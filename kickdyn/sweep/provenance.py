@@ -12,7 +12,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.flight.fingerprint import fingerprint
 from kickdyn.leg import Leg
-from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.grid import DIGITS, Grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.version import __version__
 
@@ -96,7 +96,8 @@ def _axis(name: str, there: Any, here: Any, unit: str) -> str:
 def _span(axis: Any, unit: str) -> tuple[str, str]:
     count, low, high, _ = axis
     first, last = (
-        f"{round(float(np.degrees(end)) if unit == 'rad' else end, 9):.12g}" for end in (low, high)
+        f"{round(float(np.degrees(end)) if unit == 'rad' else end, DIGITS):.12g}"
+        for end in (low, high)
     )
     shown = "deg" if unit == "rad" else unit
     if count == 1:

@@ -13,7 +13,7 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.leg import Leg
-from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.grid import DIGITS, Grid
 from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
 from kickdyn.sweep.provenance import provenance
 
@@ -131,7 +131,11 @@ def _dataset(leg: Leg, grid: Grid, kick: Kick, rows: Array, status: NDArray[np.i
         unit = leg.joint_unit(name)
         data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
         if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
-            data.coords[f"{name}_deg"] = (name, np.degrees(values), {"units": "deg"})
+            data.coords[f"{name}_deg"] = (
+                name,
+                np.round(np.degrees(values), DIGITS),
+                {"units": "deg"},
+            )
     for column, (name, (unit, meaning)) in enumerate(VARIABLES.items()):
         attributes = {"units": unit, "long_name": meaning}
         data[name] = (dims, rows[column].reshape(grid.shape), attributes)

@@ -11,7 +11,7 @@ import xarray as xr
 
 from kickdyn.checks import Array
 from kickdyn.leg import Leg
-from kickdyn.sweep.grid import Grid
+from kickdyn.sweep.grid import DIGITS, Grid
 from kickdyn.sweep.kick import STATUSES, Kick, Outcome, kick_from
 from kickdyn.sweep.opened import Sweep
 from kickdyn.sweep.run import numbers
@@ -37,7 +37,7 @@ class Line:
 
     Attributes:
         label: what it is.
-        angles: joint name to value [deg; m for prismatic joints].
+        angles: joint name to value as it is given, to nine decimals [deg; m for prismatic joints].
         outcome: the kick from it.
         numbers: those of `kickdyn.sweep.run.VARIABLES`.
         paper: the paper's impulse on an immovable obstacle [N s], where it prints one.
@@ -119,7 +119,8 @@ def worst_residual(data: xr.Dataset) -> float:
 
 def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> Line:
     outcome = kick_from(leg.posture(q), kick)
-    return Line(label, leg.angles_deg(q), outcome, numbers(outcome, kick), paper)
+    angles = {name: round(value, DIGITS) + 0.0 for name, value in leg.angles_deg(q).items()}
+    return Line(label, angles, outcome, numbers(outcome, kick), paper)
 
 
 def _why(line: Line, kick: Kick) -> str:

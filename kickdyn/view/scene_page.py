@@ -49,14 +49,16 @@ def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
 
 
 def numbers(answer: Simulation) -> dict[str, Any]:
-    """Return what the page says, all digits; SI units, joint angles in degrees."""
+    """Return what the page says, all digits; SI units, joint angles in degrees as given."""
     hit, leg = answer.hit, answer.scene.leg
     assert isinstance(hit, Impact)
     return {
         "scene": answer.scene.name,
         "leg": leg.name,
         "frame": leg.frame,
-        "angles": leg.angles_deg(answer.scene.q),
+        "angles": {
+            name: round(angle, 9) + 0.0 for name, angle in leg.angles_deg(answer.scene.q).items()
+        },
         "impulse": hit.impulse.tolist(),
         "joint_impulses": {name: push.tolist() for name, _, push in joint_pushes(hit)},
         "foot_speed": float(np.linalg.norm(hit.foot_velocity)),

@@ -41,8 +41,19 @@ def test_the_papers_postures_meet_table_2():
 def test_json_holds_no_nan():
     line = paper_lines(LEG, Kick())[0].as_json()
     assert line["posture"] == "paper a"
-    assert line["angles"] == pytest.approx({"hip": 5, "knee": 10, "ankle": -5})
+    assert line["angles"] == {"hip": 5, "knee": 10, "ankle": -5}
     assert np.linalg.norm(line["impulse_vector"]) == pytest.approx(line["impulse"])
+
+
+def test_angles_come_back_as_they_were_given():
+    kick = Kick()
+    data = sweep(LEG, grid(LEG, ["hip=29", "knee=0:60:0.2", "ankle=0.3:0.3:1"]), kick)
+    given = np.arange(301) / 5
+    assert (data.knee_deg.values == given).all()
+    for line in best_and_worst(LEG, Sweep(data), kick):
+        assert (line.angles["hip"], line.angles["ankle"]) == (29, 0.3)
+        assert line.angles["knee"] in given
+    assert [line.angles["ankle"] for line in paper_lines(LEG, kick)] == [-5, 15, 40]
 
 
 def test_a_whole_robot_is_swept_by_its_named_joints():

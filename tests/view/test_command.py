@@ -26,6 +26,7 @@ def test_a_page_and_numbers(tmp_path):
     numbers = json.loads(said.read_text())
     scene = kd.load_scene(SCENES / "free_kick.toml")
     hit = kd.strike_at(scene.posture, scene.v, scene.ball, scene.touch)
+    assert numbers["angles"] == {"hip": 15, "knee": 15, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
     for joint, sent in enumerate(numbers["joint_impulses"].values()):
         whole = np.linalg.norm(hit.joint_impulses[joint, :3])

@@ -9,8 +9,10 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
+from itertools import islice
 from multiprocessing import resource_tracker
 from threading import current_thread, main_thread
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from kickdyn.errors import InvalidInput, KickdynError
@@ -22,7 +24,11 @@ PATIENCE = 5.0
 """How long an answer of a cluster is waited for [s]."""
 
 AHEAD = 3
-"""Chunks per worker that a scheduler holds: it never waits, and never has them all."""
+"""Tasks per worker that a scheduler holds: it never waits, and never has them all."""
+
+CHUNKS, LONG = 8, 0.3
+"""Most chunks of a task; those not begun after so long are handed back [s]. A task costs the
+scheduler some 6 ms, an eighth of a chunk."""
 
 STOPPING = 0.5
 """How long workers of this machine that are at work in the end may take to stop [s]."""
@@ -56,19 +62,21 @@ def spread(
     task = pickle.dumps(job)
     with _client(where) as client:
         workers = _ready(client, task)
+        size = min(CHUNKS, -(-len(numbers) // (AHEAD * workers)))
         left = iter(numbers)
         under_way = dask.as_completed(loop=client.loop)
 
-        def more(count: int) -> None:
-            for _, k in zip(range(count), left, strict=False):
-                under_way.add(client.submit(_one, task, k, pure=False))
+        def more(some: list[int]) -> None:
+            if some:
+                under_way.add(client.submit(_some, task, some, pure=False))
 
-        more(AHEAD * workers)
+        for _ in range(AHEAD * workers):
+            more(list(islice(left, size)))
         try:
             for each in under_way:
-                done = each.result()
+                done, rest = each.result()
                 each.release()
-                more(1)
+                more(rest or list(islice(left, size)))
                 if progress is not None:
                     progress(done)
         except dask.KilledWorker as error:
@@ -202,5 +210,11 @@ def _look(task: bytes) -> str | None:
     return None
 
 
-def _one(task: bytes, k: int) -> int:
-    return _job(task)(k)
+def _some(task: bytes, numbers: list[int]) -> tuple[int, list[int]]:
+    """Run chunks for a while; return their postures, and which are left."""
+    job, end, done = _job(task), monotonic() + LONG, 0
+    for begun, k in enumerate(numbers, 1):
+        done += job(k)
+        if monotonic() > end:
+            return done, numbers[begun:]
+    return done, []

@@ -18,6 +18,7 @@ from kickdyn.sweep import cluster, zarr_store
 from kickdyn.sweep.grid import grid
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.stream import stream
+from kickdyn.sweep.work import Job
 
 LEG = kd.Leg.human()
 KICK = Kick(speed=4.0, air=None)
@@ -61,6 +62,16 @@ def test_a_worker_that_is_killed_costs_time_only(tmp_path):
     assert told == whole
     assert sum(seen["done"]) == POSTURES.size
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+
+
+def test_a_task_hands_back_what_it_does_not_begin_in_time(tmp_path, monkeypatch):
+    store = zarr_store.Store(tmp_path / "s.zarr", LEG, POSTURES, KICK, resume=False)
+    task = pickle.dumps(Job(str(store.path), LEG, POSTURES, KICK, 0.0))
+    monkeypatch.setattr(cluster, "LONG", 0.0)
+    assert cluster._some(task, [4, 1, 2]) == (store.cut.span(4)[1], [1, 2])
+    monkeypatch.setattr(cluster, "LONG", 100.0)
+    assert cluster._some(task, [1, 2]) == (sum(store.cut.span(k)[1] for k in (1, 2)), [])
+    assert store.missing() == [0, 3, 5]
 
 
 def test_ctrl_c_waits_for_the_workers_and_does_not_reach_them():

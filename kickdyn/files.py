@@ -57,11 +57,28 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
-    """Raise `InvalidInput` where two outputs are the same file; None and `-` are none."""
-    files = [Path(path).resolve() for path in paths if path is not None and str(path) != "-"]
+    """Raise `InvalidInput` where two outputs are the same file; None is none."""
+    # not Path.resolve, which raises where links lead in a circle
+    files = [os.path.realpath(path) for path in paths if path is not None]
     for file in files:
         if files.count(file) > 1:
-            raise InvalidInput(f"{file.name} is named for two outputs: give each its own file")
+            raise InvalidInput(
+                f"{Path(file).name} is named for two outputs: give each its own file"
+            )
+
+
+def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None = None) -> None:
+    """Raise `InvalidInput` unless all files can be made, each for itself; None is none.
+
+    Args:
+        files: to be written.
+        json_file: one more; `-` is stdout.
+    """
+    named = (None if json_file == "-" else json_file, *files)
+    for file in named:
+        if file is not None:
+            check_writable(file)
+    check_distinct(*named)
 
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:

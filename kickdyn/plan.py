@@ -21,7 +21,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, write_json
+from kickdyn.files import check_outputs, write_json
 from kickdyn.ground import SURFACES
 from kickdyn.named import AIRS, load_leg
 from kickdyn.planning.goal import Goal
@@ -153,14 +153,11 @@ def plan(
     ball = Ball()
     if plot is not None and not swing:
         raise InvalidInput(f"plot is {plot!r}: what is drawn is the swing, so add --swing")
-    check_distinct(json_file, view, plot)
     if plot is not None:
         from kickdyn.sweep.picture import check_name
 
         check_name(plot)
-    for file in (None if json_file == "-" else json_file, view, plot):
-        if file is not None:
-            check_writable(file)
+    check_outputs(view, plot, json_file=json_file)
     place = None if offset is None else _numbers("offset", offset, ",", 3)
     lies = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
     if ball_height is None and lies is None:

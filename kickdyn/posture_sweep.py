@@ -23,7 +23,7 @@ from click.core import ParameterSource
 from kickdyn import checks
 from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput, Unfinished
-from kickdyn.files import check_distinct, check_writable, write_json
+from kickdyn.files import check_outputs, write_json
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.result import Impact
@@ -241,10 +241,7 @@ def _check_outputs(
         from kickdyn.sweep.picture import check_name as check_plot
 
         check_plot(plot)
-    check_distinct(out, json_file, plot, view)
-    for file in (out, None if json_file == "-" else json_file, plot, view):
-        if file is not None:
-            check_writable(file)
+    check_outputs(out, plot, view, json_file=json_file)
 
 
 def _streamed(out: str, leg: Leg, postures: Grid, kick: Kick, **how: Any) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, write_json
+from kickdyn.files import check_outputs, write_json
 
 if TYPE_CHECKING:
     from kickdyn.accuracy.flight import Measured
@@ -63,12 +63,9 @@ def tradeoff(
         show(scene, json_file, plot)
         return
     both = impact == flight
-    if json_file is not None and json_file != "-":
-        check_writable(json_file)
     if plot is not None:
         check_name(plot)
-        check_writable(plot)
-    check_distinct(json_file, plot)
+    check_outputs(plot, json_file=json_file)
     with busy("measuring") as say:
 
         def told(name: str) -> None:

@@ -1,7 +1,14 @@
 import pytest
 
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_writable, exists, replacing, write_json
+from kickdyn.files import (
+    check_distinct,
+    check_outputs,
+    check_writable,
+    exists,
+    replacing,
+    write_json,
+)
 
 
 def test_the_file_appears_whole(tmp_path):
@@ -66,3 +73,30 @@ def test_json_goes_to_a_file_or_to_stdout(tmp_path, capsys):
 def test_what_no_file_can_be_called_does_not_exist(tmp_path):
     assert exists(tmp_path)
     assert not exists("x" * 5000)
+
+
+def test_outputs_are_writable_and_each_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path / "a.json")
+    check_outputs(None, "b.png", tmp_path / "c.html", json_file="a.json")
+    check_outputs(json_file="-")
+    check_outputs()
+    for outputs, json_file in (
+        (("a.json", None), "./a.json"),
+        (("b", "b"), "-"),
+        (("link",), "a.json"),
+    ):
+        with pytest.raises(InvalidInput, match="named for two outputs"):
+            check_outputs(*outputs, json_file=json_file)
+    for outputs, json_file in ((("no/b",), None), ((None,), "no/a.json")):
+        with pytest.raises(InvalidInput, match=r"^.*no/.* cannot be written"):
+            check_outputs(*outputs, json_file=json_file)
+    assert [file.name for file in tmp_path.iterdir()] == ["link"]
+
+
+def test_links_in_a_circle_are_no_output(tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        check_outputs("a.png", loop)
+    check_distinct("a.png", loop)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import sys
 from collections.abc import Iterator, Sequence
 
@@ -16,7 +14,7 @@ from kickdyn.accuracy import extreme_air, extreme_flights, extreme_impacts
 from kickdyn.accuracy.gains import Gain, gains
 from kickdyn.accuracy.row import Row
 from kickdyn.door import run
-from kickdyn.files import check_writable, replacing
+from kickdyn.files import check_outputs, write_json
 
 LONGEST = 500
 """Joints of the longest chain; the reference takes half a minute for it."""
@@ -44,21 +42,14 @@ def extremes(json_file: str | None) -> None:
 
     Example: python -m kickdyn.accuracy.extremes
     """
-    if json_file is not None and json_file != "-":
-        check_writable(json_file)
+    check_outputs(json_file=json_file)
     found = []
     with Console(stderr=True).status("measuring") as status:
         for row in rows():
             status.update(f"{row.family}: {row.case}")
             found.append(row)
     if json_file is not None:
-        listed = [dataclasses.asdict(row) | {"verdict": row.verdict} for row in found]
-        text = json.dumps(listed, indent=2) + "\n"
-        if json_file == "-":
-            sys.stdout.write(text)
-        else:
-            with replacing(json_file) as draft:
-                draft.write_text(text, encoding="utf-8")
+        write_json(json_file, [row.as_json() for row in found])
     if json_file != "-":
         console = Console(highlight=False)
         console.print(_table(found))

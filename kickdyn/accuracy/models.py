@@ -16,7 +16,7 @@ from rich.table import Table
 
 from kickdyn.accuracy.picture import worth_picture
 from kickdyn.errors import KickdynError
-from kickdyn.files import check_distinct, check_writable, write_json
+from kickdyn.files import check_outputs, write_json
 from kickdyn.scene.read import load_scene
 from kickdyn.scene.scene import Scene
 from kickdyn.simulation.answer import Simulation
@@ -92,12 +92,9 @@ def show(file: str, json_file: str | None = None, plot: str | None = None) -> No
     Raises:
         InvalidInput: the scene, or where JSON or picture are to go, cannot be used.
     """
-    if json_file is not None and json_file != "-":
-        check_writable(json_file)
     if plot is not None:
         check_name(plot)
-        check_writable(plot)
-    check_distinct(json_file, plot)
+    check_outputs(plot, json_file=json_file)
     scene = load_scene(file)
     whole = simulate(scene, None)
     with Console(stderr=True).status("measuring") as status:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from kickdyn.errors import KickdynError
 
@@ -56,6 +56,14 @@ class Row:
         if self.error == math.inf or self.digits < min(self.allowed, self.claimed):
             return "WRONG"
         return "right" if self.digits >= self.allowed else "as claimed"
+
+    def as_json(self) -> dict[str, object]:
+        """Return plain values and the verdict; what is infinite, of something wrong, as null."""
+        values = {
+            name: None if isinstance(value, float) and not math.isfinite(value) else value
+            for name, value in asdict(self).items()
+        }
+        return values | {"verdict": self.verdict}
 
 
 def digits(error: float) -> float:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.checks import Array
 from kickdyn.impact.laws import ContactProblem, paper
+from kickdyn.paper.item import Item
 
 BALL = Ball.paper()
 FRICTION = 0.4
@@ -50,6 +52,11 @@ ALTERNATIVES = (
     *(Coefficients(f"C_D = {value:g}", constant(value)) for value in (0.2, 0.25, 0.47)),
 )
 """Every other choice that can hold at a soccer ball's speeds, and three constants."""
+
+
+def with_others(items: Callable[[Coefficients], list[Item]]) -> list[Item]:
+    """Return a figure's items with every other choice of coefficients."""
+    return [replace(item, variant=choice.name) for choice in ALTERNATIVES for item in items(choice)]
 
 
 def direction(elevation_deg: float, left_deg: float = 0.0) -> Array:

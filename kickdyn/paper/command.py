@@ -14,7 +14,7 @@ from rich.table import Table
 
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, replacing, write_json
+from kickdyn.files import check_distinct, check_outputs, replacing, write_json
 from kickdyn.paper.item import Item
 from kickdyn.paper.reproduce import Section, chosen
 from kickdyn.style import styled
@@ -43,16 +43,12 @@ def paper(
     drawings = {_file(section, figures): section.draw for section in sections if section.draw}
     if figures is None:
         drawings = {}
-    check_distinct(json_file, view, *drawings)
-    if view is not None:
-        check_writable(view)
+    check_distinct(view, json_file, *drawings)
+    check_outputs(view, json_file=json_file)
     page = None if view is None else _page(sections)
-    if json_file is not None and json_file != "-":
-        check_writable(json_file)
     if drawings and figures is not None:
         _make_folder(figures)
-        for file in drawings:
-            check_writable(file)
+        check_outputs(*drawings)
     items: list[Item] = []
     others: dict[str, list[Item]] = {}
     with busy("reproducing") as say:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,13 +10,13 @@ from matplotlib.figure import Figure
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.paper.assumptions import (
-    ALTERNATIVES,
     BALL,
     DEFAULT,
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
     launch_from_contact,
+    with_others,
 )
 from kickdyn.paper.item import Item, shape
 
@@ -74,9 +73,7 @@ def items() -> list[Item]:
 
 def sensitivity() -> list[Item]:
     """Return the curves for every other choice of coefficients."""
-    return [
-        replace(item, variant=choice.name) for choice in ALTERNATIVES for item in _items(choice)
-    ]
+    return with_others(_items)
 
 
 def _items(choice: Coefficients) -> list[Item]:

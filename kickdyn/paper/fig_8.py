@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.ball import BallState
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
-from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, Coefficients, direction
+from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, direction, with_others
 from kickdyn.paper.item import Item, shape
 
 NAME = "Fig. 8"
@@ -40,12 +38,7 @@ def items() -> list[Item]:
 
 def sensitivity() -> list[Item]:
     """Return the same for every other choice of coefficients."""
-    return [
-        replace(item, variant=choice.name)
-        for choice in ALTERNATIVES
-        for item in _items(choice)
-        if "vacuum" not in item.item
-    ]
+    return [item for item in with_others(_items) if "vacuum" not in item.item]
 
 
 def _items(choice: Coefficients) -> list[Item]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -11,13 +9,13 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.paper.assumptions import (
-    ALTERNATIVES,
     BALL,
     DEFAULT,
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
     launch_from_contact,
+    with_others,
 )
 from kickdyn.paper.item import Item, shape
 
@@ -74,9 +72,7 @@ def items() -> list[Item]:
 
 def sensitivity() -> list[Item]:
     """Return the flights for every other choice of coefficients."""
-    return [
-        replace(item, variant=choice.name) for choice in ALTERNATIVES for item in _flown(choice)
-    ]
+    return with_others(_flown)
 
 
 def _flown(choice: Coefficients) -> list[Item]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 from scipy.optimize import brentq
@@ -12,12 +12,12 @@ from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.flight.fly import fly
 from kickdyn.paper.assumptions import (
-    ALTERNATIVES,
     BALL,
     DEFAULT,
     Coefficients,
     direction,
     launch_from_contact,
+    with_others,
 )
 from kickdyn.paper.item import Item, Verdict
 
@@ -80,12 +80,7 @@ def items() -> list[Item]:
 
 def sensitivity() -> list[Item]:
     """Return the predicted rows for every other choice of coefficients."""
-    return [
-        replace(item, variant=choice.name)
-        for choice in ALTERNATIVES
-        for item in _items(choice)
-        if "simulation" not in item.item
-    ]
+    return [item for item in with_others(_items) if "simulation" not in item.item]
 
 
 def _items(choice: Coefficients) -> list[Item]:

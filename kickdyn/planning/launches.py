@@ -56,8 +56,7 @@ def plan_launches(
     Raises:
         InvalidInput: a value out of range, or `beside` where no lift can bend the way.
     """
-    if not isinstance(goal, Goal):
-        raise InvalidInput(f"goal is {goal!r}: it must be a kickdyn.Goal")
+    checks.made_of(Goal, goal=goal)
     most = checks.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     turn_limit = checks.number("spin limit", spin_limit, above=0, unit="rad/s")
     turning = checks.vector("spin", spin, 3, unit="rad/s")

@@ -105,16 +105,12 @@ class Scene(Card, Sealed):
         spread: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
-        for noun, value, kind, may_miss in (
-            ("leg", leg, Leg, False),
-            ("ball", ball, Ball, False),
-            ("touch", touch, Contact, False),
-            ("air", air, Air, True),
-            ("ground", ground, Ground, True),
-            ("plane", plane, Plane, True),
-        ):
-            if not (isinstance(value, kind) or (may_miss and value is None)):
-                raise InvalidInput(f"{noun} is {value!r}: it must be a kickdyn.{kind.__name__}")
+        checks.made_of(Leg, leg=leg)
+        checks.made_of(Ball, ball=ball)
+        checks.made_of(Contact, touch=touch)
+        checks.made_of(Air, air=air, optional=True)
+        checks.made_of(Ground, ground=ground, optional=True)
+        checks.made_of(Plane, plane=plane, optional=True)
         if contact_time is not None:
             contact_time = checks.number("contact time", contact_time, above=0, unit="s")
             clash = clash_of_time(law, touch.restitution)

@@ -10,7 +10,6 @@ import numpy as np
 
 from kickdyn import checks
 from kickdyn.ball import BallState
-from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import is_ballistic
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.held import check_free
@@ -57,8 +56,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: what the scene names cannot be computed, or a bad tolerance.
         KickdynError: an integrator gave up.
     """
-    if not isinstance(scene, Scene):
-        raise InvalidInput(f"scene is {scene!r}: it must be a kickdyn.Scene")
+    checks.made_of(Scene, scene=scene)
     if scene.contact_time is not None:
         check_free(scene.leg, "a contact that takes time is")
     named = [effect for effect in EFFECTS if effect.named(scene)]

@@ -7,7 +7,7 @@ import click
 from kickdyn import checks
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
-from kickdyn.files import check_distinct, check_writable, write_json
+from kickdyn.files import check_outputs, write_json
 from kickdyn.impact.result import Impact
 from kickdyn.scene.read import load_scene
 from kickdyn.simulation.effects import changed
@@ -38,10 +38,7 @@ def view(
     if out is None and png is None and json_file is None:
         raise InvalidInput("nothing is to be written: name --out, --png or --json")
     checks.number("at", at, at_least=0, unit="s")
-    check_distinct(out, png, json_file)
-    for file in (out, png, None if json_file == "-" else json_file):
-        if file is not None:
-            check_writable(file)
+    check_outputs(out, png, json_file=json_file)
     if png is not None:
         check_photo(png)
     # meshcat takes half a second, which other commands shall not wait for

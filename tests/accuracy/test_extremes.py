@@ -1,6 +1,7 @@
 """Every extreme but the long chains: right, as claimed, or refused; and a wrong answer is seen."""
 
 import io
+import json
 import math
 import subprocess
 import sys
@@ -123,6 +124,17 @@ def test_what_is_taken_though_it_must_not_be_is_wrong():
 
     assert refused("x", raises).verdict == "refused"
     assert refused("x", lambda: None).verdict == "WRONG"
+
+
+def test_json_holds_no_infinity():
+    said = refused("x", lambda: None).as_json()
+    assert (said["case"], said["verdict"], said["error"], said["condition"]) == (
+        "x",
+        "WRONG",
+        None,
+        1,
+    )
+    json.dumps(said, allow_nan=False)
 
 
 def test_pieces_add_up():

@@ -40,15 +40,7 @@ def impulse_rounding(hit: Impact) -> float:
     lost = approach_rounding(posture, hit.v_before, hit.foot_velocity, before, touch.normal)
     share = lost / hit.approach_speed
     if touch.friction > 0.0:
-        problem = ContactProblem(
-            normal=touch.normal,
-            leg_rows=posture.giving(),
-            ball=hit.struck,
-            centre_velocity=before.velocity - hit.foot_velocity,
-            spin=before.spin,
-            restitution=touch.restitution,
-            friction=touch.friction,
-        )
+        problem = ContactProblem.of(hit)
         matrix = problem.delassus_in(contact_axes(touch.normal, problem.velocity))
         scale = 1.0 / np.sqrt(matrix.diagonal())
         share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))

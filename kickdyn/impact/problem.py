@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kickdyn.ball import Ball
 from kickdyn.checks import Array
 from kickdyn.vectors import crossed
+
+if TYPE_CHECKING:
+    from kickdyn.impact.result import Impact
 
 
 class ContactProblem(NamedTuple):
@@ -33,6 +36,19 @@ class ContactProblem(NamedTuple):
     spin: Array
     restitution: float
     friction: float
+
+    @classmethod
+    def of(cls, hit: Impact) -> ContactProblem:
+        """Return what the law of a strike was given."""
+        return cls(
+            normal=hit.touch.normal,
+            leg_rows=hit.posture.giving(),
+            ball=hit.struck,
+            centre_velocity=hit.ball_before.velocity - hit.foot_velocity,
+            spin=hit.ball_before.spin,
+            restitution=hit.touch.restitution,
+            friction=hit.touch.friction,
+        )
 
     @property
     def velocity(self) -> Array:

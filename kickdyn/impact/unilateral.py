@@ -119,7 +119,7 @@ def unilateral_strike(
     if touch.offset is not None:
         free = free.touched_at(touch.offset)
     feet = _feet(held, supports)
-    contacts = _contacts(held, ball, free, feet)
+    contacts = _contacts(held, free, feet)
     bounced = contacts.before.copy()
     bounced[2] *= 1.0 + touch.restitution
     frictions = [touch.friction]
@@ -150,20 +150,11 @@ class _Contacts(NamedTuple):
     before: Array
 
 
-def _contacts(held: Impact, ball: Ball, free: Posture, feet: list[_Foot]) -> _Contacts:
-    normal = held.touch.normal
-    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
+def _contacts(held: Impact, free: Posture, feet: list[_Foot]) -> _Contacts:
+    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), held.touch.normal).matrix()
     jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
     delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
-    alone = ContactProblem(
-        normal=normal,
-        leg_rows=np.zeros((3, 0)),
-        ball=ball,
-        centre_velocity=held.ball_before.velocity - held.foot_velocity,
-        spin=held.ball_before.spin,
-        restitution=held.touch.restitution,
-        friction=held.touch.friction,
-    )
+    alone = ContactProblem.of(held)._replace(leg_rows=np.zeros((3, 0)))
     delassus[:3, :3] += alone.delassus_in(axes)
     before = np.concatenate([axes.T @ alone.velocity, np.zeros(len(jacobian) - 3)])
     before[2] = -alone.along_normal()[0]  # a fast spin would cost its digits

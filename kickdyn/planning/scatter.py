@@ -208,14 +208,10 @@ def _struck(hit: Impact, errors: Array) -> tuple[Array, Array]:
     upper, lefter = _across(n)
     normal = n - (high * upper + over * lefter) / ball.radius
     normal /= math.hypot(*normal)
-    problem = ContactProblem(
+    problem = ContactProblem.of(hit)._replace(
         normal=normal,
-        leg_rows=hit.posture.giving(),
-        ball=ball,
         centre_velocity=hit.ball_before.velocity - foot,
-        spin=hit.ball_before.spin,
         restitution=min(max(hit.touch.restitution + e, 0.0), 1.0),
-        friction=hit.touch.friction,
     )
     impulse, _, _, rub = LAWS["newton"](problem)
     spin = hit.ball_before.spin - cross(normal, rub) * (ball.radius / ball.inertia)

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from chains import random_leg
+from chains import random_kick, random_leg
 
 import kickdyn as kd
 from kickdyn.accuracy.exact_impact import exact_impact, given
 from kickdyn.accuracy.extreme_impacts import chain
-from kickdyn.impact.problem import contact_axes
+from kickdyn.impact.laws import LAWS
+from kickdyn.impact.problem import ContactProblem, contact_axes
 
 
 @pytest.mark.parametrize("decade", range(14))
@@ -48,3 +49,13 @@ def test_a_foot_that_gives_way_across_the_normal_takes_no_digits(knee, last):
     hit = kd.strike(leg, posture.q, v, kd.Ball(), kd.Contact(normal, 0.6, 0.15))
     assert not hit.sticking
     assert exact_impact(*given(hit))["impulse"].error(hit.impulse) < 2e-15
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_problem_of_a_strike_is_what_its_law_was_given(law):
+    rng = np.random.default_rng(5)
+    kick, options = random_kick(rng, random_leg(rng), friction=0.3)
+    hit = kd.strike(*kick, law, **options)
+    impulse, sticking, energy_lost, _ = LAWS[law](ContactProblem.of(hit))
+    assert (impulse == hit.impulse).all()
+    assert (sticking, energy_lost) == (hit.sticking, hit.energy_lost)

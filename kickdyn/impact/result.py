@@ -28,6 +28,10 @@ ENERGY_ROUNDING = 1e-12
 """Share of impulse times contact speed below which energy gained is rounding."""
 
 
+RESIDUAL_ROUNDING = 1e-14
+"""Residuals below it are rounding, whose digits differ from processor to processor."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Impact(Sealed, Card):
     """What a strike does, with the residuals that prove it.
@@ -117,7 +121,9 @@ class Impact(Sealed, Card):
         yield "ball over foot speed", self.speed_ratio, ""
         yield f"worst joint, {joint}", most, "N s"
         yield "energy lost", self.energy_lost, "J"
-        yield "residuals", np.array([self.restitution_residual, self.momentum_residual]), ""
+        found = np.array([self.restitution_residual, self.momentum_residual])
+        rounding = bool((found < RESIDUAL_ROUNDING).all())
+        yield "residuals", f"below {RESIDUAL_ROUNDING:g}" if rounding else found, ""
         yield "condition", self.condition, ""
         yield "digits at least", math.floor(self.digits), ""
 

@@ -131,11 +131,8 @@ def _dataset(leg: Leg, grid: Grid, kick: Kick, rows: Array, status: NDArray[np.i
         unit = leg.joint_unit(name)
         data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
         if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
-            data.coords[f"{name}_deg"] = (
-                name,
-                np.round(np.degrees(values), DIGITS),
-                {"units": "deg"},
-            )
+            angles = np.round(np.degrees(values), DIGITS) + 0.0  # no -0
+            data.coords[f"{name}_deg"] = (name, angles, {"units": "deg"})
     for column, (name, (unit, meaning)) in enumerate(VARIABLES.items()):
         attributes = {"units": unit, "long_name": meaning}
         data[name] = (dims, rows[column].reshape(grid.shape), attributes)

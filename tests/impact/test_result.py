@@ -83,3 +83,11 @@ def test_what_is_read_cannot_be_written():
         hit.v_after = 0
     with pytest.raises(AttributeError, match="'Impact' has no attribute 'v_afer'"):
         _ = hit.v_afer
+
+
+def test_residuals_that_are_rounding_show_no_digits():
+    hit = strike("human")
+    assert 0.0 < max(hit.restitution_residual, hit.momentum_residual) < 1e-14
+    assert "  residuals             below 1e-14\n" in repr(hit)
+    for worse in (2.5e-9, 1e-14, np.nan):
+        assert f", {worse:.4g})\n" in repr(dataclasses.replace(hit, momentum_residual=worse))

@@ -161,8 +161,7 @@ def plan(
     place = None if offset is None else _numbers("offset", offset, ",", 3)
     lies = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
     if ball_height is None and lies is None:
-        standing = leg.posture(leg.configuration())
-        standing = standing if place is None else standing.touched_at(place)
+        standing = leg.posture(leg.configuration()).touched_at(place)
         ball_height = float(standing.contact_point[2]) + ball.radius
         if leg.outward is not None:  # a robot, whose toe must point ahead
             ball_height -= CROUCH * float(standing.contact_point[2])

@@ -123,12 +123,15 @@ class Posture(Card, Sealed):
         weighed: Array = blas.dtrsm(1.0, self._factor, rows.T, lower=1)
         return weighed
 
-    def touched_at(self, offset: ArrayLike) -> Posture:
+    def touched_at(self, offset: ArrayLike | None) -> Posture:
         """Return this posture with its contact point elsewhere on the foot.
 
         Args:
-            offset: from the contact frame's origin, in that frame's axes, shape `(3,)` [m].
+            offset: from the contact frame's origin, in that frame's axes, shape `(3,)` [m]; None
+                leaves the point where it is.
         """
+        if offset is None:
+            return self
         arm = checks.vector("contact offset", offset, 3, unit="m")
         if np.abs(arm).max() > MAX_OFFSET:
             raise InvalidInput(

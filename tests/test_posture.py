@@ -306,6 +306,7 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
     assert moved.contact_lever == pytest.approx(asked.contact_lever, abs=1e-14)
     assert moved.delassus() == pytest.approx(asked.delassus(), rel=1e-11, abs=1e-13)
     assert not np.allclose(origin.contact_point, moved.contact_point)
+    assert moved.touched_at(None) is moved
 
 
 def test_a_foot_faster_than_floats_is_refused():

@@ -56,8 +56,7 @@ def approach(
     v = checks.vector("v", v, posture.leg.nv)
     if posture.hold is not None:
         posture.check_velocity(v)
-    if touch.offset is not None:
-        posture = posture.touched_at(touch.offset)
+    posture = posture.touched_at(touch.offset)
     velocity, spin, moves = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
         velocity = checks.vector("ball velocity", ball_velocity, 3, unit="m/s")

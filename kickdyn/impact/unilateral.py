@@ -115,9 +115,7 @@ def unilateral_strike(
     checks.flag("strict", strict)
     held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
-    free = leg.standing_on().posture(held.posture.q)
-    if touch.offset is not None:
-        free = free.touched_at(touch.offset)
+    free = leg.standing_on().posture(held.posture.q).touched_at(touch.offset)
     feet = _feet(held, supports)
     contacts = _contacts(held, free, feet)
     bounced = contacts.before.copy()

@@ -152,9 +152,7 @@ class Equations:
         """Return the posture for the angles of the joints that move the foot."""
         whole = self.rest.copy()
         whole[self.qs] = q
-        posture = self.leg.posture(whole)
-        offset = self.touch.contact.offset
-        return posture if offset is None else posture.touched_at(offset)
+        return self.leg.posture(whole).touched_at(self.touch.contact.offset)
 
     def whole(self, v: Array) -> Array:
         """Return the joint velocity of the whole leg."""

@@ -21,7 +21,6 @@ from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
 from kickdyn.leg import Leg
 from kickdyn.plane import Plane
-from kickdyn.posture import Posture
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import SOURCES, Values, checked, faults_of, unusable
 from kickdyn.shipped import shipped
@@ -189,7 +188,8 @@ class _Builder:
         return v
 
     def _foot_velocity(self, leg: Leg, q: Array, touch: Contact) -> Array:
-        return _touched(leg, q, touch).joint_velocity(self._said("posture")["foot_velocity_m_s"])
+        posture = leg.posture(q).touched_at(touch.offset)
+        return posture.joint_velocity(self._said("posture")["foot_velocity_m_s"])
 
     def _ball(self) -> Ball:
         said = self._said("ball")
@@ -250,7 +250,8 @@ class _Builder:
         plane: Plane | None,
     ) -> Scene:
         if ground is not None and "height_m" not in self._said("ground"):
-            place = _touched(leg, q, touch).contact_point + ball.radius * touch.normal
+            foot = leg.posture(q).touched_at(touch.offset).contact_point
+            place = foot + ball.radius * touch.normal
             ground = Ground(float(place[2]) - ball.radius, ground.surface)
         moving, contact = self._said("ball"), self._said("contact")
         return Scene(
@@ -272,11 +273,6 @@ class _Builder:
             },
             name=self.values[""].get("name", printable(stem)),
         )
-
-
-def _touched(leg: Leg, q: Array, touch: Contact) -> Posture:
-    posture = leg.posture(q)
-    return posture if touch.offset is None else posture.touched_at(touch.offset)
 
 
 def _check_joints(key: str, leg: Leg, joints: Iterable[str], unit: str = "") -> None:

@@ -136,7 +136,7 @@ class Scene(Card, Sealed):
             plane=plane,
             spread=MappingProxyType(dict(spread or {})),
             name=name,
-            posture=posture if touch.offset is None else posture.touched_at(touch.offset),
+            posture=posture.touched_at(touch.offset),
             **arrays,
         )
 

@@ -48,9 +48,7 @@ def changed(scene: Scene, **parts: Any) -> Scene:
     other = copy.copy(scene)
     other.__dict__.update(parts)
     if "leg" in parts:
-        posture = other.leg.posture(scene.q)
-        touch = scene.touch
-        posture = posture if touch.offset is None else posture.touched_at(touch.offset)
+        posture = other.leg.posture(scene.q).touched_at(scene.touch.offset)
         other.__dict__.update(posture=posture)
     return other
 

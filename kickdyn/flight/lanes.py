@@ -31,8 +31,11 @@ HOW: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 """To compile: a division by zero gives a number that is not finite, and spoils one flight instead
 of stopping them all; a product and a sum may be one instruction."""
 
-njit: Any = numba.njit(**HOW)
-inlined: Any = numba.njit(**HOW, forceinline=True)  # a call would break up vectors
+WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""For what machine code calls, and Python must not: a tenth less to compile."""
+
+njit: Any = numba.njit(**HOW, **WITHIN)
+inlined: Any = numba.njit(**HOW, **WITHIN, forceinline=True)  # a call would break up vectors
 _intrinsic: Any = intrinsic
 
 _vector = numba.float64[::1]

@@ -15,9 +15,10 @@ from typing import Any
 import numba
 import numpy as np
 
+from kickdyn.compiled import compiled, named
 from kickdyn.flight import lanes, steps
 from kickdyn.flight.integrate import MAX_EVALUATIONS
-from kickdyn.flight.lanes import LANES, LEFT, SIGNATURE, SIZE, U, W, X, Z, inlined, njit
+from kickdyn.flight.lanes import HOW, LANES, LEFT, SIGNATURE, SIZE, U, W, X, Z, inlined, njit
 from kickdyn.flight.steps import (
     ALOFT,
     DROP,
@@ -217,7 +218,6 @@ def _flown(i, y, rates, new, lane, knows, limit, far, far_rates, out):  # type: 
     return _pass(i, new, lane, knows, limit, out)
 
 
-@njit
 def _march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations):  # type: ignore[no-untyped-def]
     """Fly every row.
 
@@ -292,18 +292,10 @@ def _compiled() -> Any:
         numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
         matrix, numba.int8[::1], numba.int64[::1],
     )  # fmt: skip
-    # numba looks for changes in this file only; what a function closes over is part of its name
+    # numba looks for changes in this file only; the others are part of the name
     sources = [Path(str(module.__file__)).read_bytes() for module in (lanes, steps)]
     made_of = zlib.crc32(b"".join(sources), MAX_EVALUATIONS)
-
-    def march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations):  # type: ignore[no-untyped-def]
-        if made_of >= 0:
-            _march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations)
-
-    try:
-        return numba.njit(signature, cache=True, nogil=True)(march)
-    except (RuntimeError, OSError):  # nowhere to keep it
-        return numba.njit(signature, nogil=True)(march)
+    return compiled(named(_march, f"march_{made_of:08x}"), signature, **HOW)
 
 
 march = _compiled()

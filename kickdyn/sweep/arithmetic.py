@@ -11,6 +11,8 @@ from typing import Any
 
 import numba
 
+from kickdyn.flight.lanes import WITHIN
+
 HOW: dict[str, Any] = {"error_model": "numpy"}
 
-njit: Any = numba.njit(**HOW)
+njit: Any = numba.njit(**HOW, **WITHIN)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from kickdyn.ball import BallState
 from kickdyn.checks import Array
+from kickdyn.compiled import compiled
 from kickdyn.flight.batch import fly_many
-from kickdyn.sweep.compiled import compiled
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.scene import Scene
 

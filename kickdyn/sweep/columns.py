@@ -7,7 +7,7 @@ from typing import Any
 
 import numba
 
-from kickdyn.sweep.compiled import compiled
+from kickdyn.compiled import compiled
 
 (MASS, IMPULSE, IMMOVABLE, BALL_SPEED, SPEED_RATIO, LAUNCH_ANGLE, BACK_SPIN, WORST_JOINT,
  ENERGY_LOST, SPEED_USE, CARRY, RESTITUTION, MOMENTUM) = range(13)  # fmt: skip

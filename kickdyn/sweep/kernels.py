@@ -11,6 +11,7 @@ import math
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -18,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.checks import Array
+from kickdyn.compiled import compiled, named
 from kickdyn.flight import lanes
 from kickdyn.flight.lanes import LANES
 from kickdyn.sweep import arithmetic, factors, impulses, planar, spatial
 from kickdyn.sweep.arithmetic import HOW, njit
-from kickdyn.sweep.compiled import compiled, named
 from kickdyn.sweep.factors import factor, unweigh, weigh
 from kickdyn.sweep.impulses import D33, gather, least, slide, strike
 from kickdyn.sweep.scene import Scene
@@ -54,79 +55,77 @@ def _deal(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
     at[a, 0], at[a, 1] = digit, done
 
 
-def _kernel(motion: Any, width: int) -> Any:
-    """Return the kernel on `spatial` or `planar`, with that many columns in a Jacobian."""
-    place, weights, reach, jolt = motion.place, motion.weights, motion.reach, motion.jolt
-    height, cos, sin, size = motion.ROWS * LANES, motion.COS, motion.SIN, motion.SIZE
-    begins = motion.C if width == 2 else motion.R00
+motion: Any = spatial
+"""What `_sweep` stands on; for a plane it is taken again on `planar`."""
+WIDTH = 3
+"""Columns of a Jacobian there."""
 
-    def sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
-              foot, lever, kick, full, answer):  # fmt: skip
-        n, count = len(parent), answer.shape[1]
-        across, along, speed, e, mu, per_mass = kick
-        x, inertia = np.zeros((n, height)), np.zeros((n, n, LANES))
-        rows, v, jump = np.zeros((n, width * LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
-        point, delassus, work = np.zeros(7 * LANES), np.zeros(6 * LANES), np.zeros(3 * LANES)
-        impulse, heard = np.zeros(3 * LANES), np.zeros(3 * LANES)
-        lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-        for i in range(LANES):
-            x[0, begins + i] = 1.0
-            if width == 3:
-                x[0, 4 * LANES + i] = x[0, 8 * LANES + i] = 1.0
+
+def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
+          foot, lever, kick, full, answer):  # fmt: skip
+    n, count = len(parent), answer.shape[1]
+    across, along, speed, e, mu, per_mass = kick
+    x, inertia = np.zeros((n, motion.ROWS * LANES)), np.zeros((n, n, LANES))
+    rows, v, jump = np.zeros((n, WIDTH * LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
+    point, delassus, work = np.zeros(7 * LANES), np.zeros(6 * LANES), np.zeros(3 * LANES)
+    impulse, heard = np.zeros(3 * LANES), np.zeros(3 * LANES)
+    lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    for i in range(LANES):
+        x[0, i] = 1.0  # the base is not turned
+        if WIDTH == 3:
+            x[0, 4 * LANES + i] = x[0, 8 * LANES + i] = 1.0
+        for k in range(1, n):
+            x[k, motion.COS + i], x[k, motion.SIN + i] = still[k, 0], still[k, 1]
+    at, repeats = np.zeros((len(steps), 2), np.int64), np.ones(len(steps), np.int64)
+    each = 1
+    for a in range(len(steps) - 1, -1, -1):
+        repeats[a] = each
+        at[a, 0], at[a, 1] = (first // each) % steps[a], first % each
+        each *= steps[a]
+    for begin in range(0, count, LANES):
+        for a in range(len(steps)):
+            own, held = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
+            _deal(own[motion.COS :], own[motion.SIN :], held, repeats[a], a, at)
+        doubt[:] = 0.0
+        motion.place(parent, slides, constants, x)
+        motion.weights(parent, slides, constants, x, inertia)
+        motion.reach(parent, slides, carries, constants, foot, lever, x, rows, point)
+        factor(parent, inertia, doubt)
+        weigh(parent, carries, inertia, rows)
+        gather(carries, rows, delassus)
+        strike(delassus, across, along, speed, e, mu, impulse, lost, doubt)
+        if WIDTH == 3:  # else nothing slips out of the plane, and it need not be compiled
+            slide(delassus, across, along, speed, e, mu, impulse, lost, doubt)
+        end = min(LANES, count - begin)
+        if full:
+            least(carries, rows, delassus, speed, v, work, doubt)
+            unweigh(parent, inertia, v, doubt)
+            use[:] = 0.0
             for k in range(1, n):
-                x[k, cos + i], x[k, sin + i] = still[k, 0], still[k, 1]
-        at, repeats = np.zeros((len(steps), 2), np.int64), np.ones(len(steps), np.int64)
-        each = 1
-        for a in range(len(steps) - 1, -1, -1):
-            repeats[a] = each
-            at[a, 0], at[a, 1] = (first // each) % steps[a], first % each
-            each *= steps[a]
-        for begin in range(0, count, LANES):
-            for a in range(len(steps)):
-                own, held = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
-                _deal(own[cos:], own[sin:], held, repeats[a], a, at)
-            doubt[:] = 0.0
-            place(parent, slides, constants, x)
-            weights(parent, slides, constants, x, inertia)
-            reach(parent, slides, carries, constants, foot, lever, x, rows, point)
-            factor(parent, inertia, doubt)
-            weigh(parent, carries, inertia, rows)
-            gather(carries, rows, delassus)
-            strike(delassus, across, along, speed, e, mu, impulse, lost, doubt)
-            if width == 3:  # else nothing slips out of the plane, and it need not be compiled
-                slide(delassus, across, along, speed, e, mu, impulse, lost, doubt)
-            end = min(LANES, count - begin)
-            if full:
-                least(carries, rows, delassus, speed, v, work, doubt)
-                unweigh(parent, inertia, v, doubt)
-                use[:] = 0.0
-                for k in range(1, n):
-                    own, quick, row, dv = v[k], constants[k, _QUICKNESS], rows[k], jump[k]
-                    for i in range(LANES):
-                        needed = math.fabs(own[i])
-                        use[i] = max(use[i], needed * quick if needed > 0.0 else 0.0)
-                    for i in range(LANES):
-                        t, last = row[i] * impulse[i], row[(width - 1) * LANES + i]
-                        t += row[LANES + i] * impulse[LANES + i] if width == 3 else 0.0
-                        dv[i] = -(t + last * impulse[2 * LANES + i])
-                unweigh(parent, inertia, jump, doubt)
-                jolt(parent, slides, constants, foot, impulse, jump, x, point, heard)
-                for i in range(end):
-                    c = begin + i
-                    pressed = impulse[2 * LANES + i]
-                    parting = pressed * per_mass - (speed + heard[2 * LANES + i])
-                    total = math.sqrt(impulse[i] ** 2 + impulse[LANES + i] ** 2 + pressed**2)
-                    answer[LOST, c], answer[USE, c] = lost[i], use[i]
-                    answer[WORST, c] = math.sqrt(heard[i])
-                    answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
-                    answer[MOMENTUM, c] = heard[LANES + i] / (math.sqrt(point[size + i]) * total)
+                own, quick, row, dv = v[k], constants[k, _QUICKNESS], rows[k], jump[k]
+                for i in range(LANES):
+                    needed = math.fabs(own[i])
+                    use[i] = max(use[i], needed * quick if needed > 0.0 else 0.0)
+                for i in range(LANES):
+                    t, last = row[i] * impulse[i], row[(WIDTH - 1) * LANES + i]
+                    t += row[LANES + i] * impulse[LANES + i] if WIDTH == 3 else 0.0
+                    dv[i] = -(t + last * impulse[2 * LANES + i])
+            unweigh(parent, inertia, jump, doubt)
+            motion.jolt(parent, slides, constants, foot, impulse, jump, x, point, heard)
             for i in range(end):
                 c = begin + i
-                answer[TANGENT, c], answer[ACROSS, c] = impulse[i], impulse[LANES + i]
-                answer[NORMAL, c], answer[GIVE, c] = impulse[2 * LANES + i], delassus[D33 + i]
-                answer[DOUBT, c] = doubt[i]
-
-    return njit(named(sweep, f"sweep_{motion.__name__.rpartition('.')[2]}"))
+                pressed = impulse[2 * LANES + i]
+                parting = pressed * per_mass - (speed + heard[2 * LANES + i])
+                total = math.sqrt(impulse[i] ** 2 + impulse[LANES + i] ** 2 + pressed**2)
+                answer[LOST, c], answer[USE, c] = lost[i], use[i]
+                answer[WORST, c] = math.sqrt(heard[i])
+                answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
+                answer[MOMENTUM, c] = heard[LANES + i] / (math.sqrt(point[motion.SIZE + i]) * total)
+        for i in range(end):
+            c = begin + i
+            answer[TANGENT, c], answer[ACROSS, c] = impulse[i], impulse[LANES + i]
+            answer[NORMAL, c], answer[GIVE, c] = impulse[2 * LANES + i], delassus[D33 + i]
+            answer[DOUBT, c] = doubt[i]
 
 
 _tuple: Any = numba.types.UniTuple
@@ -138,29 +137,15 @@ _SIGNATURE = numba.void(
 )  # fmt: skip
 
 
-_in_plane, _in_space = _kernel(planar, 2), _kernel(spatial, 3)
-
-
 def _compiled(in_plane: bool) -> Callable[..., None]:
     """Return a kernel from the disk if it can be kept there: compiling takes seconds."""
-    # numba looks for changes in this file only; what a function closes over is part of its name,
-    # and must be plain: two functions, for a compiled one would be a new name each time
-    parts = (lanes, arithmetic, factors, impulses, planar if in_plane else spatial)
+    on = planar if in_plane else spatial
+    # numba looks for changes in this file only; the others are part of the name
+    parts = (lanes, arithmetic, factors, impulses, on)
     made_of = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
-
-    def flat(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
-             foot, lever, kick, full, answer):  # fmt: skip
-        if made_of >= 0:
-            _in_plane(steps, joints, offsets, table, first, still, parent, slides, carries,
-                      constants, foot, lever, kick, full, answer)  # fmt: skip
-
-    def deep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
-             foot, lever, kick, full, answer):  # fmt: skip
-        if made_of >= 0:
-            _in_space(steps, joints, offsets, table, first, still, parent, slides, carries,
-                      constants, foot, lever, kick, full, answer)  # fmt: skip
-
-    return compiled(flat if in_plane else deep, _SIGNATURE, **HOW)
+    names = {**globals(), "motion": on, "WIDTH": 2 if in_plane else 3}
+    twin = named(FunctionType(_sweep.__code__, names), f"sweep_{made_of:08x}")
+    return compiled(twin, _SIGNATURE, **HOW)
 
 
 _kernels: dict[bool, Callable[..., None]] = {}

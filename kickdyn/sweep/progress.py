@@ -21,8 +21,8 @@ from rich.progress import (
 from rich.table import Column
 from rich.text import Text
 
+from kickdyn.compiled import busy
 from kickdyn.sweep.block import Space
-from kickdyn.sweep.compiled import busy
 from kickdyn.sweep.notes import Notes
 
 PATIENCE = 1.0

@@ -37,7 +37,7 @@ VARIABLES = {
 _SPEED, _OK = list(VARIABLES).index("ball_speed"), STATUSES.index("ok")
 
 KERNEL_FROM = 4000
-"""Postures of a grid from which a kernel is worth its start, which takes 16 s the first time."""
+"""Postures of a grid from which a kernel is worth its start, which takes 14 s the first time."""
 
 
 def sweep(

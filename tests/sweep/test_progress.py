@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from kickdyn.compiled import busy
 from kickdyn.sweep.block import Space
-from kickdyn.sweep.compiled import busy
 from kickdyn.sweep.notes import Notes
 from kickdyn.sweep.progress import Said, Watch, better, progress
 

@@ -39,7 +39,7 @@ def build_model(text: str, source: str, base: str) -> Any:
             model = pin.buildModelFromXML(text, *root)
         except Exception as error:
             model, reason = None, str(error).strip().splitlines()[0]
-    complaints = [line.strip() for line in said if line.strip()]
+    complaints = [line for line in map(_told, said) if line]
     if model is None:
         raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
     if complaints:
@@ -66,6 +66,12 @@ def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
     for frame in reduced.frames:
         frame.name = renamed.get(frame.name, frame.name)
     return reduced
+
+
+def _told(line: str) -> str:
+    """Return what a line of the parser's tells; nothing of one that says where its code is."""
+    line = line.strip()
+    return "" if line.startswith("at line ") else line.removeprefix("Error:").strip()
 
 
 _stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process

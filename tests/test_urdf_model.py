@@ -41,3 +41,9 @@ def test_what_pinocchio_says_is_passed_on(spoil):
         build_model(text, "leg", "fixed")
     with pytest.raises(kd.UrdfError, match=r"^leg: Pinocchio cannot read it"):
         build_model("<robot/>", "leg", "fixed")
+    text = spoil(('<limit lower="0"', '<dynamics damping="much"/><limit lower="0"'))
+    with pytest.raises(kd.UrdfError) as caught:
+        build_model(text, "leg", "fixed")
+    first, why, *_ = caught.value.faults
+    assert (first, why) == ("Pinocchio cannot read it", "damping value (much) is not a valid float")
+    assert not [fault for fault in caught.value.faults if "Error" in fault or "at line" in fault]

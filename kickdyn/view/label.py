@@ -21,6 +21,9 @@ PIXELS = 54
 GAP = 12
 """Between where the label is put and its frame, likewise."""
 
+INK = "#1d2733"
+"""Of the text and the line that leads there, which in the frame's colour could be an arrow."""
+
 SLOPE = HEIGHT / PIXELS
 """What a pixel of the drawn picture is over the distance from the camera."""
 
@@ -84,7 +87,7 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
         y = middle - self.row * PIXELS
         lead = (
             f'<line x1="{half}" y1="{middle}" x2="{x + wide if self.left else x}" y2="{y:g}" '
-            f'stroke="#{self.colour:06x}" stroke-width="4"/>'
+            f'stroke="{INK}" stroke-width="2.5"/>'
             if self.row
             else ""
         )
@@ -94,7 +97,7 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
             f'fill="#ffffff" fill-opacity="0.88" stroke="#{self.colour:06x}" stroke-width="4"/>'
             f'<text x="{x + wide / 2}" y="{y + 0.2 * PIXELS:g}" text-anchor="middle" '
             f'font-family="system-ui, Helvetica, Arial, sans-serif" '
-            f'font-size="{0.6 * PIXELS}" fill="#1d2733">{escape(self.text)}</text></svg>'
+            f'font-size="{0.6 * PIXELS}" fill="{INK}">{escape(self.text)}</text></svg>'
         )
         return svg, 2 * half, 2 * middle
 

@@ -16,6 +16,9 @@ CURVE, ARROW = 0xE63946, 0x2456D6
 GRASS = (0x86B56B, 0x7DAD63)
 SIDES = 8
 
+THICK, NECK, BARB = 0.028, 0.72, 0.084
+"""Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
+
 
 def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach: float) -> None:
     """Draw a level lawn, mown in stripes across the flight that fade with the distance.
@@ -113,6 +116,11 @@ def draw_shadow(viewer: Any, radius: float) -> None:
     viewer["disc"].set_transform(UPRIGHT)
 
 
+def arrow_radius(shares: Array) -> Array:
+    """Return how thick an arrow is, as radius over length, at shares of its length."""
+    return np.where(shares < NECK, THICK, BARB * (1.0 - shares) / (1.0 - NECK))
+
+
 def draw_arrow(
     viewer: Any, start: Array, direction: Array, length: float, colour: int = ARROW
 ) -> None:
@@ -125,9 +133,9 @@ def draw_arrow(
         length: [m].
         colour: 0xRRGGBB.
     """
-    width, neck = 0.028 * length, 0.72 * length
-    shaft = shapes.Cylinder(neck, width)
-    head = shapes.Cylinder(length - neck, radiusTop=0.0, radiusBottom=3 * width)
+    neck = NECK * length
+    shaft = shapes.Cylinder(neck, THICK * length)
+    head = shapes.Cylinder(length - neck, radiusTop=0.0, radiusBottom=BARB * length)
     for name, shape, begin, end in (("shaft", shaft, 0.0, neck), ("head", head, neck, length)):
         viewer[name].set_object(shape, _overlay(colour))
         viewer[name].set_transform(along(begin * direction, end * direction))

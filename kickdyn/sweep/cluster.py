@@ -45,7 +45,7 @@ def spread(
         job: what a worker does.
         numbers: of the chunks.
         where: address of a scheduler, or how many processes to start on this machine.
-        progress: told the number of postures done, chunk by chunk.
+        progress: told the number of postures done, task by task.
 
     Raises:
         InvalidInput: dask.distributed is not installed; no such cluster, or its workers do not see
@@ -60,7 +60,7 @@ def spread(
         ) from None
     dask: Any = distributed
     task = pickle.dumps(job)
-    with _client(where) as client:
+    with _there(where) if isinstance(where, str) else _here(where) as client:
         workers = _ready(client, task)
         size = min(CHUNKS, -(-len(numbers) // (AHEAD * workers)))
         left = iter(numbers)
@@ -86,33 +86,39 @@ def spread(
 
 
 @contextmanager
-def _client(where: str | int) -> Iterator[Any]:
-    """Give the client of a cluster; one of this machine is started, and ended with all it has."""
+def _there(address: str) -> Iterator[Any]:
+    """Give the client of a cluster that runs."""
     import distributed
 
     dask: Any = distributed
-    if isinstance(where, str):
-        try:
-            dask.comm.get_address_host_port(where, strict=True)  # a client would ask for 10 s more
-            client = dask.Client(where, timeout=PATIENCE, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
-            raise InvalidInput(f"no cluster answers at {where} ({_why(error)})") from None
-        logger = logging.getLogger("distributed")
-        level = logger.level
-        logger.setLevel(logging.CRITICAL)  # of a scheduler that is lost it prints tracebacks
-        try:
-            with client:
-                yield client
-        finally:
-            logger.setLevel(level)
-        return
-    here = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
+    try:
+        dask.comm.get_address_host_port(address, strict=True)  # a client would ask for 10 s more
+        client = dask.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise InvalidInput(f"no cluster answers at {address} ({_why(error)})") from None
+    logger = logging.getLogger("distributed")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)  # of a scheduler that is lost it prints tracebacks
+    try:
+        with client:
+            yield client
+    finally:
+        logger.setLevel(level)
+
+
+@contextmanager
+def _here(count: int) -> Iterator[Any]:
+    """Give the client of a cluster of so many processes, which end with it."""
+    import distributed
+
+    dask: Any = distributed
+    nowhere = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
     started = ExitStack()
     try:
         with _safe_path(), _held():
             cluster = started.enter_context(dask.LocalCluster(
-                n_workers=where, threads_per_worker=1, processes=True, host=_LOOPBACK,
-                dashboard_address=here, worker_dashboard_address=here,
+                n_workers=count, threads_per_worker=1, processes=True, host=_LOOPBACK,
+                dashboard_address=nowhere, worker_dashboard_address=nowhere,
                 scheduler_kwargs={"dashboard": False}, memory_limit=0,
                 silence_logs=logging.CRITICAL,
             ))  # fmt: skip

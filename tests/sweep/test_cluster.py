@@ -83,7 +83,7 @@ def test_ctrl_c_waits_for_the_workers_and_does_not_reach_them():
         assert waited
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-        with cluster._client(1) as client:
+        with cluster._here(1) as client:
             client.wait_for_workers(1, timeout=30)
             (deaf,) = client.run(lambda: signal.pthread_sigmask(signal.SIG_BLOCK, [])).values()
         assert signal.SIGINT in deaf
@@ -97,7 +97,7 @@ def test_workers_do_not_import_from_the_working_directory(tmp_path, monkeypatch)
         (tmp_path / f"{name}.py").write_text(hostile)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
-    with cluster._client(1) as client:
+    with cluster._here(1) as client:
         client.wait_for_workers(1, timeout=30)
         ((there, path),) = client.run(lambda: (str(Path.cwd()), sys.path)).values()
     assert there == str(tmp_path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from importlib import metadata
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def difference(
     """
     for name, value in wanted.items():
         there = found.get(name)
-        if name == "grid" and isinstance(there, dict):
+        if name == "grid" and _are_axes(there):
             if list(there) != list(value):  # the same joints in another order as well
                 return f"its joints are {', '.join(there)}, this one's {', '.join(value)}"
             if said := [
@@ -81,6 +81,17 @@ def difference(
         elif there != value:
             return _HASHED.get(name, f"its {name} is {there!r}, this one's {value!r}")
     return None
+
+
+def _are_axes(found: Any) -> TypeGuard[dict[str, list[Any]]]:
+    """Return whether this is what `axes` gives; a store's attributes may be anything."""
+    kinds = (int, int | float, int | float, str)
+    return isinstance(found, dict) and all(
+        isinstance(axis, list)
+        and len(axis) == len(kinds)
+        and all(isinstance(part, kind) for part, kind in zip(axis, kinds, strict=True))
+        for axis in found.values()
+    )
 
 
 def _axis(name: str, there: Any, here: Any, unit: str) -> str:

@@ -68,12 +68,14 @@ def stream(
         its last axis running fastest.
 
     Raises:
-        InvalidInput: as `Store`, and as `kick_from`; a cluster that cannot be reached, or whose
-            workers cannot do it.
+        InvalidInput: as `Store`, and as `kick_from`; threads beside workers, or none; a cluster
+            that cannot be reached, or whose workers cannot do it.
         Unfinished: interrupted, the disk is full, or the cluster is gone; what is done stays.
     """
     carry_error = checks.number("carry error", carry_error, at_least=0, unit="m")
-    threads = cores() if threads is None else threads
+    if sum((threads is not None, workers > 0, cluster is not None)) > 1:
+        raise InvalidInput("threads, workers and cluster exclude each other: give one of them")
+    threads = cores() if threads is None else int(checks.number("threads", threads, at_least=1))
     if path is None:
         if resume or workers or cluster is not None:
             raise InvalidInput("workers and clusters fill a store, and a store is resumed: name it")

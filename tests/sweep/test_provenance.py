@@ -98,6 +98,14 @@ def test_another_grid_is_told_by_its_joints(there, said):
     assert difference(found, wanted, dict.fromkeys(("hip", "knee"), "rad")) == said
 
 
+@pytest.mark.parametrize(
+    "there", [None, [], {"hip": 3}, {"hip": [1, 0.0, 0.0]}, {"hip": ["1"] * 4}]
+)
+def test_a_grid_that_is_none_is_another(there):
+    wanted = {"grid": axes(Grid({"hip": np.zeros(1)}))}
+    assert difference({"grid": there}, wanted, {"hip": "rad"}).startswith(f"its grid is {there!r}")
+
+
 def test_an_axis_that_looks_the_same_is_told_too():
     found, wanted = ({"grid": axes(Grid({"rail": np.array([0.0, end])}))} for end in (0.3, 0.1 * 3))
     said = "rail has 2 values from 0 to 0.3 m there as here, but not the same ones"

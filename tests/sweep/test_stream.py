@@ -181,6 +181,11 @@ def test_without_a_store_only_the_summary_is_kept(tmp_path):
         stream(None, LEG, POSTURES, KICK, workers=2)
     with pytest.raises(kd.InvalidInput, match="looked at there"):
         stream(tmp_path / "t.zarr", LEG, POSTURES, KICK, see=lambda *_: None)
+    with pytest.raises(kd.InvalidInput, match="exclude each other"):
+        stream(tmp_path / "t.zarr", LEG, POSTURES, KICK, threads=2, workers=2)
+    with pytest.raises(kd.InvalidInput, match="threads is 0"):
+        stream(tmp_path / "t.zarr", LEG, POSTURES, KICK, threads=0)
+    assert not (tmp_path / "t.zarr").exists()
 
 
 def test_other_carries_are_another_sweep(tmp_path):

@@ -16,7 +16,7 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_slopes import inertia_slopes, leg_slopes, per_mass, response
 from kickdyn.impact.problem import ball_delassus
-from kickdyn.impact.sources import OF_LEG, UNITS, columns
+from kickdyn.impact.sources import LINK_INERTIA, OF_LEG, UNITS, columns
 from kickdyn.sealed import Sealed
 
 if TYPE_CHECKING:
@@ -60,10 +60,20 @@ class Sensitivity(Sealed, Card):
 
     def _rows(self) -> Iterable[Row]:
         yield "branch", self.branch, "at its end" if self.at_boundary else ""
-        yield "margin", self.margin, ""
+        yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
-            gain = float(np.linalg.norm(rows, 2))
-            yield f"impulse by {source}, at most", gain, f"N s per {UNITS[source]}"
+            if source == "link_inertia":
+                for name, (unit, which) in LINK_INERTIA.items():
+                    each = rows.reshape(3, -1, 10)[:, :, which].reshape(3, -1)
+                    gain = float(np.linalg.norm(each, 2))
+                    yield f"impulse by {source}, {name}", gain, _per(unit)
+            else:
+                gain = float(np.linalg.norm(rows, 2))
+                yield f"impulse by {source}, at most", gain, _per(UNITS[source])
+
+
+def _per(unit: str) -> str:
+    return f"N s per ({unit})" if set("/ ") & set(unit) else f"N s per {unit}"
 
 
 def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
@@ -90,10 +100,17 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
     answer = _at_fixed_impulse(hit, at)
     residual_p, residual_x, tangent = _residual(hit, answer, at)
     impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
+    smooth = hit.touch.friction == 0.0
+    if smooth:  # how it turns does not matter: what stands here is rounding
+        impulse[:, at["ball_radius"]] = impulse[:, at["ball_spin"]] = 0.0
 
     ball, posture = hit.struck, hit.posture
     velocity = answer.velocity + impulse / ball.mass
     spin = answer.spin - ball.radius / ball.inertia * pin.skew(hit.touch.normal) @ impulse
+    if smooth:  # it goes on turning as it did; only friction that sets in would turn it
+        setting_in = spin[:, at["friction"]].copy()
+        spin[:] = 0.0
+        spin[:, at["ball_spin"]], spin[:, at["friction"]] = np.eye(3), setting_in
     v_after = answer.v_after - response(posture) @ posture.jacobian.T @ impulse
     sliding = answer.after + _give(hit) @ impulse
     branch, margin, slope, scale = _margin(hit, answer, impulse, sliding, tangent, at)
@@ -182,7 +199,7 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
         before[:, at["q"]] = -leg.foot_q
         after -= kic @ v_after
         after[:, at["q"]] -= leg.foot_q_after
-    after[:, at["ball_radius"]] += (turned @ omega_after)[:, None]
+    after[:, at["ball_radius"]] = before[:, at["ball_radius"]]  # what the impulse adds has no r
     after[:, at["normal"]] -= r * pin.skew(omega_after) @ across
 
     u_before = hit.ball_before.velocity - kic @ hit.v_before + r * turned @ omega

@@ -9,8 +9,8 @@ from kickdyn.leg import Leg
 UNITS = {
     "q": "rad",
     "v": "rad/s",
-    "restitution": "",
-    "friction": "",
+    "restitution": "1",
+    "friction": "1",
     "normal": "rad",
     "ball_mass": "kg",
     "ball_radius": "m",
@@ -32,6 +32,9 @@ and xx, xy, yy, xz, yz, zz of the inertia about the joint's origin [kg m2], in t
 Links count as `leg.joint_names`, all else in the world frame.
 """
 
+LINK_INERTIA = {"mass": ("kg", (0,)), "mass times centre": ("kg m", (1, 2, 3)),
+                "moments": ("kg m2", tuple(range(4, 10)))}  # fmt: skip
+"""Which of a link's ten numbers have which unit."""
 
 OF_LEG = ("q", "v", "link_mass", "link_inertia")
 """Sources that change the leg; all others leave it as it is, and cost a fraction."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
-from kickdyn.card import Printed
+from kickdyn.card import ROUNDING, Printed
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
@@ -27,6 +27,17 @@ MAX_SPREAD = 1e100
 
 RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
 
+SIZES = {"impulse_size": "impulse", "speed": "velocity"}
+"""What has a size of its own, and the vector it is the size of."""
+
+COLUMNS = {
+    "impulse_size": "impulse size",
+    "speed": "ball speed",
+    "velocity": "velocity vector",
+    "spin": "spin vector",
+}
+"""What the table shows, and what it calls it."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Sealed, Printed):
@@ -38,7 +49,10 @@ class Uncertainty(Sealed, Printed):
         impulse: covariance of the impulse on the ball, shape `(3, 3)` [N2 s2, world frame].
         velocity: of the ball's velocity just after, shape `(3, 3)` [m2/s2].
         spin: of the ball's spin just after, shape `(3, 3)` [rad2/s2].
-        speed: standard deviation of the ball's speed just after [m/s].
+        impulse_size: standard deviation of the impulse's size [N s].
+        speed: of the ball's speed just after [m/s]. Both leave out what only turns the vector: the
+            root of a covariance's trace is more. Of a ball brought to rest it is that root.
+        ways: unit vectors of the impulse (`impulse_size`) and of the ball's velocity (`speed`).
         by_source: for each source named, what `impulse`, `velocity` and `spin` would be if it were
             the only one; they add up to these.
         branch: `frictionless`, `stick` or `slip`.
@@ -49,7 +63,9 @@ class Uncertainty(Sealed, Printed):
     impulse: Array
     velocity: Array
     spin: Array
+    impulse_size: float
     speed: float
+    ways: Mapping[str, Array]
     by_source: Mapping[str, Mapping[str, Array]]
     branch: str
     branch_sigmas: float
@@ -57,33 +73,49 @@ class Uncertainty(Sealed, Printed):
     def share(self, result: str) -> dict[str, float]:
         """Return the part of a result's variance that each source makes; together 1.
 
+        All are 0 where the result is certain.
+
         Args:
-            result: `impulse`, `velocity` or `spin`; its variance is the trace of its covariance.
+            result: `impulse_size`, `speed`, `impulse`, `velocity` or `spin`; the variance of the
+                last three, which are vectors, is the trace of their covariance.
 
         Raises:
             InvalidInput: another result.
         """
-        if result not in RESULTS:
-            raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(RESULTS)}")
-        total = float(np.trace(getattr(self, result)))
-        return {
-            source: float(np.trace(parts[result])) / total if total else 0.0
-            for source, parts in self.by_source.items()
-        }
+        known = (*SIZES, *RESULTS)
+        if result not in known:
+            raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(known)}")
+        parts = {source: self._variance(result, of) for source, of in self.by_source.items()}
+        total = sum(parts.values())
+        return {source: part / total if total else 0.0 for source, part in parts.items()}
+
+    def _variance(self, result: str, of: Mapping[str, Array]) -> float:
+        if result in SIZES:
+            return _along(self.ways[result], of[SIZES[result]])
+        return float(np.trace(of[result]))
 
     def __str__(self) -> str:
-        """Return the budget: root mean square deviation and share of the variance by source."""
-        titles = [f"{result} {unit}" for result, unit in RESULTS.items()]
-        lines = [f"{'source':13}" + "".join(f"{title:>14} {'share':>6}" for title in titles)]
-        shares = {result: self.share(result) for result in RESULTS}
-        for source, parts in self.by_source.items():
-            cells = (
-                f"{math.sqrt(np.trace(parts[result])):14.4g} {shares[result][source]:6.1%}"
-                for result in RESULTS
-            )
-            lines.append(f"{source:13}" + "".join(cells))
-        total = (f"{math.sqrt(np.trace(getattr(self, result))):14.4g} {'':6}" for result in RESULTS)
-        lines.append((f"{'all':13}" + "".join(total)).rstrip())
+        """Return the budget: standard deviation and share of the variance by source."""
+        units = {result: RESULTS[SIZES.get(result, result)] for result in COLUMNS}
+        lines = [
+            f"{'':13}" + "".join(f"{title:>16}" for title in COLUMNS.values()),
+            f"{'source':13}" + "".join(f"{unit:>9}{'share':>7}" for unit in units.values()),
+        ]
+        shares = {result: self.share(result) for result in COLUMNS}
+        totals = {
+            result: sum(self._variance(result, of) for of in self.by_source.values())
+            for result in COLUMNS
+        }
+        for source in self.by_source:
+            line = f"{source:13}"
+            for result, total in totals.items():
+                share = shares[result][source]
+                part = math.sqrt(share * total) if share > ROUNDING**2 else 0.0
+                line += f"{part:9.3g}" + (f"{share:7.1%}" if total else f"{'':7}")
+            lines.append(line.rstrip())
+        whole = "".join(f"{math.sqrt(total):9.3g}{'':7}" for total in totals.values())
+        lines.append(f"{'all':13}{whole}".rstrip())
+        lines.append("standard deviations; a vector's is the root of its covariance's trace")
         if self.branch != "frictionless":
             other = "slip" if self.branch == "stick" else "stick"
             lines.append(
@@ -126,16 +158,33 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
     )
     for array in (impulse, velocity, spin):
         array.setflags(write=False)
-    way = hit.ball.velocity / hit.ball.speed if hit.ball.speed else np.zeros(3)
+    ways = {"impulse_size": _way(hit.impulse), "speed": _way(hit.ball.velocity)}
     return Uncertainty(
         impulse=impulse,
         velocity=velocity,
         spin=spin,
-        speed=math.sqrt(max(float(way @ velocity @ way), 0.0)),
+        impulse_size=math.sqrt(_along(ways["impulse_size"], impulse)),
+        speed=math.sqrt(_along(ways["speed"], velocity)),
+        ways=MappingProxyType(ways),
         by_source=MappingProxyType(by_source),
         branch=slopes.branch,
         branch_sigmas=_sigmas(slopes, margin),
     )
+
+
+def _way(vector: Array) -> Array:
+    """Return the unit vector along a vector; 0 of 0, which has no direction."""
+    size = math.hypot(*vector)
+    way: Array = vector / size if size else np.zeros(3)
+    way.setflags(write=False)
+    return way
+
+
+def _along(way: Array, covariance: Array) -> float:
+    """Return the variance of the size of a vector that points this way."""
+    if not way.any():
+        return float(np.trace(covariance))
+    return max(float(way @ covariance @ way), 0.0)
 
 
 def _sigmas(slopes: Sensitivity, variance: float) -> float:

@@ -129,6 +129,19 @@ def test_the_textbook_case():
     assert heavier == pytest.approx(p * m / (big + m), rel=1e-12)
 
 
+def test_the_card_says_per_what():
+    slopes = kd.strike(*human(0.4)[0]).sensitivity()
+    rows = {name: (value, unit) for name, value, unit in slopes._rows()}
+    assert rows["margin"][1] == ("N s" if slopes.branch == "stick" else "m/s")
+    assert rows["impulse by restitution, at most"][1] == "N s per 1"
+    assert rows["impulse by v, at most"][1] == "N s per (rad/s)"
+    masses, unit = rows["impulse by link_inertia, mass"]
+    assert unit == "N s per kg"
+    assert masses == pytest.approx(np.linalg.norm(slopes.impulse["link_inertia"][:, ::10], 2))
+    assert rows["impulse by link_inertia, moments"][1] == "N s per (kg m2)"
+    assert not [unit for _, unit in rows.values() if unit.endswith("per ")]
+
+
 def test_other_laws_are_refused():
     kick, options = human(0.2)
     hit = kd.strike(*kick, "paper", **options)

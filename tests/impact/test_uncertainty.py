@@ -41,6 +41,8 @@ def test_monte_carlo(friction):
         assert np.abs(getattr(ours, result) - covariance).max() <= 0.06 * scale + 1e-24
     speeds = np.std([hit.ball.speed for hit in hits])
     assert ours.speed == pytest.approx(speeds, rel=0.04)
+    sizes = np.std([np.linalg.norm(hit.impulse) for hit in hits])
+    assert ours.impulse_size == pytest.approx(sizes, rel=0.04)
 
 
 def test_one_source_is_its_jacobian():
@@ -55,11 +57,13 @@ def test_parts_add_up():
     spread = {"q": 0.01, "v": 0.05, "ball_spin": 1.0, "link_mass": [0.1, 0.05, 0.02]}
     hit = kick(friction=0.1)
     ours = hit.uncertainty(**spread)
-    for result in ("impulse", "velocity", "spin"):
+    for result in ("impulse", "velocity", "spin", "impulse_size", "speed"):
+        power = 1 if result in ("impulse", "velocity", "spin") else 2
         alone = [
-            getattr(hit.uncertainty(**{name: value}), result) for name, value in spread.items()
+            getattr(hit.uncertainty(**{name: value}), result) ** power
+            for name, value in spread.items()
         ]
-        assert getattr(ours, result) == pytest.approx(sum(alone), rel=1e-12)
+        assert getattr(ours, result) ** power == pytest.approx(sum(alone), rel=1e-12)
         shares = ours.share(result)
         assert list(shares) == list(spread)
         assert sum(shares.values()) == pytest.approx(1.0)
@@ -75,13 +79,78 @@ def test_a_deviation_is_a_diagonal_covariance():
 
 
 def test_the_table():
-    lines = str(kick(friction=0.1).uncertainty(q=0.01, restitution=0.02)).splitlines()
-    assert " ".join(lines[0].split()) == (
-        "source impulse N s share velocity m/s share spin rad/s share"
+    ours = kick(friction=0.1).uncertainty(q=0.01, restitution=0.02)
+    lines = str(ours).splitlines()
+    assert lines[0].split() == [
+        "impulse",
+        "size",
+        "ball",
+        "speed",
+        "velocity",
+        "vector",
+        "spin",
+        "vector",
+    ]
+    assert lines[1].split() == [
+        "source",
+        "N",
+        "s",
+        "share",
+        "m/s",
+        "share",
+        "m/s",
+        "share",
+        "rad/s",
+        "share",
+    ]
+    assert [line.split()[0] for line in lines[2:5]] == ["q", "restitution", "all"]
+    assert [float(cell) for cell in lines[4].split()[1:]] == pytest.approx(
+        [
+            ours.impulse_size,
+            ours.speed,
+            np.sqrt(np.trace(ours.velocity)),
+            np.sqrt(np.trace(ours.spin)),
+        ],
+        rel=5e-3,
     )
-    assert [line.split()[0] for line in lines[1:]] == ["q", "restitution", "all", "slip;"]
+    assert lines[5].startswith("standard deviations; a vector's is the root")
+    assert lines[6].startswith("slip; stick is")
     assert lines[-1].endswith("standard deviations away")
+    assert max(map(len, lines)) <= 80
     assert "away" not in str(kick().uncertainty(q=0.01))
+
+
+def test_what_only_turns_a_vector_is_not_of_its_size():
+    """A frictionless ball goes along the normal: tilted to the foot's way, it loses nothing."""
+    posture = LEG.posture(Q)
+    hit = kd.strike(
+        LEG, Q, posture.joint_velocity((10, 0, 5)), kd.Ball(), kd.Contact((2, 0, 1), 0.8)
+    )
+    tilted = np.zeros((3, 3))
+    tilted[1, 1] = np.radians(2) ** 2  # out of the plane that holds the foot's way
+    ours = hit.uncertainty(normal=tilted)
+    assert ours.speed < 1e-12
+    assert np.sqrt(ours.velocity[1, 1]) == pytest.approx(np.radians(2) * hit.ball.speed, rel=1e-9)
+
+
+def test_what_cannot_change_shows_no_share():
+    """Without friction the ball does not turn: what rounding leaves of that is not shared out."""
+    hit = kick(friction=0.0)
+    ours = hit.uncertainty(q=0.01, v=0.1, ball_mass=0.02, ball_radius=0.001, normal=0.02)
+    assert not ours.spin.any()
+    assert set(ours.share("spin").values()) == {0.0}
+    rows = [line.split() for line in str(ours).splitlines()[2:8]]
+    assert [row[-1] for row in rows] == ["0"] * 6
+    assert rows[3] == ["ball_radius", "0", "0.0%", "0", "0.0%", "0", "0.0%", "0"]
+    turned = hit.uncertainty(q=0.01, ball_spin=0.1)
+    assert turned.share("spin") == {"q": 0.0, "ball_spin": pytest.approx(1.0)}
+    assert not kick(friction=0.4).uncertainty(ball_radius=0.001).velocity.any()
+
+
+def test_a_result_is_chosen_by_name():
+    ours = kick().uncertainty(q=0.01)
+    with pytest.raises(kd.InvalidInput, match="'size' is unknown: choose impulse_size, speed, imp"):
+        ours.share("size")
 
 
 def test_a_strike_near_the_boundary_says_so():

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from kickdyn.air import Air
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.files import exists
 from kickdyn.leg import Leg
 from kickdyn.robots import ROBOTS
@@ -32,7 +32,13 @@ def load_leg(name: str, frame: str | None = None) -> Leg:
         return _limb(Leg.from_robot(name, frame, legs_only=True))
     if not exists(name) and not Path(name).suffix:
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
-    return Leg.from_urdf(name, frame or "toe")
+    try:
+        return Leg.from_urdf(name, frame or "toe")
+    except UrdfError:
+        raise
+    except InvalidInput as error:  # what else can be wrong is the frame
+        said = str(error) if frame else f"no --frame is named, and {error}"
+        raise InvalidInput(said) from None
 
 
 def _limb(leg: Leg) -> Leg:

@@ -32,6 +32,7 @@ from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.report import (
     aftermath,
     as_json,
+    cautions,
     scattered,
     swing_said,
     text,
@@ -76,7 +77,8 @@ knees are bent, by 52 degrees if it stood on that foot."""
 @click.option("--offset", metavar="X,Y,Z", help="Of the contact from there, in its axes [m].")
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
-              "of the foot of the straight leg; of a robot's, with its knees bent.")  # fmt: skip
+              "of the foot of the straight leg; of a robot's, with its knees bent. "
+              "(Free in Python, where -0.7042 is human's default here.)")  # fmt: skip
 @click.option("--ball-at", metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
@@ -206,7 +208,7 @@ def plan(
         said.append(scored(planned))
     if swung is not None:
         said.append(swing_said(swung))
-    said += aftermath(planned, not no_limits)
+    said += aftermath(planned, not no_limits) + cautions(planned)
     if swung is not None and plot is not None:
         from kickdyn.sweep.picture import save_figure
         from kickdyn.view.swing_plot import swing_figure

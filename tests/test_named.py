@@ -20,6 +20,18 @@ def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
         load_leg("hunam")
 
 
+def test_a_file_without_our_frame_is_told_the_option(tmp_path):
+    (tmp_path / "other.urdf").write_text(kd.Leg.testbed().urdf.text.replace('"toe"', '"instep"'))
+    said = r"^no --frame is named, and frame 'toe' is unknown: leg_testbed has .*instep"
+    with pytest.raises(kd.InvalidInput, match=said):
+        load_leg(str(tmp_path / "other.urdf"))
+    assert load_leg(str(tmp_path / "other.urdf"), "instep").frame == "instep"
+    with pytest.raises(kd.InvalidInput, match=r"^frame 'toe' is unknown"):
+        load_leg(str(tmp_path / "other.urdf"), "toe")
+    with pytest.raises(kd.UrdfError, match="there is no such file"):
+        load_leg(str(tmp_path / "none.urdf"))
+
+
 def test_of_a_robot_only_what_moves_the_foot_can_move():
     whole, leg = kd.Leg.from_robot("g1", legs_only=True), load_leg("g1")
     assert leg.nv < whole.nv

@@ -1,6 +1,7 @@
 """The planner's door, as a user opens it."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -80,6 +81,26 @@ def test_json_says_what_else_is_known():
     (xx, _), (_, yy) = scatter["covariance"]
     assert scatter["radius"] == pytest.approx((xx + yy) ** 0.5)
     assert set(scatter["by_source"]) == {"speed", "angle"}
+
+
+def test_python_plans_the_same_kick_where_it_is_told_where_the_ball_lies():
+    leg = kd.Leg.human()
+    plan = kd.plan_kick(leg, kd.Goal(25, time=1.6), kd.Ball(), kd.Air(), ball_height=-0.7042)
+    ended = door("--distance", "25", "--time", "1.6", "--json", "-")
+    kick = json.loads(ended.stdout)["leg"]
+    assert kick["q_deg"] == pytest.approx(leg.angles_deg(plan.q), abs=0.02)
+    assert kick["v"] == pytest.approx(plan.v.tolist(), abs=0.02)
+
+
+def test_the_flight_s_warnings_are_in_table_page_and_json(tmp_path):
+    files = ["--view", "kick.html", "--json", "kick.json"]
+    ended = door("--distance", "100", "--time", "3", "--no-limits", *files, cwd=tmp_path)
+    lines = json.loads((tmp_path / "kick.json").read_text())["warnings"]
+    assert re.match(r"drag brazuca: \d+ % of the flight is outside Re 0 to 5.1e\+05", lines[0])
+    page = (tmp_path / "kick.html").read_text()
+    for line in lines:
+        assert f"\nWarning: {line}.\n" in ended.stdout
+        assert f"Warning: {line}." in page
 
 
 def test_an_unreachable_goal_has_json_with_the_nearest():

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from kickdyn.flight.path import Flight
 
 
+ROUNDING = 1e-9
+"""Spin over speed below which a ball does not spin: a planned kick leaves what rounding leaves."""
+
+
 def outside(path: Flight) -> list[tuple[CoefficientModel, float]]:
     """Return each coefficient model with the share of the flight outside its range."""
     if path.air is None or path.evaluations == 0:
@@ -43,7 +47,7 @@ def left_by(
     speed = np.sqrt(square)
     reynolds = 2 * ball.radius * air.density / air.viscosity * speed
     spin_parameter = ball.radius * across / speed
-    spins = whole > 0.0
+    spins = ball.radius * np.sqrt(whole) > ROUNDING * speed
     return [
         (model, (spins | (model is air.drag)) & model.range_left(reynolds, spin_parameter))
         for model in (air.drag, air.lift)

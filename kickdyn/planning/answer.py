@@ -166,5 +166,7 @@ def _said(near: Launch) -> str:
     rounding = 1e-9 * float(abs(near.goal.target).max())
     where = ", ".join(f"{part if abs(part) > rounding else 0:.4g}" for part in near.goal.target)
     if near.goal.beside is not None:
-        shown += f", {near.goal.beside[1]:.4g} m left of the line at {near.goal.beside[0]:.4g} m"
+        at, left = near.goal.beside
+        side = "left" if left >= 0.0 else "right"
+        shown += f", {abs(left):.4g} m {side} of the line at {at:.4g} m"
     return f"({where}) m, {near.goal.kind} {shown}, at {near.speed:.4g} m/s"

@@ -100,7 +100,8 @@ def plan_kick(
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
         offset: of the contact point from the leg's frame, as for `Contact`.
-        ball_height: of the ball's centre [m, world frame]; free when not named.
+        ball_height: of the ball's centre [m, world frame]; free when not named, where `kickdyn
+            plan` lays the ball at the straight leg's foot: -0.7042 for `Leg.human()`.
         ball_at: where the ball's centre lies, instead, shape `(3,)` [m, world frame]: what is left
             is self-motion, the way of a redundant leg to kick from one place in many postures.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An

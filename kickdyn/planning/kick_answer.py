@@ -89,9 +89,16 @@ class KickPlan(Card):
         yield what, self.value, UNITS.get(self.objective, "")
         yield "of the speed limit", self.speed_use, ""
         yield "of the torque limit", self.effort_use, ""
+        for line in self.warnings:
+            yield "warning", line, ""
 
     def _picture(self) -> str:
         return self.path._picture()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of the flight: a line for each coefficient used outside its range; of a pass, none."""
+        return self.path.warnings if isinstance(self.path, Flight) else ()
 
     @property
     def after(self) -> dict[str, float]:

@@ -83,6 +83,8 @@ class LaunchPlan(Card):
         yield "distance error", self.best.distance_error, "m"
         yield "time error", self.best.time_error, "s"
         yield "method", f"{self.method}, {self.iterations} corrections", ""
+        for line in self.flight.warnings:
+            yield "warning", line, ""
 
     def _picture(self) -> str:
         return self.flight._picture()

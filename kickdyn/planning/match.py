@@ -25,6 +25,9 @@ WIDTH = 2.5
 MOUTH = (7.32, 2.44)
 """Of a goal, between the posts and under the bar [m]: IFAB, Laws of the Game, Law 1."""
 
+FRAME = 0.12
+"""Width of its posts and its bar, at most, there [m]."""
+
 
 class Wall(NamedTuple):
     """A wall across the line to the target, its middle on it; all in m, heights from the ground."""
@@ -124,11 +127,21 @@ class Wall(NamedTuple):
         return f"go {' or '.join(can)}"
 
 
+MISSES = {
+    "short": "does not come to the goal",
+    "over": "goes over the bar",
+    "beside": "goes beside the post",
+    "bar": "hits the bar",
+    "post": "hits the post",
+}
+"""What is said of a ball that does not go in, by its end."""
+
+
 class Score(NamedTuple):
     """How a kick meets the goal straight ahead at the target's distance.
 
     Attributes:
-        end: `in`, `short` or `past`.
+        end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
         post: from the ball's side to the nearer post [m]; below 0 beyond it.
         bar: from its upper edge up to the bar [m], likewise.
     """
@@ -146,7 +159,11 @@ def score(planned: KickPlan) -> Score:
     short = planned.goal.target[0] - (end - start)[0] > 1e-3 or up <= -radius
     post = MOUTH[0] / 2 - abs(float(left)) - radius
     bar = MOUTH[1] - float(up) - 2 * radius
-    return Score("short" if short else "in" if min(post, bar) >= 0.0 else "past", post, bar)
+    missed = post if bar >= 0.0 else bar if post >= 0.0 else min(post, bar)
+    clear = missed < -2 * radius - FRAME
+    aside = missed == post
+    out = ("beside" if aside else "over") if clear else "post" if aside else "bar"
+    return Score("short" if short else "in" if min(post, bar) >= 0.0 else out, post, bar)
 
 
 def scored(planned: KickPlan) -> str:
@@ -154,4 +171,4 @@ def scored(planned: KickPlan) -> str:
     found = score(planned)
     if found.end == "in":
         return f"It goes in, {found.post:.3g} m from the post and {found.bar:.3g} m under the bar."
-    return "It does not come to the goal." if found.end == "short" else "It goes past the goal."
+    return f"It {MISSES[found.end]}."

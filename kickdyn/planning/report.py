@@ -88,6 +88,11 @@ def aftermath(planned: KickPlan, limits: bool) -> list[str]:
     return [f"Just after the impact: {', '.join(parts)}."] if parts else []
 
 
+def cautions(planned: KickPlan) -> list[str]:
+    """Return the flight's warnings as sentences, or none."""
+    return [f"Warning: {line}." for line in planned.warnings]
+
+
 def scattered(planned: KickPlan, spread: Mapping[str, float]) -> str:
     """Return in a line how far off the ball lands for errors of given size."""
     found = scatter(planned.hit, planned.launch.air, **spread)
@@ -104,6 +109,11 @@ def _mm(length: float) -> str:
     return f"{round(1e3 * length, 1) + 0.0:.1f}"
 
 
+def _side(shown: str) -> str:
+    """Return where to something shown as a number is, which counts to the left."""
+    return "right" if shown.startswith("-") else "left"
+
+
 def text(planned: KickPlan) -> list[str]:
     """Return a plan's numbers as lines of text."""
     launch, hit, leg = planned.launch, planned.hit, planned.leg
@@ -118,18 +128,20 @@ def text(planned: KickPlan) -> list[str]:
     value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
     how = f"{launch.steps} Newton steps" if launch.steps >= 0 else "found by search"
     what = SAID.get(planned.objective, planned.objective)
-    turned = math.degrees(planned.heading)
-    aside = [f"base    turned {turned:.2f} deg to the left"] if turned else []
+    azimuth, sideways = _deg(launch.azimuth), _mm(left)
+    turned = f"{math.degrees(planned.heading):.2f}"
+    aside = [f"base    turned {turned.lstrip('-')} deg to the {_side(turned)}"]
     return [
         f"launch  {launch.speed:.4f} m/s, {_deg(launch.elevation)} deg up, "
-        f"{_deg(launch.azimuth)} deg left; {how}",
-        f"touch   {_mm(up)} mm up and {_mm(left)} mm left of the ball's centre, "
+        f"{azimuth.lstrip('-')} deg {_side(azimuth)}; {how}",
+        f"touch   {_mm(abs(up))} mm {'above' if up >= 0.0 else 'below'} and "
+        f"{sideways.lstrip('-')} mm {_side(sideways)} of the ball's centre, "
         f"impulse {math.hypot(*hit.impulse):.4f} N s, "
         f"foot {math.hypot(*hit.foot_velocity):.4f} m/s",
         f"leg     {what} {value}; speed {planned.speed_use:.0%} and "
         f"torque {planned.effort_use:.0%} of their limits; worst joint impulse "
         f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
-        *aside,
+        *(aside if float(turned) else []),
         *joints,
     ]
 
@@ -189,6 +201,7 @@ def as_json(
         "time": planned.path.duration,
         "landing_error": planned.landing_error,
         "time_error": planned.time_error,
+        "warnings": list(planned.warnings),
         **({} if planned.status == "met" else {"within_limits": _within_json(planned)}),
         **({} if wall is None else {"wall": _wall_json(wall, planned)}),
         **({"mouth": score(planned)._asdict()} if mouth else {}),

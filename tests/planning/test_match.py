@@ -3,7 +3,7 @@ from functools import partial
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.match import Wall, scored
+from kickdyn.planning.match import MISSES, Wall, score, scored
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 CORNER = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
@@ -81,13 +81,27 @@ def test_bad_walls(text, words):
         Wall.read(text).passed(CORNER, kick())
 
 
+def missing(target):
+    """Return how a kick to a target beside the goal ends, and that it is said."""
+    plan = kd.plan_kick(LEG, kd.Goal(target, time=1.0), BALL, AIR, limits=False)
+    found = score(plan)
+    assert scored(plan) == f"It {MISSES[found.end]}."
+    return found
+
+
 def test_the_goal():
     post, bar = 3.66 - 3.4 - BALL.radius, 2.44 - 2.1 - 2 * BALL.radius
     assert (
         scored(CORNER) == f"It goes in, {post:.3g} m from the post and {bar:.3g} m under the bar."
     )
-    for target in ((20, 3.6, 1), (20, 0, 2.3)):
-        wide = kd.plan_kick(LEG, kd.Goal(target, time=1.0), BALL, AIR, limits=False)
-        assert scored(wide) == "It goes past the goal."
+    inner, outer = BALL.radius - 0.01, BALL.radius + 0.13  # past a post or bar 0.12 m wide
+    wide = {"post": 3.66 - inner, "beside": 3.66 + outer}
+    high = {"bar": 2.44 - BALL.radius - inner, "over": 2.44 - BALL.radius + outer}
+    for end, left in wide.items():
+        assert missing((20, left, 1)).end == missing((20, -left, 1)).end == end
+    for end, up in high.items():
+        assert missing((20, 0, up)).end == end
+    assert missing((20, wide["beside"], high["bar"])).end == "beside"
+    assert missing((20, wide["post"], high["over"])).end == "over"
     weak = kd.plan_kick(LEG, kd.Goal(100, time=3), BALL, AIR)
     assert scored(weak) == "It does not come to the goal."

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.report import aftermath, as_json, scattered, text, verdict
+from kickdyn.planning.report import aftermath, as_json, cautions, scattered, text, verdict
 from kickdyn.planning.scatter import scatter
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
@@ -83,6 +83,33 @@ def test_what_happens_just_after_the_impact():
     assert (leg["after"], leg["into_stop"]) == (plan.after, ["knee"])
     swung = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, swing=True)
     assert aftermath(swung, limits=True) == []
+
+
+def test_what_the_flight_warns_of_is_said_of_the_plan():
+    far = kd.plan_kick(LEG, kd.Goal(100, time=3), BALL, AIR, limits=False)
+    lines = list(far.path.warnings)
+    assert len(lines) == 1  # of drag: a spin that is rounding has no lift to warn of
+    assert lines[0].startswith("drag brazuca: 37 % of the flight is outside Re 0 to 5.1e+05")
+    assert list(far.warnings) == as_json(far)["warnings"] == lines
+    assert cautions(far) == [f"Warning: {line}." for line in lines]
+    for answer in (far, kd.plan_launch(100, 3, BALL, AIR)):
+        assert re.findall(r"\n  warning +(.*)", repr(answer)) == lines
+    near = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
+    assert (near.warnings, cautions(near), as_json(near)["warnings"]) == ((), [], [])
+    assert "warning" not in repr(near)
+    along = kd.plan_kick(LEG, kd.Goal(15, time=1.5), BALL, AIR, surface="carpet")
+    assert along.warnings == ()
+
+
+def test_a_kick_to_the_right_says_right():
+    plans = [kd.plan_kick(LEG, kd.Goal((20, y, 0), time=1), BALL, AIR) for y in (3, 0, -3)]
+    angle = f"{np.degrees(plans[0].heading):.2f}"
+    for plan, side in zip(plans, ("left", "", "right"), strict=True):
+        launch, *_, base = text(plan)[:4]
+        azimuth = f"{abs(np.degrees(plan.launch.azimuth)):.3f} deg {side or 'left'};"
+        assert azimuth in launch
+        assert "-" not in launch + base or not side
+        assert not side or base == f"base    turned {angle} deg to the {side}"
 
 
 def test_the_scatter_by_source_has_units():

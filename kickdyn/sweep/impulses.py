@@ -137,51 +137,14 @@ def _opposed(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
 
 
 @njit
-def least(carries, rows, delassus, speed, v, work, doubt):  # type: ignore[no-untyped-def]
-    """Fill in the weighed joint velocity of least energy that moves the foot along the normal.
-
-    It is what the normal's row has beyond those of the tangents, made orthogonal twice.
-    """
-    n, flat = len(carries), rows.shape[1] == 2 * LANES
-    a, b, total = 0, LANES, 2 * LANES
-    last = LANES if flat else 2 * LANES
-    for i in range(LANES):
-        work[a + i], work[b + i] = delassus[D13 + i], delassus[D23 + i]
-    for k in range(1, n):
-        own, row = v[k], rows[k]
-        for i in range(LANES):
-            own[i] = row[last + i]
-    for _ in range(2):
-        for i in range(LANES):
-            d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
-            x, share = work[a + i], d12 / d11
-            y = 0.0 if flat else (work[b + i] - share * x) / (d22 - share * d12)
-            work[a + i], work[b + i] = (x - d12 * y) / d11, y
-        for k in range(1, n):
-            if not carries[k]:
-                continue
-            own, row = v[k], rows[k]
-            for i in range(LANES):
-                second = 0.0 if flat else work[b + i] * row[LANES + i]
-                own[i] -= work[a + i] * row[i] + second
-        work[:] = 0.0
-        for k in range(1, n):
-            if not carries[k]:
-                continue
-            own, row = v[k], rows[k]
-            for i in range(LANES):
-                work[a + i] += own[i] * row[i]
-                work[b + i] += 0.0 if flat else own[i] * row[LANES + i]
-                work[total + i] += own[i] * own[i]
+def movable(delassus, flat, doubt):  # type: ignore[no-untyped-def]
+    """Doubt where the foot can hardly move along the normal alone, or across it."""
     for i in range(LANES):
         d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
-        square, most = work[total + i], max(max(d11, d22), delassus[D33 + i])
-        least_of_all = NEAR * delassus[D33 + i]
-        apart = flat or (d22 > least_of_all and d22 - d12 / d11 * d12 > NEAR * d22)
-        sound = d11 > least_of_all and apart and square > NEAR * most
+        d13, d23, d33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i]
+        share = d12 / d11
+        h22, h23 = d22 - share * d12, d23 - share * d13
+        square = d33 - d13 / d11 * d13 - (0.0 if flat else h23 / h22 * h23)
+        apart = flat or (d22 > NEAR * d33 and h22 > NEAR * d22)
+        sound = d11 > NEAR * d33 and apart and square > NEAR * max(max(d11, d22), d33)
         doubt[i] = doubt[i] if sound else 1.0
-        work[total + i] = speed / square
-    for k in range(1, n):
-        own = v[k]
-        for i in range(LANES):
-            own[i] *= work[total + i]

@@ -22,10 +22,10 @@ from kickdyn.checks import Array
 from kickdyn.compiled import compiled, named
 from kickdyn.flight import lanes
 from kickdyn.flight.lanes import LANES
-from kickdyn.sweep import arithmetic, factors, impulses, planar, spatial
+from kickdyn.sweep import arithmetic, factors, impulses, planar, quickness, spatial, speed_use
 from kickdyn.sweep.arithmetic import HOW, njit
 from kickdyn.sweep.factors import factor, unweigh, weigh
-from kickdyn.sweep.impulses import D33, gather, least, slide, strike
+from kickdyn.sweep.impulses import D33, gather, movable, slide, strike
 from kickdyn.sweep.scene import Scene
 
 TANGENT, ACROSS, NORMAL, GIVE, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
@@ -35,7 +35,7 @@ TANGENT, ACROSS, NORMAL, GIVE, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = 
 
 ROWS = 10
 
-_QUICKNESS = spatial.QUICKNESS
+_LIMIT = spatial.LIMIT
 
 
 @njit
@@ -66,8 +66,8 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
     n, count = len(parent), answer.shape[1]
     across, along, speed, e, mu, per_mass = kick
     x, inertia = np.zeros((n, motion.ROWS * LANES)), np.zeros((n, n, LANES))
-    rows, v, jump = np.zeros((n, WIDTH * LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
-    point, delassus, work = np.zeros(7 * LANES), np.zeros(6 * LANES), np.zeros(3 * LANES)
+    rows, jump = np.zeros((n, WIDTH * LANES)), np.zeros((n, LANES))
+    point, delassus = np.zeros(7 * LANES), np.zeros(6 * LANES)
     impulse, heard = np.zeros(3 * LANES), np.zeros(3 * LANES)
     lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     for i in range(LANES):
@@ -90,6 +90,8 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
         motion.place(parent, slides, constants, x)
         motion.weights(parent, slides, constants, x, inertia)
         motion.reach(parent, slides, carries, constants, foot, lever, x, rows, point)
+        if full:  # before the columns of the Jacobian are weighed
+            quickness.quickness(carries, rows, constants, _LIMIT, speed, use, doubt)
         factor(parent, inertia, doubt)
         weigh(parent, carries, inertia, rows)
         gather(carries, rows, delassus)
@@ -98,14 +100,9 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
             slide(delassus, across, along, speed, e, mu, impulse, lost, doubt)
         end = min(LANES, count - begin)
         if full:
-            least(carries, rows, delassus, speed, v, work, doubt)
-            unweigh(parent, inertia, v, doubt)
-            use[:] = 0.0
+            movable(delassus, WIDTH == 2, doubt)
             for k in range(1, n):
-                own, quick, row, dv = v[k], constants[k, _QUICKNESS], rows[k], jump[k]
-                for i in range(LANES):
-                    needed = math.fabs(own[i])
-                    use[i] = max(use[i], needed * quick if needed > 0.0 else 0.0)
+                row, dv = rows[k], jump[k]
                 for i in range(LANES):
                     t, last = row[i] * impulse[i], row[(WIDTH - 1) * LANES + i]
                     t += row[LANES + i] * impulse[LANES + i] if WIDTH == 3 else 0.0
@@ -141,7 +138,7 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
     """Return a kernel from the disk if it can be kept there: compiling takes seconds."""
     on = planar if in_plane else spatial
     # numba looks for changes in this file only; the others are part of the name
-    parts = (lanes, arithmetic, factors, impulses, on)
+    parts = (lanes, arithmetic, factors, impulses, quickness, speed_use, on)
     made_of = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
     names = {**globals(), "motion": on, "WIDTH": 2 if in_plane else 3}
     twin = named(FunctionType(_sweep.__code__, names), f"sweep_{made_of:08x}")

@@ -17,6 +17,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import strike_at
 from kickdyn.posture import Posture
+from kickdyn.sweep.speed_use import least_use, least_used, speed_use
 
 Status = Literal["ok", "too fast", "out of reach"]
 STATUSES: tuple[Status, ...] = ("ok", "too fast", "out of reach")
@@ -71,7 +72,8 @@ class Outcome:
         posture: the leg.
         status: `ok`; `too fast`, where a joint would have to exceed its velocity limit; `out of
             reach`, where the foot cannot move along the attack direction at all.
-        speed_use: largest joint speed over its limit; nan out of reach.
+        speed_use: largest joint speed over its limit, the least with which the foot can come so;
+            nan out of reach.
         hit: the impact; None out of reach.
         carry: distance to where the ball is back at its launch height [m]; nan out of reach.
     """
@@ -84,14 +86,18 @@ class Outcome:
 
 
 def kick_from(posture: Posture, kick: Kick) -> Outcome:
-    """Strike and fly from one posture, with the joint velocity of least kinetic energy."""
-    v = posture.try_joint_velocity(kick.speed * kick.direction)
+    """Strike and fly from one posture.
+
+    The joint velocity is that of least kinetic energy, or, where that is too fast for a joint,
+    that of least `speed_use`; the impulse is the same.
+    """
+    wish = kick.speed * kick.direction
+    v = posture.try_joint_velocity(wish)
     if v is None:
         return Outcome(posture, "out of reach", math.nan, None, math.nan)
-    limit = posture.leg.velocity_limit
-    needed = np.abs(v)
-    use = np.divide(needed, limit, out=np.where(needed > 0, np.inf, 0.0), where=limit > 0)
+    use = least_use(posture, wish)
+    if use <= 1 < speed_use(posture, v):
+        v = least_used(posture, wish)
     hit = strike_at(posture, v, kick.ball, kick.touch)
     path = fly(hit.ball, kick.ball, kick.air)
-    largest = float(use.max())
-    return Outcome(posture, "ok" if largest <= 1 else "too fast", largest, hit, path.range)
+    return Outcome(posture, "ok" if use <= 1 else "too fast", use, hit, path.range)

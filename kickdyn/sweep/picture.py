@@ -149,7 +149,7 @@ def _plain(name: str) -> str:
 def _price(figure: Figure, axes: Any, cloud: Top, front: Front, lines: Sequence[Line]) -> None:
     load, ratio, use = cloud.rows.T
     dots = axes.scatter(load, ratio, c=100 * use, s=7, cmap="cividis")
-    figure.colorbar(dots, ax=axes, label="fastest joint, % of its speed limit")
+    figure.colorbar(dots, ax=axes, label="joint speeds needed, % of their limits")
     best = front.points[::-1]
     axes.step(best[:, 1], best[:, 0], where="post", color="tab:red", lw=1.2, label="front")
     for line in lines:

@@ -20,8 +20,8 @@ second moment; jump of angular and linear velocity; linear and angular impulse f
 
 ROWS = 19
 
-MASS, CARRIED, ARMATURE, QUICKNESS, H, INERTIA, PLACE, SENSE, AXIS = 0, 1, 2, 3, 4, 6, 7, 9, 10
-"""Columns of a joint's constants: mass, mass carried, armature, 1 / velocity limit, first and
+MASS, CARRIED, ARMATURE, LIMIT, H, INERTIA, PLACE, SENSE, AXIS = 0, 1, 2, 3, 4, 6, 7, 9, 10
+"""Columns of a joint's constants: mass, mass carried, armature, velocity limit, first and
 second moment of mass, origin in the parent's frame (2), sense of a hinge, axis of a slide (2)."""
 
 CONSTANTS = 12

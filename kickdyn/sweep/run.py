@@ -27,7 +27,7 @@ VARIABLES = {
     "back_spin": ("rad/s", "spin of the ball after the impact about -y; negative is top spin"),
     "worst_joint_impulse": ("N s", "largest linear impulse inside a joint"),
     "energy_lost": ("J", "kinetic energy lost in the impact"),
-    "speed_use": ("1", "largest joint speed over its limit"),
+    "speed_use": ("1", "least largest joint speed over its limit that moves the foot so"),
     "carry": ("m", "horizontal distance to where the ball is back at its launch height"),
     "restitution_residual": ("1", "relative error of Newton's restitution"),
     "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),

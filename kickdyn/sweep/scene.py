@@ -102,8 +102,7 @@ def scene_of(leg: Leg, kick: Kick, planar: bool | None = None) -> Scene | None:
     constants[1:, spatial.MASS] = [inertia.mass for inertia in list(model.inertias)[1:]]
     constants[1:, spatial.CARRIED] = carried[1:]
     constants[1:, spatial.ARMATURE] = model.armature[v]
-    with np.errstate(divide="ignore"):
-        constants[1:, spatial.QUICKNESS] = 1.0 / limits[v]
+    constants[1:, spatial.LIMIT] = limits[v]
     ball = kick.ball
     give = 1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass
     return Scene(

@@ -22,8 +22,8 @@ and linear velocity; linear and angular impulse from the parent."""
 
 ROWS = 44
 
-MASS, CARRIED, ARMATURE, QUICKNESS, H, INERTIA, PLACE, TURN = 0, 1, 2, 3, 4, 7, 13, 16
-"""Columns of a joint's constants: mass, mass carried, armature, 1 / velocity limit, first and
+MASS, CARRIED, ARMATURE, LIMIT, H, INERTIA, PLACE, TURN = 0, 1, 2, 3, 4, 7, 13, 16
+"""Columns of a joint's constants: mass, mass carried, armature, velocity limit, first and
 second moment of mass (3, 6), origin in the parent's frame (3) and rotation there (9)."""
 
 CONSTANTS = 25

@@ -130,5 +130,5 @@ def _why(line: Line, kick: Kick) -> str:
         f"along the kick the leg weighs {n['effective_mass']:.3g} kg, {heavier:.3g} times the "
         f"ball, which leaves at {n['speed_ratio']:.3g} times the foot's speed "
         f"(1 + e = {1 + kick.restitution:.3g} for an endlessly heavy leg); "
-        f"the fastest joint uses {n['speed_use']:.0%} of its speed limit"
+        f"its joints need {n['speed_use']:.0%} of their speed limits"
     )

@@ -68,6 +68,9 @@ def test_the_planar_kernel_is_kick_from(friction):
 def test_the_general_kernel_is_kick_from(seed):
     rng = np.random.default_rng(seed)
     leg = random_leg(rng, joints=3 + seed % 5)
+    model = leg.model
+    model.velocityLimit = np.linspace(4.0, 9.0, leg.nv) if seed else np.array([5.0, np.inf, 9.0])
+    leg = kd.Leg.from_model(model, "toe")
     axes = {name: rng.uniform(-2, 2, 2) for name in leg.joint_names[:4]}
     kick = Kick(speed=rng.uniform(0.5, 9), restitution=rng.uniform(0, 1), friction=0.15)
     planar, seen = agree(leg, kick, axes)
@@ -102,7 +105,7 @@ def test_short_links_before_long_ones_keep_their_digits_or_are_marked(size):
     axes = {name: np.linspace(-1.2, 1.3, 6) for name in leg.joint_names}
     _, seen = agree(leg, kick, axes, speeds=1e-11)
     assert seen["slips"] + seen["sticks"] > 0
-    assert seen["doubt"] > 100 if min(size) < 0.1 else seen["doubt"] < 100
+    assert seen["doubt"] > 20 if min(size) < 0.1 else seen["doubt"] < 20
 
 
 def test_branches_slides_and_rotors_count():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 import numpy as np
@@ -13,6 +13,9 @@ Row = tuple[str, object, str]
 
 WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
 """Of a picture [px]."""
+
+WARNED = 3
+"""Warnings that a card shows; others are counted."""
 
 ROUNDING = 1e-12
 """Of a vector's largest entry: less than that is shown as 0."""
@@ -43,6 +46,14 @@ class Card:
         )
         title = f"<caption><b>{escape(type(self).__name__)}</b></caption>"
         return f"<table>{title}{rows}</table>{self._picture()}"
+
+
+def warned(lines: Sequence[str]) -> Iterable[Row]:
+    """Return a row for each of the first few lines of warning, and one that counts the others."""
+    for line in lines[:WARNED]:
+        yield "warning", line, ""
+    if len(lines) > WARNED:
+        yield "warning", f"and {len(lines) - WARNED} more", ""
 
 
 class Printed:

@@ -15,6 +15,9 @@ from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sealed import read_only
 
+AT_LIMIT = 1e-6
+"""By how much a limit may be passed before it is said [rad; m]; of a speed, as a share of it."""
+
 
 class Jointed:
     """What a robot's joints tell of it: names, sizes and limits, which `Leg` lists."""
@@ -45,6 +48,11 @@ class Jointed:
 
     def checked_configuration(self, q: ArrayLike) -> Array:
         """Return a copy of q, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
+        if isinstance(q, Mapping):
+            raise InvalidInput(
+                f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
+                "of joints by name"
+            )
         checked = checks.vector("q", q, self.nq)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
             name, part = self._not_unit(checked)
@@ -79,6 +87,33 @@ class Jointed:
             return -math.pi, math.pi
         at = self._model.idx_qs[number]
         return float(self.lower[at]), float(self.upper[at])
+
+    def outside_range(self, q: Array) -> list[str]:
+        """Return a line for each joint of one degree of freedom that is outside its range."""
+        found = []
+        for name, value in self.angles_deg(q).items():
+            unit = self.joint_unit(name).replace("rad", "deg")
+            scale = 1.0 if unit == "m" else math.degrees(1.0)
+            low, high = (scale * end for end in self.joint_range(name))
+            if not low - scale * AT_LIMIT <= value <= high + scale * AT_LIMIT:
+                span = f"{low:.4g} to {high:.4g}"
+                found.append(f"{name} at {value:.4g} {unit} is outside its range {span} {unit}")
+        return found
+
+    def too_fast(self, v: Array) -> list[str]:
+        """Return a line for each joint of one degree of freedom that is faster than its limit.
+
+        A joint whose limit is 0 must not move; an infinite one always holds.
+        """
+        found = []
+        for name in self._single():
+            index = self.velocity_index(name)
+            speed, limit = abs(float(v[index])), float(self.velocity_limit[index])
+            if limit == 0.0 and speed > 0.0:
+                found.append(f"{name} moves, its speed limit is 0")
+            elif speed > (1.0 + AT_LIMIT) * limit:
+                found.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
+        return found
 
     def _number(self, joint: str) -> int:
         """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""

@@ -15,7 +15,7 @@ from scipy.linalg import blas, lapack
 
 from kickdyn import checks
 from kickdyn.articulated import Articulated
-from kickdyn.card import Card, Row
+from kickdyn.card import Card, Row, warned
 from kickdyn.checks import Array
 from kickdyn.conditioning import condition, factored, rounding
 from kickdyn.errors import InvalidInput
@@ -111,6 +111,12 @@ class Posture(Card, Sealed):
             yield "and", f"{len(moved) - SHOWN} joints more", ""
         yield "contact point", self.contact_point, "m"
         yield "condition", self.condition, ""
+        yield from warned(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each joint outside its range (allowed; or are these degrees?)."""
+        return tuple(self.leg.outside_range(self.q))
 
     def _held(self, constraints: Constraints, model: Any, data: Any) -> Hold:
         constraints.check_closed(model, data, self)

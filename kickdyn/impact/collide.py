@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from kickdyn import checks
 from kickdyn.ball import Ball, BallState
-from kickdyn.card import Card, Row
+from kickdyn.card import Card, Row, warned
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.errors import InvalidInput, KickdynError
@@ -112,6 +112,9 @@ class Collision(Card):
         yield "spin after", self.ball.spin, "rad/s"
         yield "energy lost", self.energy_lost, "J"
         yield "energy residual", self.energy_residual, ""
+        yield from warned(
+            [*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before)]
+        )
 
     def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
         """Pickle what it was asked; unpickled, it runs again, to the same digits."""

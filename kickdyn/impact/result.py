@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
-from kickdyn.card import Card, Row
+from kickdyn.card import Card, Row, warned
 from kickdyn.checks import Array
 from kickdyn.contact import Contact
 from kickdyn.impact.digits import impulse_rounding, joint_digits, left
@@ -126,6 +126,12 @@ class Impact(Sealed, Card):
         yield "residuals", f"below {RESIDUAL_ROUNDING:g}" if rounding else found, ""
         yield "condition", self.condition, ""
         yield "digits at least", math.floor(self.digits), ""
+        yield from warned(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each joint outside its range, or faster before the impact than its limit."""
+        return (*self.posture.warnings, *self.posture.leg.too_fast(self.v_before))
 
     @property
     def speed_ratio(self) -> float:

@@ -96,8 +96,8 @@ class Jointed:
             scale = 1.0 if unit == "m" else math.degrees(1.0)
             low, high = (scale * end for end in self.joint_range(name))
             if not low - scale * AT_LIMIT <= value <= high + scale * AT_LIMIT:
-                span = f"{low:.4g} to {high:.4g}"
-                found.append(f"{name} at {value:.4g} {unit} is outside its range {span} {unit}")
+                span = f"{low:.5g} to {high:.5g}"
+                found.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
         return found
 
     def too_fast(self, v: Array) -> list[str]:

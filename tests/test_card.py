@@ -148,6 +148,26 @@ def test_a_robots_posture_shows_the_joints_that_moved():
     assert ("and", "4 joints more", "") in repr_rows(bent)
 
 
+def test_a_kick_beyond_what_the_joints_can_do_says_so():
+    leg = POSTURE.leg
+    v = np.array([6.6, -14.5, 6.6])
+    within = kd.strike(leg, POSTURE.q, v, kd.Ball(), TOUCH)
+    assert (within.warnings, POSTURE.warnings) == ((), ())
+    assert "warning" not in repr(within) + POSTURE._repr_html_()
+    fast = f"knee at {abs(HIT.v_before[1]) / leg.velocity_limit[1]:.1%}".replace("%", " %")
+    collided = kd.collide(leg, POSTURE.q, HIT.v_before, kd.Ball(), TOUCH)
+    for answer in (HIT, collided):
+        assert re.findall("warning +(.*)", repr(answer)) == [f"{fast} of its speed limit"]
+    bent = np.radians([-40, -5, 60])
+    beyond = kd.strike(leg, bent, leg.posture(bent).joint_velocity([30, 0, 15]), kd.Ball(), TOUCH)
+    said = re.findall("warning +(.*)", repr(beyond))
+    assert said[0] == "hip at -40 deg is outside its range -30 to 125 deg"
+    assert said[1].startswith("knee at -5 deg")
+    assert said[2:] == ["ankle at 60 deg is outside its range -20 to 50 deg", "and 3 more"]
+    assert beyond.posture.warnings == beyond.warnings[:3]
+    assert "knee at -5 deg" in leg.posture(bent)._repr_html_()
+
+
 def repr_rows(answer):
     return list(answer._rows())
 

@@ -84,6 +84,7 @@ def test_joint_of_many_degrees_is_refused_by_name(method):
         ("000", "real numbers"),
         ([True, False, True], "real numbers"),
         (np.ma.array([0.0, 1.0, 2.0], mask=[0, 0, 1]), "masked"),
+        ({"hip": 0.3}, r"\{'hip': 0.3\}: it must be 3 numbers; Leg.configuration makes them"),
     ],
     ids=str,
 )
@@ -109,3 +110,30 @@ def test_a_floating_base_without_its_quaternion_is_named():
     stretched[3:7] *= 2
     with pytest.raises(kd.InvalidInput, match="of root_joint must have length 1"):
         leg.posture(stretched)
+
+
+def test_what_is_outside_its_range_is_named():
+    leg = mixed()
+    for inside in ({}, {"turn": -1, "spin": 3.1, "slide": 0.3}, {"turn": 2 + 1e-7}):
+        assert leg.outside_range(leg.configuration(inside)) == []
+    outside = leg.configuration({"turn": 2.001, "spin": 3.1, "slide": -0.01})
+    assert leg.outside_range(outside) == [
+        "turn at 114.65 deg is outside its range -57.296 to 114.59 deg",
+        "slide at -0.01 m is outside its range 0 to 0.3 m",
+    ]
+    degrees = kd.Leg.human().outside_range(np.array([20.0, 0.25, 0.3]))
+    assert degrees == ["hip at 1145.9 deg is outside its range -30 to 125 deg"]
+
+
+def test_what_is_faster_than_its_limit_is_named():
+    model = mixed().model
+    model.velocityLimit = np.array([2.0, np.inf, 0.0])
+    leg = kd.Leg.from_model(model, "toe")
+    for v in ([-2, 1e300, 0], [2 * (1 + 1e-7), -1e300, 0]):
+        assert leg.too_fast(np.array(v)) == []
+    assert leg.too_fast(np.array([-2.96, 1e300, 1e-9])) == [
+        "turn at 148 % of its speed limit",
+        "slide moves, its speed limit is 0",
+    ]
+    floating = kd.Leg.from_robot("bolt", base="floating")
+    assert floating.too_fast(np.full(floating.nv, 1e-3)) == []

@@ -94,13 +94,14 @@ def test_the_goal():
     assert (
         scored(CORNER) == f"It goes in, {post:.3g} m from the post and {bar:.3g} m under the bar."
     )
-    inner, outer = BALL.radius - 0.01, BALL.radius + 0.13  # past a post or bar 0.12 m wide
-    wide = {"post": 3.66 - inner, "beside": 3.66 + outer}
-    high = {"bar": 2.44 - BALL.radius - inner, "over": 2.44 - BALL.radius + outer}
+    wide = {"post": 3.77 + BALL.radius, "beside": 3.79 + BALL.radius}  # a post is 0.12 m wide
+    high = {"bar": 2.55, "over": 2.57}  # of the ball's lower edge
     for end, left in wide.items():
         assert missing((20, left, 1)).end == missing((20, -left, 1)).end == end
     for end, up in high.items():
         assert missing((20, 0, up)).end == end
+    assert missing((20, 3.67 - BALL.radius, 1)).end == "post"
+    assert missing((20, 0, 2.45 - 2 * BALL.radius)).end == "bar"
     assert missing((20, wide["beside"], high["bar"])).end == "beside"
     assert missing((20, wide["post"], high["over"])).end == "over"
     weak = kd.plan_kick(LEG, kd.Goal(100, time=3), BALL, AIR)

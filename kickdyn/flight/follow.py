@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn import checks
+from kickdyn.aerodynamics.model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.card import Card, Row
@@ -16,6 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.bounce import bounce
 from kickdyn.flight.fly import check_scene, fly, wall_of
 from kickdyn.flight.path import Flight, profile
+from kickdyn.flight.ranges import outside, said
 from kickdyn.flight.roll import Glide, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -53,6 +56,8 @@ class Course(Card):
         yield "distance", self.distance, "m"
         yield "duration", self.duration, "s"
         yield "end", self.rest.position, "m"
+        for line in self.warnings:
+            yield "warning", line, ""
 
     def _picture(self) -> str:
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
@@ -71,6 +76,17 @@ class Course(Card):
     def duration(self) -> float:
         """Time from launch to rest [s]."""
         return float(self.rest.time)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each coefficient used outside its range, by its share of the time aloft."""
+        times, of_model = dict[str, float](), dict[str, CoefficientModel]()
+        for path in self.flights:
+            for model, share in outside(path):
+                of_model[model.kind] = model
+                times[model.kind] = times.get(model.kind, 0.0) + share * path.duration
+        aloft = sum(path.duration for path in self.flights)
+        return tuple(said(of_model[kind], t / aloft) for kind, t in times.items() if t > 0.0)
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.

@@ -97,8 +97,8 @@ class KickPlan(Card):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Of the flight: a line for each coefficient used outside its range; of a pass, none."""
-        return self.path.warnings if isinstance(self.path, Flight) else ()
+        """Of `path`: a line for each coefficient used outside its range."""
+        return self.path.warnings
 
     @property
     def after(self) -> dict[str, float]:

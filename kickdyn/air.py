@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from numbers import Real
 
 from numpy.typing import ArrayLike
 
@@ -13,7 +14,7 @@ from kickdyn import checks
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import torque as torque_models
-from kickdyn.aerodynamics.model import Coefficient, find
+from kickdyn.aerodynamics.model import Coefficient, CoefficientModel, find
 from kickdyn.card import Card, Row, shown
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput
@@ -42,6 +43,21 @@ def standard(altitude: float) -> tuple[float, float]:
     return temperature, 101_325 * math.pow(temperature / 288.15, exponent)
 
 
+def _model(
+    kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient | None
+) -> Coefficient | None:
+    """Return the model that is named; say how a number becomes one."""
+    if choice is None:
+        return None
+    if isinstance(choice, Real) and not isinstance(choice, bool) and math.isfinite(choice):
+        raise InvalidInput(
+            f"{kind} model is the number {float(choice):g}: pass "
+            f"kickdyn.aerodynamics.drag.constant({float(choice):g}) for a coefficient that is the "
+            f"same everywhere, or choose {', '.join(models)}"
+        )
+    return find(kind, models, choice)
+
+
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Air(Card):
     """Still or moving air of one density.
@@ -55,7 +71,8 @@ class Air(Card):
         wind: velocity of the air, shape `(3,)` [m/s, world frame], or a function of height [m] that
             returns three floats.
         drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`, or a function of
-            `(reynolds, spin_parameter)`; None leaves drag out.
+            `(reynolds, spin_parameter)`, such as `kickdyn.aerodynamics.drag.constant(0.25)`, which
+            does for lift and torque too; None leaves drag out.
         lift: likewise from `kickdyn.aerodynamics.lift.MODELS`; None leaves lift out.
         torque: likewise from `kickdyn.aerodynamics.torque.MODELS`, what brakes the spin; None
             leaves the spin as it is.
@@ -97,12 +114,9 @@ class Air(Card):
         object.__setattr__(self, "density", rho)
         object.__setattr__(self, "viscosity", mu)
         object.__setattr__(self, "wind", blowing)
-        drag = None if drag is None else find("drag", drag_models.MODELS, drag)
-        lift = None if lift is None else find("lift", lift_models.MODELS, lift)
-        object.__setattr__(self, "drag", drag)
-        object.__setattr__(self, "lift", lift)
-        torque = None if torque is None else find("torque", torque_models.MODELS, torque)
-        object.__setattr__(self, "torque", torque)
+        object.__setattr__(self, "drag", _model("drag", drag_models.MODELS, drag))
+        object.__setattr__(self, "lift", _model("lift", lift_models.MODELS, lift))
+        object.__setattr__(self, "torque", _model("torque", torque_models.MODELS, torque))
         if not isinstance(buoyancy, bool):
             raise InvalidInput(f"buoyancy is {buoyancy!r}: it must be True or False")
         object.__setattr__(self, "buoyancy", buoyancy)

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_outputs, write_json
+from kickdyn.screen import empty_table, screen_width
 
 if TYPE_CHECKING:
     from kickdyn.accuracy.flight import Measured
@@ -83,7 +83,7 @@ def tradeoff(
         write_json(json_file, listed)
         if json_file == "-":
             return
-    console = Console(highlight=False, width=100)
+    console = Console(highlight=False, width=screen_width())
     if impacts:
         console.print(_impact_table(impacts))
     if flights:
@@ -91,10 +91,9 @@ def tradeoff(
 
 
 def _table(title: str, heads: Sequence[str]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    table = empty_table(title)
     for head in heads:
-        left = head in ("kick", "scene", "method", "setting")
-        table.add_column(head, justify="left" if left else "right")
+        table.add_column(head, justify="left" if head in ("method", "setting") else "right")
     return table
 
 
@@ -105,21 +104,24 @@ def _cost(row: Any, rows: Sequence[Any]) -> tuple[str, str, str]:
 
 
 def _impact_table(rows: list[MeasuredImpact]) -> Table:
-    heads = ("kick", "method", "setting", "error", "us", "times the fastest", "")
-    table = _table(IMPACT, heads)
+    table = _table(IMPACT, ("method", "setting", "error", "us", "times the\nfastest", ""))
     for row in rows:
         same = [other for other in rows if other.kick == row.kick]
-        cells = (row.kick, row.method, row.setting, f"{row.error:.1e}")
+        if row is same[0]:
+            table.add_row(f"[bold]{row.kick}[/]")
+        cells = (row.method, row.setting, f"{row.error:.1e}")
         table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
     return table
 
 
 def _flight_table(rows: list[Measured]) -> Table:
-    heads = ("scene", "method", "tolerance", "error m", "calls", "us a flight")
-    table = _table(FLIGHT, (*heads, "times the fastest", ""))
+    heads = ("method", "tolerance", "error m", "calls", "us a flight", "times the\nfastest", "")
+    table = _table(FLIGHT, heads)
     for row in rows:
         same = [other for other in rows if other.scene == row.scene]
+        if row is same[0]:
+            table.add_row(f"[bold]{row.scene}[/]")
         tol = f"{row.tol:g}" if row.tol else ""
-        cells = (row.scene, row.method, tol, f"{row.error:.1e}", f"{row.evaluations:.0f}")
+        cells = (row.method, tol, f"{row.error:.1e}", f"{row.evaluations:.0f}")
         table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
     return table

@@ -1,5 +1,7 @@
 import dataclasses
 import math
+import re
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -72,3 +74,21 @@ def test_air_cannot_be_changed():
         air.wind[0] = 9
     with pytest.raises(dataclasses.FrozenInstanceError):
         air.density = 0.0
+
+
+@pytest.mark.parametrize("number", [0.25, 1, np.float32(0.5)])
+@pytest.mark.parametrize("kind", ["drag", "lift", "torque"])
+def test_a_number_is_told_how_it_becomes_a_model(kind, number):
+    with pytest.raises(kd.InvalidInput) as refused:
+        kd.Air(**{kind: number})
+    said = str(refused.value)
+    assert said.startswith(f"{kind} model is the number {number:g}: pass kickdyn.aerodynamics.")
+    path = re.search(r"kickdyn\.(\S+)\.constant\((\S+)\)", said)
+    made = import_module(f"kickdyn.{path[1]}").constant(float(path[2]))
+    assert getattr(kd.Air(**{kind: made}), kind)(1e5, 0.2) == number
+
+
+@pytest.mark.parametrize("nonsense", [True, np.nan, "0.25"])
+def test_what_is_no_coefficient_is_not_told_so(nonsense):
+    with pytest.raises(kd.InvalidInput, match="is unknown: choose"):
+        kd.Air(drag=nonsense)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -19,6 +18,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.files import check_outputs, write_json
 from kickdyn.scene.read import load_scene
 from kickdyn.scene.scene import Scene
+from kickdyn.screen import empty_table, screen_width
 from kickdyn.simulation.answer import Simulation
 from kickdyn.simulation.effects import EFFECTS
 from kickdyn.simulation.simulate import simulate
@@ -106,7 +106,7 @@ def show(file: str, json_file: str | None = None, plot: str | None = None) -> No
         if json_file == "-":
             return
     x, y, z = whole.end.position.round(3) + 0.0  # no -0
-    console = Console(highlight=False, width=100)
+    console = Console(highlight=False, width=screen_width())
     ended = whole.status if whole.status in ENDS else f"NO END, given up {whole.status}"
     console.print(
         f"{scene.name}: {np.linalg.norm(whole.hit.impulse):.4g} N s, {ended} at "
@@ -134,7 +134,7 @@ def _document(whole: Simulation, rows: list[Worth]) -> dict[str, Any]:
 
 
 def _table(rows: list[Worth]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD)
+    table = empty_table("")
     table.add_column("effect")
     for head in ("end moves m", "impulse changes N s"):
         table.add_column(head, justify="right")

@@ -8,14 +8,12 @@ from pathlib import Path
 
 import click
 from matplotlib.figure import Figure
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 from kickdyn.door import busy
 from kickdyn.errors import InvalidInput
 from kickdyn.files import check_distinct, check_outputs, replacing, write_json
 from kickdyn.paper.item import Item
+from kickdyn.paper.report import show
 from kickdyn.paper.reproduce import Section, chosen
 from kickdyn.style import styled
 from kickdyn.sweep.picture import save_figure
@@ -49,12 +47,12 @@ def paper(
     if drawings and figures is not None:
         _make_folder(figures)
         check_outputs(*drawings)
-    items: list[Item] = []
+    items: dict[str, list[Item]] = {}
     others: dict[str, list[Item]] = {}
     with busy("reproducing") as say:
         for section in sections:
             say(f"reproducing {section.name}")
-            items += section.items()
+            items[section.name] = section.items()
         for section in sections:
             if sensitivity and section.sensitivity:
                 say(f"reproducing {section.name} with other coefficients")
@@ -66,14 +64,11 @@ def paper(
         with replacing(view) as draft:
             draft.write_text(page, encoding="utf-8")
     if json_file is not None:
-        every = [*items, *chain.from_iterable(others.values())]
+        every = chain(*items.values(), *others.values())
         write_json(json_file, [item.as_json() for item in every])
     if json_file == "-":
         return
-    console = Console(width=190, highlight=False)
-    console.print(_table(items))
-    for name, section_items in others.items():
-        console.print(_sensitivity(name, section_items))
+    show(items, others)
     written = [str(file) for file in drawings]
     for name in [*written, view] if view is not None else written:
         click.echo(f"wrote {name}")
@@ -107,46 +102,3 @@ def _make_folder(name: str) -> None:
         Path(name).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InvalidInput(f"{name} cannot be made ({error.strerror})") from None
-
-
-COLOURS = {"reproduced": "green", "shape reproduced": "cyan", "not reachable": "yellow"}
-
-
-def _table(items: list[Item]) -> Table:
-    table = _empty("The paper, item by item")
-    table.add_column("item", no_wrap=True)
-    for head in ("paper", "ours", "unit", "difference"):
-        table.add_column(head, justify="left" if head == "unit" else "right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    table.add_column("why")
-    for item in items:
-        table.add_row(
-            item.item,
-            "" if item.paper is None else f"{item.paper:g}",
-            f"{item.ours:.5g}",
-            item.unit,
-            item.difference,
-            f"[{COLOURS[item.verdict]}]{item.verdict}[/]",
-            item.why,
-        )
-    return table
-
-
-def _sensitivity(name: str, items: list[Item]) -> Table:
-    """Lay out one column per choice of coefficients; the colour is the verdict."""
-    table = _empty(f"{name} with other coefficients")
-    table.add_column("item", no_wrap=True)
-    table.add_column("unit")
-    for variant in dict.fromkeys(item.variant for item in items):
-        table.add_column(variant.replace(" ", "\n", 1), justify="right", no_wrap=True)
-    rows: dict[tuple[str, str], list[str]] = {}
-    for item in items:
-        cell = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
-        rows.setdefault((item.item, item.unit), []).append(cell)
-    for (label, unit), cells in rows.items():
-        table.add_row(label, unit, *cells)
-    return table
-
-
-def _empty(title: str) -> Table:
-    return Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)

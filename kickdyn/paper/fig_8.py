@@ -9,7 +9,7 @@ from kickdyn.ball import BallState
 from kickdyn.flight.fly import fly
 from kickdyn.flight.path import Flight
 from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, direction, with_others
-from kickdyn.paper.item import Item, shape
+from kickdyn.paper.item import COMPUTED, Item, near, shape
 
 NAME = "Fig. 8"
 SPEED, ELEVATION_DEG, SPIN = 30.0, 30.0, 180.0
@@ -57,19 +57,19 @@ def _items(choice: Coefficients) -> list[Item]:
     result = []
     for name, path in paths.items():
         exact = name == "vacuum"
+        verdict = shape(highest and lowest and shortest)
         result.append(
             Item(
                 f"{NAME} {name} range",
                 VACUUM_RANGE if exact else None,
                 path.range,
                 "m",
-                "reproduced" if exact else shape(highest and lowest and shortest),
+                near(path.range, VACUUM_RANGE, COMPUTED) if exact else verdict,
                 "closed form" if exact else order,
                 "Eqs. (24)-(25)" if exact else source,
             )
         )
         if not exact:
-            verdict = shape(highest and lowest and shortest)
             result.append(
                 Item(f"{NAME} {name} apex", None, path.height, "m", verdict, order, source)
             )

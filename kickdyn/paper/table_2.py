@@ -11,7 +11,7 @@ from kickdyn.impact.laws import normal_impulse
 from kickdyn.impact.strike import strike_at
 from kickdyn.leg import Leg
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
-from kickdyn.paper.item import Item
+from kickdyn.paper.item import FITTED, Item, near
 from kickdyn.posture import Posture
 
 NAME = "Table 2"
@@ -37,15 +37,14 @@ def items() -> list[Item]:
         parts = ((" X", attack[0]), (" Y", attack[2]), ("", 1.0))
         for (part, share), paper in zip(parts, printed, strict=True):
             ours = total * float(share)
-            close = abs(ours / paper - 1) < 0.003
             result.append(
                 Item(
                     f"{NAME} {name}{part}",
                     paper,
                     ours,
                     "N s",
-                    "reproduced" if close else "not reachable",
-                    "the obstacle does not move: hip and knee angles are fitted, e is 0.8",
+                    near(ours, paper, FITTED, "fitted"),
+                    "the obstacle does not move; hip, knee and e are fitted, to three totals",
                     SOURCE,
                 )
             )

@@ -9,19 +9,13 @@ from textwrap import fill
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.measure import Measurement
 from rich.table import Table
 
 from kickdyn.leg import Leg
+from kickdyn.screen import PROSE, WIDE, fits, screen_width
 from kickdyn.sweep.kick import Kick
 from kickdyn.sweep.provenance import provenance
 from kickdyn.sweep.summary import Line
-
-WIDE = 200
-"""Characters of a table, where there is no screen."""
-
-PROSE = 80
-"""Characters of a line of text at most, whatever the screen."""
 
 
 def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Table:
@@ -69,7 +63,7 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Tab
         for line in lines
     ]
     upright = _laid(title, head, rows)
-    if Measurement.get(Console(width=WIDE), Console(width=WIDE).options, upright).maximum <= width:
+    if fits(upright, width):
         return upright
     names = [name.replace("\n", ", ").replace("/, ", "/ ") for name in head]
     first, _, *others = zip(names, *rows, strict=True)
@@ -91,8 +85,7 @@ def show(
     chosen: tuple[str, int] | None = None,
 ) -> None:
     """Print table and text as wide as the screen is; no number is cut off."""
-    screen = Console(highlight=False)
-    width = screen.width if screen.is_terminal else WIDE
+    width = screen_width()
     Console(highlight=False, width=WIDE).print(table(leg, kick, lines, width))
     print(text(counted, residual, lines, chosen, min(PROSE, width)))
 

@@ -124,9 +124,10 @@ def test_no_colour_in_a_pipe():
 def keys(value, name=""):
     """Return the names of all that a JSON value holds, as the page writes them."""
     if isinstance(value, dict):
-        named = {"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"}.get(
-            name.split(".")[-1]
-        )
+        named = {
+            **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
+            "left_out": "EFFECT",
+        }.get(name.split(".")[-1])
         parts = [(named or key, part) for key, part in value.items()]
         return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}
     if isinstance(value, list) and value:
@@ -140,7 +141,7 @@ def keys(value, name=""):
         ("posture-sweep", ["--joint", "hip=0:10:5"]),
         ("paper", ["--only", "table 2"]),
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
-        ("view", [str(ROOT / "scenes" / "paper_kick.toml")]),
+        ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
     ],
 )
 def test_the_page_names_every_key(section, arguments):

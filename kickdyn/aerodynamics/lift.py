@@ -25,10 +25,17 @@ _teamgeist = without_spin(BALLS["teamgeist"])
 def saturating(reynolds: float, spin_parameter: float) -> float:
     """Return 0.47 Sp / (0.135 + Sp), faded out below the drag crisis.
 
-    A fit to Kiratidis & Leinweber 2018 (within 0.04 for 20-32 m/s and Sp 0.05-0.30, but for the
-    Jabulani) that stays bounded beyond their data; expect +-20 %. The fade follows the C_D of a
-    ball without spin: lift and drag have their crisis together (Goff et al. 2017, Eur. J. Phys.
-    38).
+    A fit to the formula of Kiratidis & Leinweber 2018 that stays bounded beyond it: within 20 % of
+    it for the Brazuca, Tango 12 and Teamgeist from Re 2.2e5 to 5.1e5 and Sp 0.05 to 0.30, and
+    within 0.04 for 20-32 m/s. Not for the Jabulani below 22 m/s, whose crisis comes later: by that
+    formula it has half the lift at 19 m/s, and next to none at 17 m/s.
+
+    Outside it is extrapolated. Slower spin: towards Sp 0, where by symmetry there is no lift.
+    Faster spin: it levels off at 0.47. Below Re 2.2e5 it fades with the C_D of a Brazuca without
+    spin, on purpose: in their formula lift follows the fall of drag, and trajectories show lift and
+    drag in crisis together (Goff et al. 2017, Eur. J. Phys. 38). No coefficients measured there
+    are behind it, and the models here differ by a factor: at Re 1.46e5 and Sp 0.3 it has 0.018,
+    `nathan` (baseballs) 0.26.
     """
     drop = (_PLATEAU - _without_spin(reynolds)) * _PER_DROP
     return min(max(drop, 0.0), 1.0) * 0.47 * spin_parameter / (0.135 + spin_parameter)
@@ -64,10 +71,10 @@ MODELS = {
             "lift",
             "saturating",
             saturating,
-            (0.0, 5.1e5),
-            (0.0, 1.0),
-            "fit to Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9, "
-            "gated as in Goff et al. 2017, Eur. J. Phys. 38",
+            (2.2e5, 5.1e5),
+            (0.0, 0.3),
+            "fit to Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9; below its range "
+            "it fades with the drag crisis, as in Goff et al. 2017, Eur. J. Phys. 38",
         ),
         CoefficientModel(
             "lift",

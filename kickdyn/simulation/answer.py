@@ -42,7 +42,7 @@ class Simulation(Printed):
 
     Attributes:
         scene: as it was asked.
-        tolerance: [m]; None where everything was modelled.
+        tolerance: [m]; None where none was asked for: all is modelled, but for what `verdicts` say.
         hit: the impact: of an instant, or one that took time.
         launch: the ball as it leaves the foot.
         end: where its way ends: on the ground, back at the height of the launch, at the plane, or
@@ -96,7 +96,7 @@ class Simulation(Printed):
 
     @property
     def met(self) -> bool:
-        """Whether the error is within the tolerance; with all modelled, whether it is known."""
+        """Whether the error is within the tolerance; where none was asked for, whether it is known."""
         return self.error <= (sys.float_info.max if self.tolerance is None else self.tolerance)
 
     @property
@@ -109,10 +109,17 @@ class Simulation(Printed):
         """Names of the effects that the scene has and the simulation did not model."""
         return tuple(v.effect for v in self.verdicts if not v.modelled)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Those of `path`, a flight: coefficients used outside the range they are meant for."""
+        return self.path.warnings if isinstance(self.path, Flight) else ()
+
     def __str__(self) -> str:
         """Return end and budget."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
         wish = "all modelled" if self.tolerance is None else f"asked {self.tolerance:g} m"
+        if self.tolerance is None and self.left_out:
+            wish += f" but {', '.join(self.left_out)}"
         wish += "" if self.met else ", NOT MET"
         ended = self.status if self.status in ENDS else f"NO END, given up {self.status}"
         lines = [
@@ -129,4 +136,5 @@ class Simulation(Printed):
         if not math.isnan(self.spread):
             lines.append(f"{'not known exactly':32}{self.spread:9.2g}  standard deviation")
         lines += [f"note: {note}" for note in self.scene.notes]
+        lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)

@@ -10,8 +10,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.files import check_outputs, write_json
 from kickdyn.impact.result import Impact
 from kickdyn.scene.read import load_scene
-from kickdyn.simulation.effects import changed
-from kickdyn.simulation.simulate import simulate
+from kickdyn.simulation.instant import simulate_as_instant
 from kickdyn.view.motion import pace_of, shown_at
 from kickdyn.view.photo import check_photo, save_photo
 
@@ -31,7 +30,8 @@ def view(
     SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
     robocup_carpet, robot_chip, volley, wet_grass_pass.
 
-    All it names is modelled; but a contact that takes time is shown as an instant.
+    All it names is modelled; but a contact that takes time is shown as an instant, and the error
+    says how far off that ends.
 
     Example: kickdyn view free_kick --out kick.html --png kick.png
     """
@@ -47,10 +47,10 @@ def view(
 
     scene = load_scene(scene_file)
     with busy("simulating") as say:
-        answer = simulate(changed(scene, contact_time=None), None)
+        answer = simulate_as_instant(scene)
         if out is not None or png is not None:
             say("drawing the page")
-            html = scene_page(answer, instant=scene.contact_time is not None)
+            html = scene_page(answer)
             if out is not None:
                 write_page(out, html)
             if png is not None:

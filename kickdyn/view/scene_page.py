@@ -18,12 +18,11 @@ BEYOND = 10.0
 """How far ahead a plane is drawn that the ball does not reach, over the length of its way."""
 
 
-def scene_page(answer: Simulation, *, instant: bool = False) -> str:
-    """Return the page of a scene that was simulated with everything modelled, as an instant.
+def scene_page(answer: Simulation) -> str:
+    """Return the page of a scene that was simulated as an instant.
 
     Args:
-        answer: with its path.
-        instant: whether to say that the contact takes time in truth.
+        answer: with its path, as of `simulate_as_instant`.
 
     Raises:
         InvalidInput: the leg cannot be drawn, as `kick_page` says.
@@ -33,10 +32,19 @@ def scene_page(answer: Simulation, *, instant: bool = False) -> str:
         raise InvalidInput("the scene's impact takes time, or its way is not known: ask for both")
     floor = min(hit.ball_before.position[2], answer.end.position[2]) - scene.ball.radius
     boxes = [] if scene.plane is None else plane_boxes(scene.plane, answer.end.position, floor)
-    caption = scene.name + (", its contact shown as an instant" if instant else "")
+    caption = scene.name + _instant(answer)
     if boxes and not _in_sight(answer, boxes):
         boxes, caption = [], caption + ", its plane out of the picture"
     return kick_page(hit, scene.ball, path, caption=caption, scenery=boxes)
+
+
+def _instant(answer: Simulation) -> str:
+    """Return what the picture leaves out, where the contact takes time in truth."""
+    if not answer.left_out:
+        return ""
+    moved = answer.model_error
+    off = f"{moved:.2g} m off" if math.isfinite(moved) else "nobody knows how far off"
+    return f", its contact shown as an instant: it ends {off}"
 
 
 def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
@@ -67,5 +75,11 @@ def numbers(answer: Simulation) -> dict[str, Any]:
         "launch_angle": float(hit.ball.elevation),
         "end": answer.end.position.tolist(),
         "time": float(answer.end.time),
-        "error": answer.error if math.isfinite(answer.error) else None,
+        "error": _finite(answer.error),
+        "warnings": list(answer.warnings),
+        "left_out": {v.effect: _finite(v.bound) for v in answer.verdicts if not v.modelled},
     }
+
+
+def _finite(size: float) -> float | None:
+    return size if math.isfinite(size) else None

@@ -28,6 +28,25 @@ def test_saturating_stays_near_kiratidis_and_leinweber(ball):
             assert saturating(reynolds, spin) == pytest.approx(exact, abs=0.04)
 
 
+@pytest.mark.parametrize("ball", ["brazuca", "tango12", "teamgeist"])
+def test_saturating_is_within_20_percent_in_its_range(ball):
+    model = MODELS["saturating"]
+    assert model.spin[0] == 0  # where there is no lift
+    for reynolds in np.linspace(*model.reynolds, 31):
+        for spin in np.linspace(0.05, model.spin[1], 26):
+            exact = kiratidis_leinweber(BALLS[ball], reynolds, spin)
+            assert model(reynolds, spin) == pytest.approx(exact, rel=0.2)
+            if spin >= 0.1:
+                assert model(reynolds, spin) == pytest.approx(wang(reynolds, spin), rel=0.2)
+
+
+def test_below_the_range_models_differ_by_a_factor():
+    reynolds, spin = 1.46e5, 0.3
+    assert MODELS["saturating"].range_left(reynolds, spin)
+    assert not MODELS["nathan"].range_left(reynolds, spin)
+    assert MODELS["nathan"](reynolds, spin) > 10 * MODELS["saturating"](reynolds, spin)
+
+
 RECOMMENDED = {0.05: 0.127, 0.10: 0.200, 0.20: 0.281, 0.30: 0.324, 0.40: 0.351, 1.0: 0.414}
 
 

@@ -1,10 +1,13 @@
 import math
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.aerodynamics import drag, lift
 from kickdyn.aerodynamics.model import CoefficientModel, find, smoothstep
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (0, 1), (0, 1), "here")
@@ -53,3 +56,16 @@ def test_three_derivatives_of_smoothstep_vanish_at_both_ends():
     for h in (1e-2, 1e-3):
         assert smoothstep(10.0**h, 1.0, 10.0) == pytest.approx(35 * h**4, rel=3 * h)
         assert 1 - smoothstep(10.0 ** (1 - h), 1.0, 10.0) == pytest.approx(35 * h**4, rel=0.05)
+
+
+def test_the_page_has_every_range():
+    text = (Path(__file__).resolve().parents[2] / "docs" / "theory.md").read_text("utf-8")
+    number = r"([0-9.e+]+|inf)"
+    rows = re.findall(rf"^\| (\w+) `(.*)` \| {number} to {number} \| {number} to {number} \|$",
+                      text, re.MULTILINE)  # fmt: skip
+    said = {(kind, name): tuple(map(float, ends)) for kind, name, *ends in rows}
+    models = [*drag.MODELS.values(), *lift.MODELS.values()]
+    assert len(rows) == len(models)
+    for model in models:
+        told = said[model.kind, model.name]
+        assert told == pytest.approx((*model.reynolds, *model.spin), rel=0.01)

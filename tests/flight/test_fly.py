@@ -426,6 +426,19 @@ def test_what_leaves_the_data_is_said():
         kd.fly(launch((60, 0, 10)), BALL, kd.Air(), strict=True)
 
 
+@pytest.mark.parametrize(
+    ("speed", "spin", "share"),
+    [(12, 10, "100 %"), (15, 10, r"[1-9]\d %"), (25, 120, "100 %"), (12, 0, None), (29, 10, None)],
+)
+def test_lift_beyond_its_data_is_said(speed, spin, share):
+    start = launch((speed, 0, 3), (0, -spin, 0))
+    said = kd.fly(start, BALL, kd.Air(drag=None)).warnings
+    assert len(said) == (share is not None)
+    if share is not None:
+        words = f"lift saturating: {share} of the flight is outside Re 2.2e\\+05 to 5.1e\\+05"
+        assert re.match(words + " and spin parameter 0 to 0.3$", said[0])
+
+
 def test_kiratidis_and_leinweber_refuse_much_spin():
     air = kd.Air(lift="kiratidis-leinweber")
     kd.fly(launch((28, 0, 4), (0, -30, 0)), BALL, air)

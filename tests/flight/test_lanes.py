@@ -11,6 +11,7 @@ import kickdyn as kd
 from kickdyn.flight import lanes
 from kickdyn.flight.batch import fly_many
 from kickdyn.flight.lanes import LANES, mathematics
+from kickdyn.flight.ranges import left_by
 
 BALL, AIR = kd.Ball(), kd.Air()
 
@@ -59,14 +60,28 @@ def test_neighbours_do_not_matter(air):
     assert set(np.unique(together.status)) == ({0} if air is AIR else {0, 2})
 
 
+def left_at_a_node(path):
+    """Return whether launch, apex or landing lies outside of a coefficient's range."""
+    if path.air is None or path.evaluations == 0:
+        return False
+    nodes = (path.launch, path.apex, path.landing)
+    place, velocity, spin = (
+        np.array([getattr(node, name) for node in nodes])
+        for name in ("position", "velocity", "spin")
+    )
+    left = left_by(place[:, 2], velocity, spin, path.ball, path.air)
+    return any(out.any() for _, out in left)
+
+
 def test_outside_is_what_warnings_say():
     states = mixed(3 * LANES)
     for air in (AIR, kd.Air(drag="sphere"), kd.Air(wind=lambda z: (2.0 * z, 0.0, 0.0)), None):
         many = fly_many(states, BALL, air)
         for i in range(len(states.position)):
-            warned = kd.fly(kd.BallState(states.position[i], states.velocity[i], states.spin[i]),
-                            BALL, air).warnings  # fmt: skip
-            assert bool(many.outside[i]) == bool(warned)
+            path = kd.fly(kd.BallState(states.position[i], states.velocity[i], states.spin[i]),
+                          BALL, air)  # fmt: skip
+            assert bool(many.outside[i]) == left_at_a_node(path)
+            assert bool(path.warnings) or not many.outside[i]
 
 
 def test_outside_of_a_flight_that_failed_is_not_claimed():

@@ -96,7 +96,7 @@ class Simulation(Printed):
 
     @property
     def met(self) -> bool:
-        """Whether the error is within the tolerance; where none was asked for, whether it is known."""
+        """Whether the error is within the tolerance; without one, whether it is known."""
         return self.error <= (sys.float_info.max if self.tolerance is None else self.tolerance)
 
     @property

@@ -186,6 +186,16 @@ def test_spread_of_a_light_ball():
     assert answer.spread == pytest.approx(3 * gap(*ends), rel=0.1)
 
 
+def test_coefficients_beyond_their_data_are_warned_of():
+    slow = kd.simulate(kick(ground=None), None)
+    assert slow.warnings == slow.path.warnings
+    assert [line.split(":")[0] for line in slow.warnings] == ["lift saturating"]
+    assert f"\nwarning: {slow.warnings[0]}" in str(slow)
+    still = kd.simulate(kick(ground=None, touch=kd.Contact((2, 0, 1), 0.8)), None)
+    assert still.warnings == ()
+    assert "warning" not in str(still)
+
+
 def test_a_joint_outside_its_range_is_noted():
     posture = LEG.posture(np.radians([5, 150, -5]))
     v = posture.joint_velocity([3, 0, 1])

@@ -111,8 +111,8 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of `path`, a flight: coefficients used outside the range they are meant for."""
-        return self.path.warnings if isinstance(self.path, Flight) else ()
+        """Those of `path`: coefficients used outside the range they are meant for."""
+        return () if self.path is None else self.path.warnings
 
     def __str__(self) -> str:
         """Return end and budget."""

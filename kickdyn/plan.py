@@ -297,7 +297,11 @@ def _write(
         write_json(json_file, report)
         if json_file == "-":
             return
-    click.echo("\n".join([*said, *text(planned)]))
+    from kickdyn.screen import screen_width, wrapped  # a tenth of a second
+
+    width = screen_width()
+    click.echo("\n".join(wrapped(line, width) for line in said))
+    click.echo("\n".join(wrapped(line, width, indent=8) for line in text(planned)))
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")

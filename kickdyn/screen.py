@@ -41,6 +41,17 @@ def empty_table(title: str) -> Table:
     )
 
 
+def wrapped(line: str, width: int, indent: int = 0) -> str:
+    """Return a line on as many as it takes, those after the first indented; no word is broken."""
+    return fill(
+        line,
+        width,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
 def notes(said: Sequence[str], width: int) -> str:
     """Return numbered notes, each on lines of its own; a word that is longer is not broken."""
     return "\n".join(

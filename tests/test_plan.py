@@ -6,8 +6,11 @@ import subprocess
 import sys
 
 import pytest
+from click.testing import CliRunner
 
 import kickdyn as kd
+from kickdyn import screen
+from kickdyn.plan import plan
 
 
 def door(*arguments, cwd=None):
@@ -214,3 +217,11 @@ def test_a_swing_is_planned_drawn_and_shown(tmp_path):
     assert report["swing"]["status"] == "met"
     assert report["swing"]["backswing"]["v"][-1] == pytest.approx(report["leg"]["v"], abs=1e-9)
     assert report["swing"]["follow_through"]["v"][-1] == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+def test_it_fits_the_screen(monkeypatch):
+    wide = CliRunner().invoke(plan, ["--distance", "100", "--time", "3", "--no-limits"]).stdout
+    monkeypatch.setattr(screen, "screen_width", lambda: 80)
+    narrow = CliRunner().invoke(plan, ["--distance", "100", "--time", "3", "--no-limits"]).stdout
+    assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
+    assert narrow.split() == wide.split()

@@ -4,7 +4,7 @@ import pytest
 from rich.console import Console
 
 from kickdyn import screen
-from kickdyn.screen import WIDE, empty_table, fits, notes, screen_width
+from kickdyn.screen import WIDE, empty_table, fits, notes, screen_width, wrapped
 
 
 def table():
@@ -38,3 +38,13 @@ def test_notes_are_numbered_and_hang():
     assert said[2].startswith("     words")
     assert max(map(len, said)) <= 40
     assert max(map(len, notes(["a " * 300], WIDE).splitlines())) <= 80
+
+
+def test_a_line_goes_on_below_where_it_began():
+    said = wrapped("leg     speed 100% and torque 19%, at-most-of-it", 24, indent=8)
+    assert said.splitlines() == [
+        "leg     speed 100% and",
+        "        torque 19%,",
+        "        at-most-of-it",
+    ]
+    assert wrapped("  hip      9.16 deg", 24) == "  hip      9.16 deg"

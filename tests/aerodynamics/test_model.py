@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics import drag, lift, torque
 from kickdyn.aerodynamics.model import CoefficientModel, find, smoothstep
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (0, 1), (0, 1), "here")
@@ -58,14 +58,18 @@ def test_three_derivatives_of_smoothstep_vanish_at_both_ends():
         assert 1 - smoothstep(10.0 ** (1 - h), 1.0, 10.0) == pytest.approx(35 * h**4, rel=0.05)
 
 
-def test_the_page_has_every_range():
+def test_the_page_has_every_model_with_its_range_and_source():
     text = (Path(__file__).resolve().parents[2] / "docs" / "theory.md").read_text("utf-8")
     number = r"([0-9.e+]+|inf)"
-    rows = re.findall(rf"^\| (\w+) `(.*)` \| {number} to {number} \| {number} to {number} \|$",
-                      text, re.MULTILINE)  # fmt: skip
-    said = {(kind, name): tuple(map(float, ends)) for kind, name, *ends in rows}
-    models = [*drag.MODELS.values(), *lift.MODELS.values()]
+    rows = re.findall(
+        rf"^\| (\w+) `(.*)` \| {number} to {number} \| {number} to {number} \| (.*) \|$",
+        text,
+        re.MULTILINE,
+    )
+    said = {(kind, name): (tuple(map(float, ends)), source) for kind, name, *ends, source in rows}
+    models = [model for room in (drag, lift, torque) for model in room.MODELS.values()]
     assert len(rows) == len(models)
     for model in models:
-        told = said[model.kind, model.name]
-        assert told == pytest.approx((*model.reynolds, *model.spin), rel=0.01)
+        ends, source = said[model.kind, model.name]
+        assert ends == pytest.approx((*model.reynolds, *model.spin), rel=0.01)
+        assert source == model.source

@@ -5,17 +5,16 @@ from __future__ import annotations
 import logging
 import os
 import pickle
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import lru_cache
 from itertools import islice
 from multiprocessing import resource_tracker
-from threading import current_thread, main_thread
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.interrupt import held
 
 if TYPE_CHECKING:
     from kickdyn.sweep.work import Job
@@ -96,14 +95,17 @@ def _there(address: str) -> Iterator[Any]:
         client = dask.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InvalidInput(f"no cluster answers at {address} ({_why(error)})") from None
-    logger = logging.getLogger("distributed")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL)  # of a scheduler that is lost it prints tracebacks
+    known = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    loggers = [logging.getLogger(name) for name in known]  # several have levels of their own
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)  # of a scheduler that is lost they print tracebacks
     try:
         with client:
             yield client
     finally:
-        logger.setLevel(level)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 @contextmanager
@@ -115,7 +117,9 @@ def _here(count: int) -> Iterator[Any]:
     nowhere = f"{_LOOPBACK}:0"  # what a dashboard would be; None would listen to everyone
     started = ExitStack()
     try:
-        with _safe_path(), _held():
+        with _safe_path():
+            resource_tracker.ensure_running()  # which would unblock Ctrl-C, as it starts
+        with _safe_path(), held():
             cluster = started.enter_context(dask.LocalCluster(
                 n_workers=count, threads_per_worker=1, processes=True, host=_LOOPBACK,
                 dashboard_address=nowhere, worker_dashboard_address=nowhere,
@@ -127,42 +131,8 @@ def _here(count: int) -> Iterator[Any]:
             client = started.enter_context(dask.Client(cluster, set_as_default=False))
         yield client
     finally:
-        with _held():
+        with held():
             started.close()
-
-
-@contextmanager
-def _held() -> Iterator[None]:
-    """Hold Ctrl-C back: processes that are started meanwhile never hear it, this one in the end.
-
-    A terminal sends it to all of them, and dask leaves tracebacks if it comes while they start.
-    What is blocked here stays so in threads and processes that are begun; the handler is for the
-    threads that are there already. A second Ctrl-C is not held back.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    heard: list[int] = []
-    before: Any = signal.getsignal(signal.SIGINT)
-
-    def note(number: int, frame: Any) -> None:
-        if heard:
-            raise KeyboardInterrupt
-        heard.append(number)
-
-    resource_tracker.ensure_running()  # which would unblock it, as it starts
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    notes = current_thread() is main_thread() and callable(before)
-    if notes:
-        signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        if notes:
-            signal.signal(signal.SIGINT, before)
-    if heard:
-        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from kickdyn import checks
 from kickdyn.checks import Array
 from kickdyn.errors import InvalidInput, Unfinished
+from kickdyn.interrupt import held
 from kickdyn.leg import Leg
 from kickdyn.sweep.grid import Grid
 from kickdyn.sweep.kick import CARRY_ERROR, Kick
@@ -97,7 +98,8 @@ def stream(
         else:
             job.prepare()
             run(job, missing, threads, progress)
-        return store.finish(merged(store.told()))
+        with held():
+            return store.finish(merged(store.told()))
     except InvalidInput:
         store.abandon()
         raise
@@ -165,4 +167,5 @@ def run(
                     progress(each.result())
                 each.result()
     finally:
-        pool.shutdown(cancel_futures=True)
+        with held():
+            pool.shutdown(cancel_futures=True)

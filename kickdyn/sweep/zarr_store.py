@@ -140,6 +140,8 @@ class Store:
 
     def missing(self) -> list[int]:
         """Return the numbers of the chunks that are yet to be computed."""
+        if self.summary is not None:  # whose notes are gone
+            return []
         done = set(self._notes.done())
         return [k for k in range(len(self.cut)) if k not in done]
 

@@ -13,7 +13,7 @@ import xarray as xr
 import kickdyn as kd
 from kickdyn.sweep import outcomes, zarr_store
 from kickdyn.sweep.grid import Grid, grid
-from kickdyn.sweep.kick import Kick
+from kickdyn.sweep.kick import CARRY_ERROR, Kick
 from kickdyn.sweep.run import VARIABLES, sweep
 from kickdyn.sweep.stream import stream
 
@@ -45,6 +45,8 @@ def files(folder):
 
 def test_a_store_is_the_dataset_in_memory(tmp_path):
     told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, threads=2)
+    whole = zarr_store.Store(tmp_path / "s.zarr", LEG, POSTURES, KICK, CARRY_ERROR, resume=True)
+    assert whole.missing() == []
     small = sweep(LEG, POSTURES, KICK)
     with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
         assert dict(data.sizes) == dict(small.sizes)

@@ -41,7 +41,8 @@ def view(
     check_outputs(out, png, json_file=json_file)
     if png is not None:
         check_photo(png)
-    # meshcat takes half a second, which other commands shall not wait for
+    # rich takes a tenth of a second, meshcat half of one: other commands shall not wait for them
+    from kickdyn.screen import screen_width, wrapped
     from kickdyn.view.page import write_page
     from kickdyn.view.scene_page import numbers, scene_page
 
@@ -62,7 +63,8 @@ def view(
         write_json(json_file, numbers(answer))
         if json_file == "-":
             return
-    click.echo(str(answer))
+    width = screen_width()
+    click.echo("\n".join(wrapped(line, width, indent=8) for line in str(answer).splitlines()))
     for file in (out, png, json_file):
         if file is not None:
             click.echo(f"wrote {file}")

@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
+from kickdyn import screen
 from kickdyn.view.command import view
 from kickdyn.view.scene_page import scene_page
 
@@ -47,6 +48,15 @@ def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
     numbers = json.loads(said.read_text())
     assert numbers["left_out"] == {}
     assert numbers["error"] < 1e-6
+
+
+def test_it_fits_the_screen(tmp_path, monkeypatch):
+    said = [run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output]
+    monkeypatch.setattr(screen, "screen_width", lambda: 80)
+    said.append(run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output)
+    wide, narrow = (text.split("wrote")[0] for text in said)
+    assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
+    assert narrow.split() == wide.split()
 
 
 def test_nothing_to_write():

@@ -10,8 +10,8 @@ if __name__ == "__main__":  # before the other imports: Ctrl-C ends those in a l
 import math
 import shlex
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -177,18 +177,19 @@ def posture_sweep(
         with progress(space) as done:
             data = sweep(leg, postures, kick, done)
         counted, residual = counts(data), worst_residual(data)
-    if survey is None and (data is not None or where is not None or plot is not None):
-        found = open_sweep(str(out)) if data is None else Sweep(data)
-        found = found if where is None else found.where(where)
-    if found is not None and (data is not None or where is not None):
-        lines = best_and_worst(leg, found, kick)
-        chosen = None if where is None else (where, found.count())
-    shown = _shown(lines, kick) if live or view is not None else None
-    if leg_name == "human":
-        lines = [*paper_lines(leg, kick), *lines]
-    writers = _writers(
-        data, survey or found, lines, shown, None if streams else out, plot, view
-    )  # all made before any is written
+    with _complete(out if streams else None):
+        if survey is None and (data is not None or where is not None or plot is not None):
+            found = open_sweep(str(out)) if data is None else Sweep(data)
+            found = found if where is None else found.where(where)
+        if found is not None and (data is not None or where is not None):
+            lines = best_and_worst(leg, found, kick)
+            chosen = None if where is None else (where, found.count())
+        shown = _shown(lines, kick) if live or view is not None else None
+        if leg_name == "human":
+            lines = [*paper_lines(leg, kick), *lines]
+        writers = _writers(
+            data, survey or found, lines, shown, None if streams else out, plot, view
+        )  # all made before any is written
     for write in writers:
         write()
     files = [file for file in (out, plot, view) if file is not None]
@@ -252,6 +253,20 @@ def _streamed(out: str, leg: Leg, postures: Grid, kick: Kick, **how: Any) -> dic
             return stream(out, leg, postures, kick, progress=done, **how)
     except Unfinished as error:
         raise Unfinished(f"{error}: {_command('--resume')}") from None
+
+
+@contextmanager
+def _complete(store: str | None) -> Iterator[None]:
+    """Say of a store, if Ctrl-C ends its reading, that it is complete."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if store is None:
+            raise
+        raise Unfinished(
+            f"interrupted: the sweep in {store} is complete, --resume asks it again: "
+            f"{_command('--resume')}"
+        ) from None
 
 
 def _command(more: str) -> str:

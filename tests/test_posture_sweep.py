@@ -1,5 +1,6 @@
 """The main door, as a user opens it."""
 
+import importlib
 import json
 import os
 import re
@@ -15,6 +16,7 @@ import pytest
 import xarray as xr
 
 import kickdyn
+from kickdyn.errors import Unfinished
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
 
@@ -122,6 +124,17 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     assert said.strip().endswith(
         f"python -m kickdyn.posture_sweep {' '.join(large)} --out 'my s.zarr' --resume"
     )
+
+
+def test_ctrl_c_while_a_store_is_read_says_that_it_is_complete(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    here = importlib.import_module("kickdyn.posture_sweep")
+    monkeypatch.setattr(here, "best_and_worst", interrupted)
+    asked = [*SMALL, "--out", str(tmp_path / "s.zarr"), "--where", "hip < 30"]
+    with pytest.raises(Unfinished, match=r"s\.zarr is complete, .*: .* --where .* --resume$"):
+        here.posture_sweep.main(asked, standalone_mode=False)
 
 
 def test_json_on_stdout_stands_alone():

@@ -38,7 +38,7 @@ _SPEED, _OK = list(VARIABLES).index("ball_speed"), STATUSES.index("ok")
 
 KERNEL_FROM = 2000
 """Postures of a grid from which a kernel is used: it saves seconds every time but the first, when
-compiling takes 14 s."""
+compiling takes 16 s."""
 
 
 def sweep(

@@ -2,7 +2,7 @@
 
     python benchmarks/sweep_size.py
 
-Cost per posture is that of the impulse alone, one thread, the best of three runs below 1e8. The
+Cost per posture is that of the impulse alone, one thread, the best of thirty runs below 1e8. The
 processes are workers of dask.distributed (`pip install "kickdyn[cluster]"`) that fill a store with
 flight distances, after a sweep that warms them up; it lies in memory (/dev/shm) where the system
 has that, for they would share one disk. Beside them stands what two reach that share nothing, the
@@ -45,13 +45,18 @@ def grid(most: float) -> Grid:
     return Grid({name: np.linspace(low, high, each) for name, (low, high) in spans})
 
 
+def repeats(most: float) -> int:
+    """Return how often a grid of that size is swept: small ones are soon over."""
+    return min(30, max(1, int(3e7 / most)))
+
+
 def per_posture(most: float) -> float:
     """Return the cost of a posture of a grid of that size [us]."""
     scene, postures = scene_of(LEG, KICK), grid(most)
     assert scene is not None
     axes = list(postures.axes.values())
     kernel, times = Kernel(scene, [1, 2, 3], axes, np.zeros(3), KICK.ball.mass), []
-    for _ in range(3 if most < 1e8 else 1):
+    for _ in range(repeats(most)):
         begin = time.process_time()
         for first in range(0, postures.size, CHUNK):
             kernel(first, min(CHUNK, postures.size - first), full=False)
@@ -79,7 +84,7 @@ def with_processes(count: int, folder: Path) -> tuple[float, float]:
             begin = time.perf_counter()
             alone = [client.submit(per_posture, ALONE, pure=False) for _ in range(count)]
             client.gather(alone)
-            return stored, count * 3 * grid(ALONE).size / (time.perf_counter() - begin)
+            return stored, count * repeats(ALONE) * grid(ALONE).size / (time.perf_counter() - begin)
 
 
 def huge() -> None:

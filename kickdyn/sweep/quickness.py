@@ -18,6 +18,9 @@ PARALLEL, ASKEW = ROUNDING**2, 1e-8
 """Squared sine of two columns up to which they count as one, and from which on their cross product
 has digits enough; between them a posture is doubted."""
 
+QUICK = 1e3
+"""A limit from which on rounding times it may count beside other joints."""
+
 MOST = 1e9
 """A share from which on a posture is doubted: the foot can hardly move so."""
 
@@ -76,14 +79,15 @@ def _try(carries, rows, constants, limit, speed, y, use):  # type: ignore[no-unt
         most, row = constants[k, limit], rows[k]
         if not carries[k] or most == 0.0:
             continue
-        if most > UNLIMITED:
+        if most > QUICK:
+            share = most if most <= UNLIMITED else math.inf
             for i in range(LANES):
                 along, own, other = 0.0, 0.0, 0.0
                 for c in range(i, last + i + 1, LANES):
                     along += row[c] * y[c]
                     own, other = own + row[c] * row[c], other + y[c] * y[c]
-                noise = ROUNDING * math.sqrt(own * other)
-                taken[i] = taken[i] if math.fabs(along) <= noise else math.inf
+                along = math.fabs(along)
+                taken[i] += share * along if along > ROUNDING * math.sqrt(own * other) else 0.0
         elif last == LANES:
             for i in range(LANES):
                 along = row[i] * y[i] + row[LANES + i] * y[LANES + i]

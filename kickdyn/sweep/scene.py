@@ -65,7 +65,8 @@ def scene_of(leg: Leg, kick: Kick, planar: bool | None = None) -> Scene | None:
     pin.computeJointJacobians(model, data, q)
     n = model.njoints - 1
     columns = [
-        pin.getJointJacobian(model, data, k, pin.LOCAL)[:, model.idx_vs[k]] for k in range(1, n + 1)
+        np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))[:, model.idx_vs[k]]
+        for k in range(1, n + 1)  # of a single joint it is a vector
     ]
     slides = np.array([False, *(not column[3:].any() for column in columns)])
     if any(column[:3].any() and column[3:].any() for column in columns):

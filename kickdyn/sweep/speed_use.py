@@ -53,11 +53,11 @@ def least_use(posture: Posture, wish: Array) -> float:
     y = _corners(columns)
     along, gain = np.abs(y @ columns), np.abs(y @ wish)
     size = np.linalg.norm(y, axis=1)
+    along[along <= ROUNDING * size[:, None] * np.linalg.norm(columns, axis=0)] = 0.0
     free = limit > UNLIMITED
     most = float(limit[~free].max(initial=1e-300))
     taken = along[:, ~free] @ (limit[~free] / most)
-    noise = ROUNDING * size[:, None] * np.linalg.norm(columns, axis=0)
-    taken[(along > noise)[:, free].any(axis=1)] = math.inf
+    taken[along[:, free].any(axis=1)] = math.inf
     gain[gain <= ROUNDING * size * np.linalg.norm(wish)] = 0.0
     shares = np.divide(gain, taken, out=np.where(gain > 0, math.inf, 0.0), where=taken > 0)
     return float(shares.max(initial=0.0)) / most

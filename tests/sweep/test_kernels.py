@@ -134,6 +134,30 @@ def test_branches_slides_and_rotors_count():
         "left_hip_roll_joint": np.array([0.1, 0.2])})[0] is False  # fmt: skip
 
 
+@pytest.mark.parametrize("most", [1e4, 1e9, 1e16, 1e20, np.inf])
+def test_a_limit_beyond_all_others(most):
+    for leg, planar in ((kd.Leg.human(), True), (random_leg(np.random.default_rng(1), 5), False)):
+        model = leg.model
+        model.velocityLimit = np.linspace(4.0, 9.0, leg.nv)
+        model.velocityLimit[1] = most
+        fast = kd.Leg.from_model(model, leg.frame)
+        axes = {name: np.array([0.3, 0.6, 1.1]) for name in leg.joint_names[:4]}
+        assert agree(fast, Kick(speed=5.0), axes, speeds=1e-10)[0] is planar
+
+
+def test_a_single_joint_is_swept_one_by_one():
+    model = pin.Model()
+    hip = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hip")
+    body = pin.Inertia(2.0, np.array([0.0, 0.0, -0.3]), 0.05 * np.eye(3))
+    model.appendBodyToJoint(hip, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.8]))
+    model.addFrame(pin.Frame("toe", hip, 0, tip, pin.FrameType.OP_FRAME))
+    leg = kd.Leg.from_model(model, "toe")
+    found = answers(leg, Kick(attack=0.0), {"hip": np.array([0.0, 0.3])})[1]
+    assert found[DOUBT].all()
+    assert kick_from(leg.posture([0.0]), Kick(attack=0.0)).status == "ok"
+
+
 def test_what_cannot_be_vouched_for_is_marked():
     axes = {"hip": np.radians([90.0]), "knee": np.zeros(1), "ankle": np.radians([40.0, 90.0])}
     assert answers(LEG, Kick(attack=0.0), axes)[1][DOUBT].tolist() == [0, 1]

@@ -47,6 +47,21 @@ def test_joints_of_limit_0_and_of_none():
         assert speed_use(posture, least_used(posture, wish)) == use
 
 
+def test_a_limit_beyond_all_others_is_none_and_its_rounding_does_not_count():
+    rng = np.random.default_rng(2)
+    leg = random_leg(rng, 5)
+    limits, wish = rng.uniform(1.0, 9.0, 5), rng.normal(size=3)
+    for k in range(5):
+        uses = []
+        for most in (1e9, 1e16, 1e20, 1e200, np.inf):
+            limits[k], before = most, limits[k]
+            posture = limited(leg, limits).posture(np.full(5, 0.4))
+            uses.append(least_use(posture, wish))
+            limits[k] = before
+        assert uses == pytest.approx(5 * [uses[-1]], rel=1e-8)
+        assert uses[-1] > 0
+
+
 def test_a_held_foot_counts():
     leg = kd.Leg.from_robot("g1", base="floating").standing_on("left_ankle_roll_link")
     posture = leg.posture(

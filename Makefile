@@ -16,7 +16,7 @@ sweep: $(VENV)/.run
 
 ## extremes: kickdyn against 50 digits where numbers get difficult
 extremes: $(VENV)/.run
-	$(BIN)/python -m kickdyn.accuracy.extremes
+	$(BIN)/python -m kickdyn extremes
 
 ## test: the whole suite
 test: $(VENV)/.dev browser

@@ -18,13 +18,13 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from kickdyn.accuracy.error_plots import picture
 from kickdyn.accuracy.extremes import cells, rows, summary
-from kickdyn.accuracy.flight import Measured, measure
+from kickdyn.accuracy.extremes_row import Row
+from kickdyn.accuracy.flight_methods import Measured, measure
 from kickdyn.accuracy.gains import Gain, draws, gains
-from kickdyn.accuracy.impact import MeasuredImpact, measure_impact
-from kickdyn.accuracy.picture import picture
-from kickdyn.accuracy.row import Row
-from kickdyn.style import styled
+from kickdyn.accuracy.impact_methods import MeasuredImpact, measure_impact
+from kickdyn.core.plot_style import styled
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

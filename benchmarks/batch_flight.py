@@ -18,7 +18,7 @@ from by_hand import fly_by_hand
 
 import kickdyn as kd
 from kickdyn.accuracy.taylor import taylor
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 
 BALL, AIR = kd.Ball(), kd.Air()

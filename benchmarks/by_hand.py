@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import kickdyn as kd
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.flight.forces import forces
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 import kickdyn as kd
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 POSTURE = LEG.posture(np.radians([40.0, 30.0, -20.0]))

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "gallery.md"
 IMAGES = ROOT / "docs" / "images"
 MOST = 150_000
-SCRIPT = "from kickdyn.cli import main; main()"
+SCRIPT = "from kickdyn.cli.commands import main; main()"
 PICTURE = re.compile(
     r"!\[[^]]*\]\(images/(gallery-([a-z-]+)\.png)\)\s+```(sh|python)\n(.*?)```", re.S
 )

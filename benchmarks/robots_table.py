@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.robots import ROBOTS
+from kickdyn.robot.example_robots import ROBOTS
 
 ATTACK = np.array([np.cos(np.radians(30)), 0.0, np.sin(np.radians(30))])
 TOUCH = kd.Contact(ATTACK, restitution=0.8)
@@ -86,7 +86,7 @@ def table() -> str:
 
 def pages(folder: Path) -> None:
     """Write a page of every line that shows the kick."""
-    from kickdyn.view.page import kick_page, write_page
+    from kickdyn.view.kick_page import kick_page, write_page
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, base, hit in kicks():

@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 import kickdyn as kd
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 BALL = kd.Ball()
 ROUNDS, CALLS = 500, 10

@@ -18,12 +18,12 @@ from by_hand import fly_by_hand
 from scipy.linalg import lapack
 
 import kickdyn as kd
-from kickdyn.sweep.carry import launches
-from kickdyn.sweep.grid import Grid
-from kickdyn.sweep.kernels import Kernel
-from kickdyn.sweep.kick import CARRY_ERROR, Kick
-from kickdyn.sweep.outcomes import Outcomes
-from kickdyn.sweep.scene import scene_of
+from kickdyn.sweeps.carry import launches
+from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel_scene import scene_of
+from kickdyn.sweeps.kernels import Kernel
+from kickdyn.sweeps.kick import CARRY_ERROR, Kick
+from kickdyn.sweeps.outcomes import Outcomes
 
 KICK = Kick(speed=12.0)
 FEW, MANY, FLOWN, ROUNDS = 3000, 200_000, 60, 5

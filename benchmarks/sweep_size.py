@@ -25,11 +25,11 @@ import numpy as np
 
 import kickdyn as kd
 from kickdyn.errors import KickdynError
-from kickdyn.sweep.grid import Grid
-from kickdyn.sweep.kernels import Kernel
-from kickdyn.sweep.kick import Kick
-from kickdyn.sweep.scene import scene_of
-from kickdyn.sweep.stream import stream
+from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel_scene import scene_of
+from kickdyn.sweeps.kernels import Kernel
+from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.stream import stream
 
 LEG, KICK = kd.Leg.human(), Kick(speed=12.0)
 RANGES = ((-0.5, 1.5), (0.0, 2.4), (-0.3, 0.8))

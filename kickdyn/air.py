@@ -10,13 +10,13 @@ from numbers import Real
 
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
-from kickdyn.aerodynamics import torque as torque_models
-from kickdyn.aerodynamics.model import Coefficient, CoefficientModel, find
-from kickdyn.card import Card, Row, shown
-from kickdyn.checks import Array
+from kickdyn.aerodynamics import spin_decay as torque_models
+from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel, find
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
 GAS_CONSTANT = 287.05287
@@ -74,7 +74,7 @@ class Air(Card):
             `(reynolds, spin_parameter)`, such as `kickdyn.aerodynamics.drag.constant(0.25)`, which
             does for lift and torque too; None leaves drag out.
         lift: likewise from `kickdyn.aerodynamics.lift.MODELS`; None leaves lift out.
-        torque: likewise from `kickdyn.aerodynamics.torque.MODELS`, what brakes the spin; None
+        torque: likewise from `kickdyn.aerodynamics.spin_decay.MODELS`, what brakes the spin; None
             leaves the spin as it is.
         buoyancy: whether the air carries the ball's volume (1.5 % of a soccer ball's weight).
 
@@ -101,15 +101,15 @@ class Air(Card):
         *,
         buoyancy: bool = True,
     ) -> None:
-        rho = checks.number("air density", density, at_least=0, unit="kg/m3")
-        mu = checks.number("air viscosity", viscosity, above=0, unit="Pa s")
+        rho = validation.number("air density", density, at_least=0, unit="kg/m3")
+        mu = validation.number("air viscosity", viscosity, above=0, unit="Pa s")
         blowing: Array | Wind
         if callable(wind):
             blowing = wind
             with suppress(ArithmeticError, ValueError):  # as a logarithm, not defined there
-                checks.vector("wind at height 0", wind(0.0), 3, unit="m/s")
+                validation.vector("wind at height 0", wind(0.0), 3, unit="m/s")
         else:
-            blowing = checks.vector("wind", wind, 3, unit="m/s")
+            blowing = validation.vector("wind", wind, 3, unit="m/s")
             blowing.setflags(write=False)
         object.__setattr__(self, "density", rho)
         object.__setattr__(self, "viscosity", mu)
@@ -187,15 +187,15 @@ class Air(Card):
         Raises:
             InvalidInput: a value outside its range.
         """
-        height = checks.number("altitude", altitude, at_least=-1000, at_most=11_000, unit="m")
+        height = validation.number("altitude", altitude, at_least=-1000, at_most=11_000, unit="m")
         kelvin, pascal = standard(height)
         if temperature_c is not None:
-            celsius = checks.number(
+            celsius = validation.number(
                 "temperature", temperature_c, at_least=-80, at_most=60, unit="degC"
             )
             kelvin = 273.15 + celsius
         if pressure is not None:
-            pascal = checks.number(
+            pascal = validation.number(
                 "pressure", pressure, at_least=10_000, at_most=200_000, unit="Pa"
             )
         return cls(density_of(kelvin, pascal), viscosity_of(kelvin), wind, drag, lift, torque)

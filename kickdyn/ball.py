@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.card import Card, Row, shown
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.read_only import Sealed
+from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.sealed import Sealed
 
 SMALLEST = float(np.finfo(float).tiny)
 """Below it a float64 has fewer digits."""
@@ -42,12 +42,16 @@ class Ball(Card):
     inertia_factor: float = 2.0 / 3.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mass", checks.number("ball mass", self.mass, above=0, unit="kg"))
-        radius = checks.number("ball radius", self.radius, above=0, unit="m")
+        object.__setattr__(
+            self, "mass", validation.number("ball mass", self.mass, above=0, unit="kg")
+        )
+        radius = validation.number("ball radius", self.radius, above=0, unit="m")
         object.__setattr__(self, "radius", radius)
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return
-        factor = checks.number("inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0)
+        factor = validation.number(
+            "inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0
+        )
         object.__setattr__(self, "inertia_factor", factor)
         if not (SMALLEST <= self.inertia < math.inf and factor * self.mass >= SMALLEST):
             raise InvalidInput(
@@ -112,7 +116,7 @@ class BallState(Sealed):
         spin: ArrayLike = (0.0, 0.0, 0.0),
         time: ArrayLike = 0.0,
     ) -> None:
-        moments = checks.floats("time", time, unit="s")
+        moments = validation.floats("time", time, unit="s")
         if moments.ndim > 1:
             raise InvalidInput(f"time has shape {moments.shape}: it must be a number or (n,)")
         for name, value, unit in (
@@ -120,7 +124,7 @@ class BallState(Sealed):
             ("velocity", velocity, "m/s"),
             ("spin", spin, "rad/s"),
         ):
-            array = checks.floats(name, value, unit=unit)
+            array = validation.floats(name, value, unit=unit)
             if array.shape != (*moments.shape, 3):
                 raise InvalidInput(
                     f"{name} has shape {array.shape}: it must be {(*moments.shape, 3)}"
@@ -155,7 +159,7 @@ class BallState(Sealed):
     @property
     def speed(self) -> float | Array:
         """Speed of the centre [m/s]."""
-        speed = checks.length(self.velocity)
+        speed = validation.length(self.velocity)
         return float(speed) if np.ndim(speed) == 0 else speed
 
     @property

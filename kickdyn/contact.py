@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.card import Card, Row, shown
-from kickdyn.checks import Array
-from kickdyn.sealed import Sealed
+from kickdyn.core import validation
+from kickdyn.core.read_only import Sealed
+from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.validation import Array
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -45,13 +45,13 @@ class Contact(Card, Sealed):
         friction: float = 0.0,
         offset: ArrayLike | None = None,
     ) -> None:
-        unit = checks.direction("contact normal", normal)
+        unit = validation.direction("contact normal", normal)
         unit.setflags(write=False)
         object.__setattr__(self, "normal", unit)
-        e = checks.number("restitution", restitution, at_least=0, at_most=1)
+        e = validation.number("restitution", restitution, at_least=0, at_most=1)
         object.__setattr__(self, "restitution", e)
-        object.__setattr__(self, "friction", checks.number("friction", friction, at_least=0))
-        patch = None if offset is None else checks.vector("contact offset", offset, 3, unit="m")
+        object.__setattr__(self, "friction", validation.number("friction", friction, at_least=0))
+        patch = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
         if patch is not None:
             patch.setflags(write=False)
         object.__setattr__(self, "offset", patch)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from kickdyn import checks
-from kickdyn.card import Card, Row
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row
 from kickdyn.errors import InvalidInput
 
 
@@ -35,11 +35,11 @@ class Surface:
     source: str = ""
 
     def __post_init__(self) -> None:
-        checks.number("ground restitution", self.restitution, at_least=0, at_most=1)
-        checks.number("ground friction", self.friction, at_least=0)
-        checks.number("rolling deceleration", self.rolling_deceleration, above=0, unit="m/s2")
+        validation.number("ground restitution", self.restitution, at_least=0, at_most=1)
+        validation.number("ground friction", self.friction, at_least=0)
+        validation.number("rolling deceleration", self.rolling_deceleration, above=0, unit="m/s2")
         e = self.tangential_restitution
-        checks.number("tangential restitution", e, at_least=-1, at_most=1)
+        validation.number("tangential restitution", e, at_least=-1, at_most=1)
 
 
 SURFACES = {
@@ -99,7 +99,9 @@ class Ground(Card):
     surface: str | Surface | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "height", checks.number("ground height", self.height, unit="m"))
+        object.__setattr__(
+            self, "height", validation.number("ground height", self.height, unit="m")
+        )
         if isinstance(self.surface, str):
             if self.surface not in SURFACES:
                 raise InvalidInput(

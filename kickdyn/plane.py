@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.ball import Ball
-from kickdyn.card import Card, Row, shown
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
 _PARTS = {"front": -1.0, "centre": 0.0, "back": 1.0}
@@ -36,8 +36,8 @@ class Plane(Card):
     reached_by: str
 
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
-        place = checks.vector("point of the plane", point, 3, unit="m")
-        towards = checks.direction("normal of the plane", normal)
+        place = validation.vector("point of the plane", point, 3, unit="m")
+        towards = validation.direction("normal of the plane", normal)
         if reached_by not in _PARTS:
             raise InvalidInput(f"reached_by is {reached_by!r}: choose {', '.join(_PARTS)}")
         for array in (place, towards):

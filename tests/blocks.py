@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from kickdyn.sweep.block import Block, Space
-from kickdyn.sweep.expression import Expression
+from kickdyn.sweeps.block import Block, Space
+from kickdyn.sweeps.expression import Expression
 
 SPACE = Space.of(
     {

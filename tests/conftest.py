@@ -1,6 +1,14 @@
 """For all tests: the same examples in every run; a well-formed leg, ways to spoil and load it."""
 
+import base64
+import math
+import re
+import shutil
+import subprocess
+
+import numpy as np
 import pytest
+import umsgpack
 from hypothesis import settings
 
 import kickdyn as kd
@@ -77,3 +85,76 @@ def load(tmp_path):
         return kd.Leg.from_urdf(path, frame)
 
     return loaded
+
+
+def kick_of(leg, speed, degrees=(5, 10, -5), attack=30.0, air=None, friction=0.4):
+    posture = leg.posture(np.radians(degrees))
+    angle = math.radians(attack)
+    way = np.array([math.cos(angle), 0.0, math.sin(angle)])
+    touch = kd.Contact(way, restitution=0.8, friction=friction)
+    ball = kd.Ball()
+    hit = kd.strike_at(posture, posture.joint_velocity(speed * way), ball, touch)
+    return hit, ball, kd.fly(hit.ball, ball, air)
+
+
+@pytest.fixture(scope="session")
+def make_kick():
+    return kick_of
+
+
+@pytest.fixture(scope="session")
+def kick():
+    """A kick of some metres: all is in the picture."""
+    return kick_of(kd.Leg.human(), 8.0, air=kd.Air())
+
+
+@pytest.fixture
+def commands_of():
+    """Unpack the meshcat commands that a page holds."""
+
+    def commands(html):
+        texts = re.findall(r'^"([A-Za-z0-9+/=]+)",?$', html, re.MULTILINE)
+        return [umsgpack.unpackb(base64.b64decode(text)) for text in texts]
+
+    return commands
+
+
+@pytest.fixture
+def leg_looking_like(load, spoil):
+    """Load the good leg, its thigh looking like the given visual."""
+
+    def leg(visual):
+        return load(
+            spoil(('<visual><geometry><sphere radius="0.05"/></geometry></visual>', visual))
+        )
+
+    return leg
+
+
+@pytest.fixture
+def chromium(tmp_path):
+    """Open a page in headless Chromium; return what it printed."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if not browser:
+        pytest.skip("no chromium or google-chrome to open the page with")
+
+    def opened(url, *options):
+        flags = (
+            "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader "
+            "--enable-unsafe-swiftshader --disable-background-networking --no-first-run "
+            "--disable-sync --disable-component-update --window-size=1280,720 "
+            "--virtual-time-budget=3000 --enable-logging=stderr --v=0"
+        )
+        profile = f"--user-data-dir={tmp_path / 'profile'}"
+        done = subprocess.run(
+            [browser, *flags.split(), profile, *options, url],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        )
+        complaints = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+        assert complaints == []
+        return done.stdout
+
+    return opened

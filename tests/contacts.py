@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.impact.problem import ContactProblem
+from kickdyn.impact.contact_problem import ContactProblem
 
 
 @dataclass

@@ -217,7 +217,7 @@ def run_scene(text: str, folder: Path) -> None:
 
 def run_cli(text: str, folder: Path) -> None:
     """Run a command line as a user would."""
-    from kickdyn.cli import main
+    from kickdyn.cli.commands import main
 
     out, err = io.StringIO(), io.StringIO()
     argv, sys.argv = sys.argv, ["kickdyn", *text.split("\x01")]

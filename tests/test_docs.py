@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import kickdyn
-from kickdyn.view.photo import BROWSERS
+from kickdyn.view.screenshot import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"

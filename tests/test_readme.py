@@ -15,10 +15,10 @@ from click.testing import CliRunner
 
 import kickdyn as kd
 from kickdyn.accuracy.exact_impact import exact_impact, given
-from kickdyn.accuracy.impact import kick
+from kickdyn.accuracy.impact_methods import kick
+from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.paper import tables_4_5
 from kickdyn.paper.reproduce import SECTIONS
-from kickdyn.posture_sweep import posture_sweep
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -57,7 +57,7 @@ def test_commands_print_what_is_said(block):
 
 
 def test_the_door_of_the_main_job_is_named_once_and_the_script_else():
-    assert re.findall(r"python -m (\S+?)`", README) == ["kickdyn.posture_sweep"]
+    assert re.findall(r"python -m (\S+?)`", README) == ["kickdyn.cli.posture_sweep_command"]
     assert README.count("python -m kickdyn") == 1
 
 

@@ -11,7 +11,7 @@ import pytest
 import yourdfpy
 
 import kickdyn as kd
-from kickdyn.urdf_file import shipped_urdf
+from kickdyn.robot.urdf_file import shipped_urdf
 
 G = 9.81
 

@@ -12,9 +12,9 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.leg import Leg
+from kickdyn.robot.leg import Leg
 
 DIGITS = 50
 

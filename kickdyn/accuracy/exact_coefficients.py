@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from kickdyn.accuracy.exact import DIGITS, mp
-from kickdyn.aerodynamics import drag, lift, torque
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics import spin_decay as torque
 
 NUDGE = 10.0 ** -(DIGITS // 2)
 

@@ -10,7 +10,7 @@ import numpy as np
 from kickdyn.accuracy.taylor import acceleration
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 mp: Any = mpmath.MPContext()
 """Its own context: the digits that a flight can use are fewer than an impact's."""

@@ -24,7 +24,7 @@ from kickdyn.accuracy.exact import (
     plus,
     turned,
 )
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 
 NUDGE = mp.mpf(10) ** -(DIGITS // 2)
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny

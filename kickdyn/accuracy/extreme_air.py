@@ -14,7 +14,7 @@ from kickdyn.accuracy.exact import mp
 from kickdyn.accuracy.exact_coefficients import FORMULAS, MODELS, NUDGE, Constants, Formula
 from kickdyn.accuracy.exact_impact import Quantity
 from kickdyn.accuracy.extreme_flights import shot
-from kickdyn.accuracy.row import Row, compared, refused
+from kickdyn.accuracy.extremes_row import Row, compared, refused
 from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState

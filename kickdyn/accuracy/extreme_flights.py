@@ -12,10 +12,10 @@ import numpy as np
 from kickdyn.accuracy.exact import Vector, length, mp, numbers, plus
 from kickdyn.accuracy.exact_flight import landing as exact_landing
 from kickdyn.accuracy.exact_impact import NUDGE
-from kickdyn.accuracy.row import FULL, Row, compared, digits, refused
+from kickdyn.accuracy.extremes_row import FULL, Row, compared, digits, refused
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import downward

@@ -12,14 +12,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.accuracy.exact_impact import answers, conditions, exact_impact, given
-from kickdyn.accuracy.row import FULL, Row, compared, refused
+from kickdyn.accuracy.extremes_row import FULL, Row, compared, refused
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.leg import Leg
+from kickdyn.robot.leg import Leg
 
 FORWARD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 

@@ -11,10 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from kickdyn.accuracy import extreme_air, extreme_flights, extreme_impacts
+from kickdyn.accuracy.extremes_row import Row
 from kickdyn.accuracy.gains import Gain, gains
-from kickdyn.accuracy.row import Row
-from kickdyn.door import run
-from kickdyn.files import check_outputs, write_json
+from kickdyn.core.files import check_outputs, write_json
 
 LONGEST = 500
 """Joints of the longest chain; the reference takes half a minute for it."""
@@ -40,7 +39,7 @@ def rows(longest: int = LONGEST, drags: Sequence[str] = extreme_air.DRAGS) -> It
 def extremes(json_file: str | None) -> None:
     """Compare kickdyn at the extremes with 50 digits; exit 1 if an answer is wrong.
 
-    Example: python -m kickdyn.accuracy.extremes
+    Example: python -m kickdyn extremes
     """
     check_outputs(json_file=json_file)
     found = []
@@ -131,7 +130,3 @@ def _gains(found: list[Gain]) -> Table:
             gain.what, gain.plain, f"{gain.plain_error:.1e}", gain.ours, f"{gain.our_error:.1e}"
         )
     return table
-
-
-if __name__ == "__main__":
-    run(extremes)

@@ -11,14 +11,14 @@ import pinocchio as pin
 from kickdyn.accuracy.exact import ExactPosture, described, length, mp, numbers, plus
 from kickdyn.accuracy.exact_impact import Quantity, exact_impact, given
 from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, USUAL, Kick, chain, grazes, masses, sizes
-from kickdyn.aerodynamics.model import smoothstep
+from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import cross
 from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.impact.result import Impact
-from kickdyn.sweep.exact_sum import ExactSum
-from kickdyn.vectors import cross
+from kickdyn.impact.impact_result import Impact
+from kickdyn.sweeps.exact_sum import ExactSum
 
 
 class Gain(NamedTuple):

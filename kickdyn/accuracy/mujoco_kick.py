@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 
 STIFFEST_CONSTRAINT = 0.9999
 """MuJoCo's largest impedance."""

@@ -13,10 +13,10 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.ground import Ground
-from kickdyn.leg import Leg
 from kickdyn.plane import Plane
+from kickdyn.robot.leg import Leg
+from kickdyn.scene.effects import changed
 from kickdyn.scene.scene import Scene
-from kickdyn.simulation.effects import changed
 
 BALLS = (
     Ball(),

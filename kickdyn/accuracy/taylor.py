@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from kickdyn.aerodynamics import drag, lift
-from kickdyn.aerodynamics.torque import smits_smith
+from kickdyn.aerodynamics.spin_decay import smits_smith
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.flight.forces import downward
 
 

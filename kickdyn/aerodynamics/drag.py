@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 
-from kickdyn.aerodynamics.model import Coefficient, CoefficientModel, smoothstep
+from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel, smoothstep
 
 REYNOLDS_PER_SPEED = 333_793 / 22.97
 """Re per m/s in the wind tunnel of Kiratidis & Leinweber [s/m]; puts their fit in terms of Re."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.aerodynamics.drag import BALLS, SPIN_DRAG, without_spin
-from kickdyn.aerodynamics.model import CoefficientModel
 
 _BALL = BALLS["brazuca"]
 _PLATEAU = _BALL.a

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 
 def time_to_fall(rise_speed: float, drop: float, g: float) -> float:

@@ -9,20 +9,20 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from kickdyn import checks
+from kickdyn._version import __version__
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.fly import MAX_SPEED, check_scene
 from kickdyn.flight.forces import downward
 from kickdyn.flight.march import march
-from kickdyn.flight.ranges import left_by
-from kickdyn.flight.scale import tolerances
 from kickdyn.flight.steps import ALOFT, FAILED, LANDED
+from kickdyn.flight.tolerances import tolerances
+from kickdyn.flight.validity_ranges import left_by
 from kickdyn.ground import Ground
-from kickdyn.version import __version__
 
 STATUSES = ("landed", "aloft", "failed")
 """How a flight ends, in the order of the flags."""
@@ -68,8 +68,8 @@ def fly_many(
         raise InvalidInput(
             f"launches have shape {states.position.shape}: fly_many takes (n, 3), fly takes one"
         )
-    tol = checks.number("tol", tol, at_least=1e-13, at_most=1e-2)
-    time_limit = checks.number("time limit", time_limit, above=0, unit="s")
+    tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
+    time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     drop = _drops(states, ball, ground)
     n = len(drop)
     nodes = np.full((n, 16), np.nan)
@@ -82,7 +82,7 @@ def fly_many(
         lost = ~np.isfinite(fallen).all(axis=1)
         fallen[lost], ended[lost] = np.nan, FAILED
         nodes[closed], status[closed] = fallen, ended
-    too_fast = ~closed & (checks.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
+    too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
     status[too_fast] = FAILED
     rows = np.flatnonzero(~closed & ~too_fast)
     if air is not None and len(rows):

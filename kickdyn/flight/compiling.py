@@ -15,7 +15,7 @@ from typing import Any
 import numba
 from numba.core.dispatcher import Dispatcher
 
-from kickdyn.aerodynamics.model import Coefficient, CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.aerodynamics.model import CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 
 _LIBRARIES = (math, np)
 """Modules whose names mean the same tomorrow; the attributes of others may be anything."""

@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.ballistic import ballistic, time_to_fall
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.forces import GRAVITY, STILL, brakes, downward, is_ballistic
 from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until
-from kickdyn.flight.motion import Motion
-from kickdyn.flight.path import Flight
-from kickdyn.flight.ranges import outside, said
-from kickdyn.flight.scale import tolerances
+from kickdyn.flight.state_layout import Motion
+from kickdyn.flight.tolerances import tolerances
+from kickdyn.flight.validity_ranges import outside, said
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -74,11 +74,11 @@ def fly(
         KickdynError: the integrator gave up.
     """
     check_scene(state, ball, air, ground)
-    checks.made_of(Plane, plane=plane, optional=True)
+    validation.made_of(Plane, plane=plane, optional=True)
     if state.position.shape != (3,):
         raise InvalidInput(f"launch has shape {state.position.shape}: fly takes one state, (3,)")
-    tol = checks.number("tol", tol, at_least=1e-13, at_most=1e-2)
-    time_limit = checks.number("time limit", time_limit, above=0, unit="s")
+    tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
+    time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     ends = _Ends(_drop(state, ball, ground), wall_of(plane, ball, state), time_limit)
     scene: dict[str, Any] = {"ball": ball, "air": air, "ground": ground, "plane": plane, "tol": tol}
     made: Callable[..., Flight] = partial(
@@ -118,10 +118,10 @@ def fly(
 
 def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
     """Raise `InvalidInput` for what is not of the kind a flight needs."""
-    checks.made_of(BallState, launch=state)
-    checks.made_of(Ball, ball=ball)
-    checks.made_of(Air, air=air, optional=True)
-    checks.made_of(Ground, ground=ground, optional=True)
+    validation.made_of(BallState, launch=state)
+    validation.made_of(Ball, ball=ball)
+    validation.made_of(Air, air=air, optional=True)
+    validation.made_of(Ground, ground=ground, optional=True)
 
 
 def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
@@ -150,7 +150,7 @@ def _creeps(state: BallState, ball: Ball, air: Air, drop: float) -> bool:
 
 def _windspeed(air: Air, height: float) -> float:
     try:
-        return checks.number(
+        return validation.number(
             "wind", math.hypot(*air.wind_at(height)), at_most=MAX_SPEED, unit="m/s"
         )
     except InvalidInput:

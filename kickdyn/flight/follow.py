@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.aerodynamics.model import CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.card import Card, Row
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.bounce import bounce
+from kickdyn.flight.flight_result import Flight, profile
 from kickdyn.flight.fly import check_scene, fly, wall_of
-from kickdyn.flight.path import Flight, profile
-from kickdyn.flight.ranges import outside, said
 from kickdyn.flight.roll import Glide, roll, slide
+from kickdyn.flight.validity_ranges import outside, said
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
 
@@ -97,7 +97,7 @@ class Course(Card):
         Raises:
             InvalidInput: a time outside.
         """
-        asked = checks.times(t, self.duration, "the course")
+        asked = validation.times(t, self.duration, "the course")
         times = np.atleast_1d(asked)
         position, velocity, spin = (np.zeros((len(times), 3)) for _ in range(3))
         pieces: Sequence[Flight | Glide] = (*self.flights, *self.glides)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 GRAVITY = 9.81
 """[m/s2], the paper's."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import DOP853, OdeSolution
 from scipy.optimize import brentq
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 
 METHOD = "DOP853"

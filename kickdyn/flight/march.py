@@ -15,7 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from kickdyn.compiled import compiled, named
+from kickdyn.core.compilation import compiled, named
 from kickdyn.flight import lanes, steps
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 from kickdyn.flight.lanes import HOW, LANES, LEFT, SIGNATURE, SIZE, U, W, X, Z, inlined, njit

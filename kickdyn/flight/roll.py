@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import slip
 from kickdyn.flight.forces import downward, forces
@@ -52,7 +52,7 @@ class Glide:
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at times since the start, a number or shape `(n,)` [s]."""
-        moments = checks.times(t, self.duration, f"the {self.kind}")
+        moments = validation.times(t, self.duration, f"the {self.kind}")
         states = self._states(np.atleast_1d(moments))
         return states if moments.ndim else _single(states)
 

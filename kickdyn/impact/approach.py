@@ -7,14 +7,14 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.digits import approach_rounding
-from kickdyn.posture import Posture
-from kickdyn.vectors import largest
+from kickdyn.robot.posture import Posture
 
 MAX_SPEED = 1e140
 """[m/s]. Squares of it, times a mass, are energies that a float64 still holds."""
@@ -50,19 +50,19 @@ def approach(
         InvalidInput: a wrong kind or shape, a velocity that moves what is held, or speeds beyond
             double precision.
     """
-    checks.made_of(Posture, posture=posture)
-    checks.made_of(Ball, ball=ball)
-    checks.made_of(Contact, touch=touch)
-    v = checks.vector("v", v, posture.leg.nv)
+    validation.made_of(Posture, posture=posture)
+    validation.made_of(Ball, ball=ball)
+    validation.made_of(Contact, touch=touch)
+    v = validation.vector("v", v, posture.leg.nv)
     if posture.hold is not None:
         posture.check_velocity(v)
     posture = posture.touched_at(touch.offset)
     velocity, spin, moves = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
-        velocity = checks.vector("ball velocity", ball_velocity, 3, unit="m/s")
+        velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")
         moves = largest(velocity)
     if ball_spin is not AT_REST:
-        spin = checks.vector("ball spin", ball_spin, 3, unit="rad/s")
+        spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s")
         moves = max(moves, largest(spin) * ball.radius)
     before = BallState.computed(posture.contact_point + ball.radius * touch.normal, velocity, spin)
     # `dot`, for `@` takes twice as long on three numbers

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize_scalar
 
-from kickdyn import checks
 from kickdyn.ball import Ball, BallState
-from kickdyn.card import Card, Row, warned
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row, warned
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, approach
-from kickdyn.impact.held import check_free
+from kickdyn.impact.compliant_contact import Squeeze
+from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.hertz import (
     BRIEFEST,
     HertzContact,
@@ -28,9 +29,8 @@ from kickdyn.impact.hertz import (
     matched_damping,
     until,
 )
-from kickdyn.impact.squeeze import Squeeze
-from kickdyn.impact.torque import Torque, acting, check_pickles, own_torque
-from kickdyn.leg import Leg
+from kickdyn.impact.joint_torque import Torque, acting, check_pickles, own_torque
+from kickdyn.robot.leg import Leg
 
 CONTACT_TIME = 0.010
 """[s]. 9 to 14 ms were measured in soccer, Australian football and rugby league (review in Ball,
@@ -149,7 +149,7 @@ class Collision(Card):
         Raises:
             InvalidInput: a time outside the contact, or more than one dimension.
         """
-        times = checks.times(t, self.contact_time, "the contact")
+        times = validation.times(t, self.contact_time, "the contact")
         found = [self._sample(float(at)) for at in times.flat]
         force, impulse, deflection = (np.array([one[i] for one in found]) for i in range(3))
         shape = (*times.shape, 3)
@@ -204,18 +204,18 @@ def collide(
             or a leg that supports or loops hold.
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
-    checks.number("tol", tol, at_least=1e-13, at_most=1e-3)
-    checks.made_of(Leg, leg=leg)
+    validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
+    validation.made_of(Leg, leg=leg)
     check_free(leg, "a contact that takes time is")
     torque = own_torque(torque, leg.nv)
     met = approach(leg.posture(q), v, ball, touch, ball_velocity, ball_spin)
     posture, v, _, before, speed = met
-    checks.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
+    validation.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
     mass = 1.0 / (1.0 / posture.mass_along(touch.normal) + 1.0 / ball.mass)
     contact = _contact(contact_time, stiffness, mass, speed, touch.restitution)
     expected = expected_contact_time(contact.stiffness, mass, speed, touch.restitution)
 
-    checks.number("contact time", expected, at_least=BRIEFEST, unit="s")
+    validation.number("contact time", expected, at_least=BRIEFEST, unit="s")
 
     squeeze = Squeeze(posture, ball, touch, contact, before, speed, acting(torque, leg.nv))
     start = squeeze.start(v)
@@ -287,7 +287,9 @@ def _contact(
         )
     damping = matched_damping(e) / speed
     if stiffness is not None:
-        return HertzContact(checks.number("stiffness", stiffness, above=0, unit="N/m^1.5"), damping)
+        return HertzContact(
+            validation.number("stiffness", stiffness, above=0, unit="N/m^1.5"), damping
+        )
     time = CONTACT_TIME if contact_time is None else contact_time
     return HertzContact(contact_stiffness(time, mass, speed, e), damping)
 

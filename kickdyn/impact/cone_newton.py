@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 STEPS = 60
 SHORTEST = 1e-3

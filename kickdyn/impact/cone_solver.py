@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.impact.cone_newton import Cones, polished
-from kickdyn.impact.newton import slip_angles
+from kickdyn.impact.newton_law import slip_angles
 
 GOOD = 1e-11
 """`cone_residual` at which the search ends."""

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kickdyn.ball import BallState
-from kickdyn.checks import Array, length
-from kickdyn.impact.problem import ContactProblem, contact_axes
-from kickdyn.posture import Posture
+from kickdyn.core.validation import Array, length
+from kickdyn.impact.contact_problem import ContactProblem, contact_axes
+from kickdyn.robot.posture import Posture
 
 if TYPE_CHECKING:
-    from kickdyn.impact.result import Impact
+    from kickdyn.impact.impact_result import Impact
 
 EPS = float(np.finfo(float).eps)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kickdyn.checks import Array
-from kickdyn.constraints import Support
-from kickdyn.hold import Hold
+from kickdyn.core.validation import Array
+from kickdyn.robot.constraint_projector import Hold
+from kickdyn.robot.constraints import Support
 
 ROUNDING = 1e-12
 """Share of the impulse on the ball that counts as none."""

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from kickdyn import checks
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 
 BRIEFEST = 1e-9
 """Contact time below which the deflection has too few digits beside the leg's size [s]."""
@@ -58,7 +58,7 @@ def matched_damping(restitution: float) -> float:
     Raises:
         InvalidInput: a value outside its range.
     """
-    e = checks.number("restitution", restitution, at_least=0.01, at_most=1)
+    e = validation.number("restitution", restitution, at_least=0.01, at_most=1)
     first = 1.5 * (1.0 - e * e) / (1.0 + e**3)  # the limit for e near 1, and always below s
     if 1.0 - e < 1e-5:
         return first
@@ -85,22 +85,24 @@ def contact_stiffness(
     Raises:
         InvalidInput: a value outside its range.
     """
-    time = checks.number("contact time", contact_time, above=0, unit="s")
-    m = checks.number("mass", mass, above=0, unit="kg")
-    speed = checks.number("approach speed", approach_speed, above=0, unit="m/s")
-    unit = _unit_contact_time(checks.number("restitution", restitution, at_least=0.01, at_most=1))
+    time = validation.number("contact time", contact_time, above=0, unit="s")
+    m = validation.number("mass", mass, above=0, unit="kg")
+    speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
+    unit = _unit_contact_time(
+        validation.number("restitution", restitution, at_least=0.01, at_most=1)
+    )
     with np.errstate(over="ignore"):
         stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
-    return checks.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
+    return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
 
 
 def expected_contact_time(
     stiffness: float, mass: float, approach_speed: float, restitution: float = 1.0
 ) -> float:
     """Return for how long two masses touch [s]: the inverse of `contact_stiffness`."""
-    k = checks.number("stiffness", stiffness, above=0, unit="N/m^1.5")
-    m = checks.number("mass", mass, above=0, unit="kg")
-    speed = checks.number("approach speed", approach_speed, above=0, unit="m/s")
+    k = validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")
+    m = validation.number("mass", mass, above=0, unit="kg")
+    speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
     return float((m / k) ** 0.4 * speed**-0.2 * _unit_contact_time(restitution))
 
 

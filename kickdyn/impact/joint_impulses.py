@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
-from kickdyn.posture import Posture
-from kickdyn.vectors import crossed
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import crossed
+from kickdyn.robot.posture import Posture
 
 
 def joint_impulses(

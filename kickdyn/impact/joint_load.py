@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from kickdyn import checks
-from kickdyn.card import ROUNDING, Card, Row, shown
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.representation import ROUNDING, Card, Row, shown
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.hertz import BRIEFEST
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,11 +96,11 @@ def joint_loads(
         InvalidInput: a contact time below 1e-9 s, a limit that is not above 0, limits without a
             contact time, or no such joint.
     """
-    checks.made_of(Impact, hit=hit)
+    validation.made_of(Impact, hit=hit)
     leg, sharpness = hit.posture.leg, None
-    limits = checks.mapping("force limits", force_limits)
+    limits = validation.mapping("force limits", force_limits)
     if contact_time is not None:
-        time = checks.number("contact time", contact_time, at_least=BRIEFEST, unit="s")
+        time = validation.number("contact time", contact_time, at_least=BRIEFEST, unit="s")
         sharpness = math.pi / 2 / time
     elif limits:
         raise InvalidInput("force limits need a contact time: without one there is no force")
@@ -108,7 +108,7 @@ def joint_loads(
         if name not in leg.joint_names:
             known = ", ".join(leg.joint_names)
             raise InvalidInput(f"joint {name!r} is unknown: {leg.name} has {known}")
-        limits[name] = checks.number(f"force limit of {name}", limit, above=0, unit="N")
+        limits[name] = validation.number(f"force limit of {name}", limit, above=0, unit="N")
     space, loads = leg.workspace, JointLoads()
     pin.forwardKinematics(space.model, space.data, hit.posture.q)  # a freedom may depend on q
     for number, (name, impulse) in enumerate(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from kickdyn import checks
+from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.newton import newton as newton
-from kickdyn.impact.problem import ContactProblem as ContactProblem
-from kickdyn.impact.problem import Law
-from kickdyn.impact.problem import Solution as Solution
-from kickdyn.impact.stronge import stronge as stronge
+from kickdyn.impact.contact_problem import ContactProblem as ContactProblem
+from kickdyn.impact.contact_problem import Law
+from kickdyn.impact.contact_problem import Solution as Solution
+from kickdyn.impact.newton_law import newton as newton
+from kickdyn.impact.stronge_law import stronge as stronge
 
 
 def normal_impulse(
@@ -28,12 +28,12 @@ def normal_impulse(
     Raises:
         InvalidInput: a value outside its range, or two immovable bodies.
     """
-    speed = checks.number("approach speed", approach_speed, at_least=0, unit="m/s")
-    e = checks.number("restitution", restitution, at_least=0, at_most=1)
+    speed = validation.number("approach speed", approach_speed, at_least=0, unit="m/s")
+    e = validation.number("restitution", restitution, at_least=0, at_most=1)
     give = 0.0
     for name, mass in (("leg mass", leg_mass), ("ball mass", ball_mass)):
         if mass != math.inf:
-            give += 1.0 / checks.number(name, mass, above=0, unit="kg")
+            give += 1.0 / validation.number(name, mass, above=0, unit="kg")
     if give == 0.0:
         raise InvalidInput("leg mass and ball mass are both inf: one of them must move")
     return (1.0 + e) * speed / give

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.card import Card, Row
-from kickdyn.checks import Array
+from kickdyn.core.read_only import Sealed
+from kickdyn.core.representation import Card, Row
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_slopes import inertia_slopes, leg_slopes, per_mass, response
-from kickdyn.impact.problem import ball_delassus
-from kickdyn.impact.sources import LINK_INERTIA, OF_LEG, UNITS, columns
-from kickdyn.sealed import Sealed
+from kickdyn.impact.contact_problem import ball_delassus
+from kickdyn.impact.leg_derivatives import inertia_slopes, leg_slopes, per_mass, response
+from kickdyn.impact.uncertainty_sources import LINK_INERTIA, OF_LEG, UNITS, columns
 
 if TYPE_CHECKING:
-    from kickdyn.impact.result import Impact
+    from kickdyn.impact.impact_result import Impact
 
 AT_BOUNDARY = 1e-9
 """Share of the friction cone, or of the approach, below which stick and slip meet."""
@@ -33,8 +33,8 @@ class Sensitivity(Sealed, Card):
     """Derivatives of a strike's results, one Jacobian per source.
 
     Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
-    the size of the result, n that of the source. `kickdyn.impact.sources` says what each source
-    is; q counts in the tangent space, like v.
+    the size of the result, n that of the source. `kickdyn.impact.uncertainty_sources` says what
+    each source is; q counts in the tangent space, like v.
 
     Attributes:
         impulse: of the impulse on the ball, k = 3 [N s per unit of the source, world frame].
@@ -82,7 +82,7 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
     The impulse p solves R(p, x) = 0: restitution and no sliding, or restitution and Coulomb's cone
     against the sliding; so dp = -R_p^-1 R_x dx. What x does to the leg comes from Pinocchio's
     derivatives of Newton-Euler and of kinematics, and from its regressor; supports and loops bound
-    it (`kickdyn.impact.leg_slopes`).
+    it (`kickdyn.impact.leg_derivatives`).
 
     Args:
         hit: from `strike` or `strike_at`.

@@ -7,17 +7,17 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import crossed
 from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, approach
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import LAWS, ContactProblem
-from kickdyn.impact.result import Impact
-from kickdyn.leg import Leg
-from kickdyn.posture import Posture
-from kickdyn.vectors import crossed
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 
 def strike(
@@ -52,7 +52,7 @@ def strike(
         EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
-    checks.made_of(Leg, leg=leg)
+    validation.made_of(Leg, leg=leg)
     return strike_at(
         leg.posture(q), v, ball, touch, law,
         ball_velocity=ball_velocity, ball_spin=ball_spin, strict=strict,
@@ -71,7 +71,7 @@ def strike_at(
     strict: bool = False,
 ) -> Impact:
     """Strike a ball from a posture that is already there; else as `strike`."""
-    checks.flag("strict", strict)
+    validation.flag("strict", strict)
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
     met = approach(posture, v, ball, touch, ball_velocity, ball_spin)

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.card import ROUNDING, Printed
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.read_only import Sealed
+from kickdyn.core.representation import ROUNDING, Printed
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
-from kickdyn.impact.sources import UNITS, columns
-from kickdyn.sealed import Sealed
+from kickdyn.impact.uncertainty_sources import UNITS, columns
 
 if TYPE_CHECKING:
-    from kickdyn.impact.result import Impact
+    from kickdyn.impact.impact_result import Impact
 
 MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""
@@ -129,9 +129,9 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
 
     Args:
         hit: from `strike` or `strike_at`, law `newton`.
-        **spread: by the name of a source (`kickdyn.impact.sources.UNITS`), its standard deviation:
-            one for all its components, or one for each, shape `(n,)`, independent of each other;
-            or their covariance, shape `(n, n)`. Sources are independent of each other. For a
+        **spread: by the name of a source (`kickdyn.impact.uncertainty_sources.UNITS`), its standard
+            deviation: one for all its components, or one for each, shape `(n,)`, independent
+            of each other; or their covariance, shape `(n, n)`. Sources are independent. For a
             direction, `normal`, it is the angle that it tilts by to each side [rad].
 
     Raises:
@@ -200,7 +200,7 @@ def _carried(jacobian: Array, covariance: Array) -> Array:
 
 
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:
-    array = checks.floats(f"spread of {name}", value, unit=UNITS[name])
+    array = validation.floats(f"spread of {name}", value, unit=UNITS[name])
     if np.abs(array).max(initial=0.0) > MAX_SPREAD:
         raise InvalidInput(f"spread of {name} is {array.tolist()}: at most {MAX_SPREAD:g}")
     if array.shape == (size, size) and size > 1:

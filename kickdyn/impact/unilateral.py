@@ -10,22 +10,22 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
-from kickdyn.constraints import Support
 from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST
 from kickdyn.impact.cone_solver import solve_cones
 from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
-from kickdyn.impact.result import Impact
 from kickdyn.impact.strike import check_energy, strike
-from kickdyn.leg import Leg
-from kickdyn.posture import Posture
-from kickdyn.vectors import cross
+from kickdyn.robot.constraints import Support
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 MAX_RESIDUAL = 1e-9
 WHY_NOT = {
@@ -112,7 +112,7 @@ def unilateral_strike(
         )
     if law != "newton":
         raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
-    checks.flag("strict", strict)
+    validation.flag("strict", strict)
     held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
     free = leg.standing_on().posture(held.posture.q).touched_at(touch.offset)

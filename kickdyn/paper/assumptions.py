@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.aerodynamics.model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.impact.laws import ContactProblem, paper
 from kickdyn.paper.item import Item
 

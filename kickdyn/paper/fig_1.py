@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.contact import Contact
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike_at
-from kickdyn.leg import Leg
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape
 from kickdyn.planning.self_motion import self_motion
-from kickdyn.posture import Posture
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 NAME = "Fig. 1"
 START_DEG = (25.0, 40.0, 10.0)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.flight.path import Flight
 from kickdyn.paper.assumptions import (
     BALL,
     DEFAULT,

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.ball import BallState
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.flight.path import Flight
 from kickdyn.paper.assumptions import BALL, DEFAULT, Coefficients, direction, with_others
 from kickdyn.paper.item import COMPUTED, Item, near, shape
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.flight.path import Flight
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.paper.assumptions import (
     BALL,

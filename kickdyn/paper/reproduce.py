@@ -10,7 +10,7 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.path import Flight
+from kickdyn.flight.flight_result import Flight
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
 from kickdyn.paper.assumptions import DEFAULT
 from kickdyn.paper.item import Item

@@ -9,10 +9,10 @@ import numpy as np
 from kickdyn.contact import Contact
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.impact.strike import strike_at
-from kickdyn.leg import Leg
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import FITTED, Item, near
-from kickdyn.posture import Posture
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 NAME = "Table 2"
 SPEED = 1.0  # [m/s]

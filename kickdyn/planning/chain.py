@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 
 class Chain:

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_slopes import leg_slopes
-from kickdyn.leg import Leg
+from kickdyn.impact.leg_derivatives import leg_slopes
 from kickdyn.planning.heading import heading_for, turned
-from kickdyn.planning.touch import Touch
-from kickdyn.posture import Posture
+from kickdyn.planning.impact_target import Touch
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 FEASIBLE = 1e-4
 """How far constraints may be missed, each over its own scale; velocities are then made exact, and

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from kickdyn.checks import Array
-from kickdyn.leg import Leg
+from kickdyn.core.validation import Array
 from kickdyn.planning.equations import Objective
+from kickdyn.planning.impact_target import Touch
 from kickdyn.planning.search import Search
-from kickdyn.planning.touch import Touch
-from kickdyn.posture import Posture
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 
 def why_none(

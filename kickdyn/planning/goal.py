@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.card import Card, Row, shown
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import GRAVITY
 
@@ -61,9 +61,9 @@ class Goal(Card):
         over: tuple[float, float] | None = None,
         beside: tuple[float, float] | None = None,
     ) -> None:
-        point = checks.floats("target", target, unit="m")
+        point = validation.floats("target", target, unit="m")
         if point.ndim == 0:
-            distance = checks.number("distance", target, above=0, unit="m")
+            distance = validation.number("distance", target, above=0, unit="m")
             point = np.array([distance, 0.0, 0.0])
         if point.shape != (3,):
             raise InvalidInput(f"target has shape {point.shape}: it must be a distance or (3,)")
@@ -87,7 +87,7 @@ class Goal(Card):
         for name, unit in (("time", "s"), ("apex", "m"), ("speed", "m/s")):
             value = named[name]
             if value is not None:
-                value = checks.number(name, value, above=0, at_most=1e6, unit=unit)
+                value = validation.number(name, value, above=0, at_most=1e6, unit=unit)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "over", _on_the_way("over", over, level))
         object.__setattr__(self, "beside", _on_the_way("beside", beside, level))
@@ -163,7 +163,7 @@ def nominal_velocity(target: Array, time: float) -> Array:
 def _on_the_way(name: str, value: object, level: float) -> tuple[float, float] | None:
     if value is None:
         return None
-    pair = checks.vector(name, value, 2, unit="m")  # type: ignore[arg-type]
+    pair = validation.vector(name, value, 2, unit="m")  # type: ignore[arg-type]
     if not 0 < pair[0] < level:
         raise InvalidInput(
             f"{name} is at {pair[0]:g} m: it must be between the ball and the target, which is "

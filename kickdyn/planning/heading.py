@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
-from kickdyn.leg import Leg
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Leg
 
 UPRIGHT = 1e-9
 """How far the foot's plane may lean."""

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.joints import Joints
-from kickdyn.planning.part import Part, part_of
-from kickdyn.planning.stop import Solved, Stopper
+from kickdyn.planning.stop_problem import Solved, Stopper
+from kickdyn.planning.swing_joints import Joints
+from kickdyn.planning.swing_phase import Part, part_of
 
 SLACK = 0.005
 """Share of the torque limits left over at first, for torques between the points of the solver."""

@@ -10,35 +10,35 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
-from kickdyn.flight.path import Flight
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.held import check_free
-from kickdyn.impact.result import Impact
+from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike_at
-from kickdyn.leg import Leg
 from kickdyn.plane import Plane
-from kickdyn.planning.answer import Launch, Launches, to_target
 from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.heading import turned
-from kickdyn.planning.joints import check_solver
-from kickdyn.planning.kick_answer import KickPlan
-from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
+from kickdyn.planning.impact_target import touch_for
+from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.launch_family_solver import SPEED_LIMIT, plan_launches
+from kickdyn.planning.launch_result import Launch, Launches, to_target
 from kickdyn.planning.limb import Limb, limb_of
 from kickdyn.planning.objectives import OBJECTIVES, least_scatter
 from kickdyn.planning.passes import Pass, plan_pass
 from kickdyn.planning.search import Found, Search
-from kickdyn.planning.touch import touch_for
+from kickdyn.planning.swing_joints import check_solver
+from kickdyn.robot.leg import Leg
 
 if TYPE_CHECKING:
-    from kickdyn.planning.part import Part
     from kickdyn.planning.swing_kick import SwungKick
+    from kickdyn.planning.swing_phase import Part
 
 
 class OutOfReach(InvalidInput):
@@ -132,12 +132,12 @@ def plan_kick(
     if arc not in ("low", "high"):
         raise InvalidInput(f"arc is {arc!r}: it must be low or high")
     if ball_height is not None:
-        ball_height = checks.number("ball height", ball_height, unit="m")
+        ball_height = validation.number("ball height", ball_height, unit="m")
     if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height:g} beside ball_at: name one of the two")
-    lies = ball_height if ball_at is None else checks.vector("ball_at", ball_at, 3, unit="m")
-    place = None if offset is None else checks.vector("contact offset", offset, 3, unit="m")
-    turning = checks.vector("spin", spin, 3, unit="rad/s")
+    lies = ball_height if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
+    place = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
+    turning = validation.vector("spin", spin, 3, unit="rad/s")
     ground = None if surface is None else Ground(surface=surface)
     if ground is None:
         launch = _launch(goal, ball, air, turning, arc)

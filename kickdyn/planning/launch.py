@@ -10,17 +10,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.card import Card, Row
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.flight.path import Flight
-from kickdyn.planning.answer import Launches
 from kickdyn.planning.goal import FARTHEST, Goal, nominal_velocity
-from kickdyn.planning.launches import SPEED_LIMIT, plan_launches
+from kickdyn.planning.launch_family_solver import SPEED_LIMIT, plan_launches
+from kickdyn.planning.launch_result import Launches
 
 Method = Literal["newton", "learned"]
 
@@ -146,15 +146,15 @@ def plan_launch(
     """
     if method not in TOLERANCES:
         raise InvalidInput(f"planning method {method!r} is unknown: choose {', '.join(TOLERANCES)}")
-    distance = checks.number("distance", distance, at_least=1e-6, at_most=FARTHEST, unit="m")
-    time = checks.number("time", time, at_least=1e-6, at_most=1e6, unit="s")
+    distance = validation.number("distance", distance, at_least=1e-6, at_most=FARTHEST, unit="m")
+    time = validation.number("time", time, at_least=1e-6, at_most=1e6, unit="s")
     goal = np.array([distance, time])
-    accepted = checks.vector(
+    accepted = validation.vector(
         "tolerances", TOLERANCES[method] if tolerances is None else tolerances, 2
     )
     if not (accepted > 0).all():
         raise InvalidInput(f"tolerances are {accepted.tolist()}: they must be above 0")
-    turning = checks.vector("spin", spin, 3, unit="rad/s")
+    turning = validation.vector("spin", spin, 3, unit="rad/s")
     if turning[0] or turning[2] or (air is not None and air.wind_at(0.0)[1]):
         raise InvalidInput(
             "spin or wind drives the ball out of the x-z plane: spin must be about y, "

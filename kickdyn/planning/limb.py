@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kickdyn.checks import Array
-from kickdyn.leg import Leg
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Leg
 
 
 class Limb(NamedTuple):

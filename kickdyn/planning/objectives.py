@@ -10,16 +10,16 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.air import Air
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
 from kickdyn.errors import NoImpact
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.strike import strike_at
-from kickdyn.planning.answer import Launch
 from kickdyn.planning.equations import Equations, Objective
+from kickdyn.planning.impact_target import Touch
+from kickdyn.planning.launch_result import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
-from kickdyn.planning.touch import Touch
-from kickdyn.posture import Posture
+from kickdyn.robot.posture import Posture
 
 SMOOTH = 12
 """Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""

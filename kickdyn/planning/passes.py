@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.card import Card, Row
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.representation import Card, Row
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground
@@ -105,13 +105,13 @@ def plan_pass(
     Raises:
         InvalidInput: a value out of range, or a ground without surface.
     """
-    place = checks.floats("target", target, unit="m")
+    place = validation.floats("target", target, unit="m")
     place = np.append(place, 0.0) if place.ndim == 0 else place
     if place.shape != (2,) or not math.hypot(*place) > 0:
         raise InvalidInput(f"target is {target!r}: it must be a distance or (x, y), not at 0")
-    wished = checks.number("time", time, above=0, unit="s")
-    angle = checks.number("elevation", elevation, at_least=0, at_most=1.2, unit="rad")
-    limit = checks.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")
+    wished = validation.number("time", time, above=0, unit="s")
+    angle = validation.number("elevation", elevation, at_least=0, at_most=1.2, unit="rad")
+    limit = validation.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")
     ground = Ground(surface="turf") if ground is None else ground
     start = np.array([0.0, 0.0, ground.height + ball.radius])
     ahead = np.array([*place, 0.0]) / math.hypot(*place)

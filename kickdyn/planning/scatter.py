@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
+from kickdyn.impact.contact_problem import ContactProblem
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import LAWS
-from kickdyn.impact.problem import ContactProblem
-from kickdyn.impact.result import Impact
 from kickdyn.impact.sensitivity import sensitivity
 from kickdyn.planning.shooting import Range
-from kickdyn.vectors import cross
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
 """Sources of error: foot speed, relative; direction of the foot's velocity, upwards and sideways;
@@ -248,6 +248,6 @@ def checked_spread(spread: Mapping[str, float]) -> dict[str, float]:
         if name not in UNITS:
             raise InvalidInput(f"source {name!r} is unknown: choose among {', '.join(UNITS)}")
     return {
-        name: checks.number(f"spread of {name}", value, at_least=0, at_most=1, unit=UNITS[name])
+        name: validation.number(f"spread of {name}", value, at_least=0, at_most=1, unit=UNITS[name])
         for name, value in spread.items()
     }

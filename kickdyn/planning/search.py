@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.planning.equations import FEASIBLE, Equations, Objective
-from kickdyn.posture import Posture
+from kickdyn.robot.posture import Posture
 
 NEAR = 1.0
 """How far from the zero configuration starts are drawn [rad]: farther off, legs tangle."""

@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.leg import Leg
-from kickdyn.posture import Posture
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 TOLERANCE = 1e-12
 """How far the contact point may stray, over the leg's lever [1]."""
@@ -38,7 +38,7 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
     if leg.constraints is not None:
         raise InvalidInput(f"{leg.name} has supports or loops: only a free leg is followed")
     start = leg.posture(q)
-    step = checks.number("step", step, above=0, at_most=0.1, unit="rad")
+    step = validation.number("step", step, above=0, at_most=0.1, unit="rad")
     if not isinstance(most, int) or most < 0:
         raise InvalidInput(f"most is {most!r}: it must be a whole number, 0 or more")
     if not _within(leg, start.q):

@@ -16,7 +16,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.flight.forces import downward, forces, is_ballistic
 
 NUDGE = 1e-6

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
-from kickdyn.checks import Array
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.held import check_free
-from kickdyn.leg import Leg
-from kickdyn.planning.joints import LONGEST, Joints, check_solver, joints_of
-from kickdyn.planning.kick_answer import KickPlan
-from kickdyn.planning.part import Part
-from kickdyn.planning.swing_answer import Swing
+from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.swing_joints import LONGEST, Joints, check_solver, joints_of
+from kickdyn.planning.swing_phase import Part
+from kickdyn.planning.swing_result import Swing
+from kickdyn.robot.leg import Leg
 
 if TYPE_CHECKING:
     from kickdyn.planning.kept_stop import Ask
-    from kickdyn.planning.stop import Solved
+    from kickdyn.planning.stop_problem import Solved
 
 LEAST = 1e-3
 """Share of the planned speed below which there is no swing to show."""
@@ -60,18 +60,18 @@ def plan_swing(
             base and foot, or has no limits; a value out of range.
     """
     check_free(leg, "swings are planned")
-    checks.made_of(KickPlan, plan=plan)
+    validation.made_of(KickPlan, plan=plan)
     check_solver()
     if objective not in ("effort", "time"):
         raise InvalidInput(f"objective {objective!r} is unknown: choose effort, time")
-    longest = checks.number("longest", longest, at_least=0.01, at_most=60, unit="s")
+    longest = validation.number("longest", longest, at_least=0.01, at_most=60, unit="s")
     if not isinstance(nodes, int) or isinstance(nodes, bool) or not 4 <= nodes <= 200:
         raise InvalidInput(f"nodes is {nodes!r}: it must be a whole number from 4 to 200")
     joints = _joints(leg, plan)
     rests = [_rest(joints, leg, "start", start), _rest(joints, leg, "end", end)]
     from kickdyn.planning.chain import Chain
     from kickdyn.planning.kept_stop import Ask, kept_stop
-    from kickdyn.planning.stop import Stopper
+    from kickdyn.planning.stop_problem import Stopper
 
     chain = Chain(joints.model, plan.hit.posture.contact_lever)
     stopper = Stopper(chain, joints, nodes, objective)
@@ -126,7 +126,7 @@ def _joints(leg: Leg, plan: KickPlan) -> Joints:
 def _rest(joints: Joints, leg: Leg, name: str, q: ArrayLike | None) -> Array | None:
     if q is None:
         return None
-    rest: Array = checks.vector(name, q, leg.nq, unit="rad")[joints.qs]
+    rest: Array = validation.vector(name, q, leg.nq, unit="rad")[joints.qs]
     outside = (rest < joints.low) | (rest > joints.high)
     if outside.any():
         number = int(np.argmax(outside))

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.chain import Chain
 from kickdyn.planning.equations import FEASIBLE
-from kickdyn.planning.joints import LONGEST, Joints, joints_of
 from kickdyn.planning.kept_stop import Ask, kept_stop
-from kickdyn.planning.part import Part, part_of
 from kickdyn.planning.search import Found, Search
-from kickdyn.planning.stop import EAGER, OPTIONS, SHORT, Solved, Stop, Stopper
-from kickdyn.posture import Posture
+from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, Solved, Stop, Stopper
+from kickdyn.planning.swing_joints import LONGEST, Joints, joints_of
+from kickdyn.planning.swing_phase import Part, part_of
+from kickdyn.robot.posture import Posture
 
 GRIDS = ((12, 0.03), (24, 0.01))
 """Intervals of each stop, and share of the torque limits left over for torques between so many.

@@ -11,18 +11,18 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn import checks
 from kickdyn.air import Air
 from kickdyn.ball import Ball
-from kickdyn.card import Card, Row
-from kickdyn.checks import Array
 from kickdyn.contact import Contact
+from kickdyn.core import validation
+from kickdyn.core.read_only import Sealed
+from kickdyn.core.representation import Card, Row
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground, Surface
-from kickdyn.leg import Leg
 from kickdyn.plane import Plane
-from kickdyn.posture import Posture
-from kickdyn.sealed import Sealed
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 EDGE = 1e-6
 """By which a joint may be over its range [deg; m]."""
@@ -105,23 +105,23 @@ class Scene(Card, Sealed):
         spread: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
-        checks.made_of(Leg, leg=leg)
-        checks.made_of(Ball, ball=ball)
-        checks.made_of(Contact, touch=touch)
-        checks.made_of(Air, air=air, optional=True)
-        checks.made_of(Ground, ground=ground, optional=True)
-        checks.made_of(Plane, plane=plane, optional=True)
+        validation.made_of(Leg, leg=leg)
+        validation.made_of(Ball, ball=ball)
+        validation.made_of(Contact, touch=touch)
+        validation.made_of(Air, air=air, optional=True)
+        validation.made_of(Ground, ground=ground, optional=True)
+        validation.made_of(Plane, plane=plane, optional=True)
         if contact_time is not None:
-            contact_time = checks.number("contact time", contact_time, above=0, unit="s")
+            contact_time = validation.number("contact time", contact_time, above=0, unit="s")
             clash = clash_of_time(law, touch.restitution)
             if clash:
                 raise InvalidInput(clash[0])
         posture = leg.posture(q)
         arrays = {
             "q": posture.q,
-            "v": checks.vector("v", v, leg.nv),
-            "ball_velocity": checks.vector("ball velocity", ball_velocity, 3, unit="m/s"),
-            "ball_spin": checks.vector("ball spin", ball_spin, 3, unit="rad/s"),
+            "v": validation.vector("v", v, leg.nv),
+            "ball_velocity": validation.vector("ball velocity", ball_velocity, 3, unit="m/s"),
+            "ball_spin": validation.vector("ball spin", ball_spin, 3, unit="rad/s"),
         }
         for array in arrays.values():
             array.setflags(write=False)
@@ -171,7 +171,7 @@ class Scene(Card, Sealed):
     @classmethod
     def from_toml(cls, path: str | PathLike[str]) -> Scene:
         """Read a scene file, as `load_scene` does."""
-        from kickdyn.scene.read import load_scene
+        from kickdyn.scene.toml_reader import load_scene
 
         return load_scene(path)
 

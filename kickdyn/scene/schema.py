@@ -11,11 +11,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from kickdyn import checks
-from kickdyn.aerodynamics import drag, lift, torque
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics import spin_decay as torque
+from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
-from kickdyn.robots import ROBOTS
+from kickdyn.robot.example_robots import ROBOTS
 from kickdyn.scene.scene import clash_of_time
 
 Check = Callable[[str, Any], Any]
@@ -25,22 +26,22 @@ REQUIRED = ("leg", "posture", "contact")
 
 
 def _number(unit: str = "", **limits: float) -> Check:
-    return lambda name, value: checks.number(name, value, unit=unit, **limits)
+    return lambda name, value: validation.number(name, value, unit=unit, **limits)
 
 
 def _vector(unit: str = "") -> Check:
-    return lambda name, value: checks.vector(name, value, 3, unit=unit)
+    return lambda name, value: validation.vector(name, value, 3, unit=unit)
 
 
 def _direction(name: str, value: Any) -> Any:
-    checks.direction(name, value)
-    return checks.vector(name, value, 3)
+    validation.direction(name, value)
+    return validation.vector(name, value, 3)
 
 
 def _choice(*choices: str) -> Check:
     def check(name: str, value: Any) -> str:
         if not isinstance(value, str) or value not in choices:
-            raise InvalidInput(f"{name} is {checks.brief(value)}: choose {', '.join(choices)}")
+            raise InvalidInput(f"{name} is {validation.brief(value)}: choose {', '.join(choices)}")
         return value
 
     return check
@@ -48,19 +49,19 @@ def _choice(*choices: str) -> Check:
 
 def _text(name: str, value: Any) -> str:
     if not isinstance(value, str) or not value or not value.isprintable():
-        raise InvalidInput(f"{name} is {checks.brief(value)}: it must be printable text")
+        raise InvalidInput(f"{name} is {validation.brief(value)}: it must be printable text")
     return value
 
 
 def _texts(name: str, value: Any) -> list[str]:
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise InvalidInput(f"{name} is {checks.brief(value)}: it must be a list of names")
+        raise InvalidInput(f"{name} is {validation.brief(value)}: it must be a list of names")
     return value
 
 
 def _flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool):
-        raise InvalidInput(f"{name} is {checks.brief(value)}: it must be true or false")
+        raise InvalidInput(f"{name} is {validation.brief(value)}: it must be true or false")
     return value
 
 
@@ -68,12 +69,12 @@ def _by_joint(unit: str, **limits: float) -> Check:
     def check(name: str, value: Any) -> dict[str, float]:
         if not isinstance(value, dict):
             raise InvalidInput(
-                f"{name} is {checks.brief(value)}: it must be a table, joint = number [{unit}]"
+                f"{name} is {validation.brief(value)}: it must be a table, joint = number [{unit}]"
             )
         found, faults = {}, []
         for joint, entry in value.items():
             try:
-                found[joint] = checks.number(f"{name}.{joint}", entry, unit=unit, **limits)
+                found[joint] = validation.number(f"{name}.{joint}", entry, unit=unit, **limits)
             except InvalidInput as error:
                 faults.append(str(error))
         if faults:
@@ -208,7 +209,7 @@ def checked(document: Mapping[str, Any]) -> tuple[Values, dict[str, list[str]]]:
             kind = f"section [{name}]" if isinstance(content, dict) else name
             faults[""].append(_unknown(kind, name, names))
         elif not isinstance(content, dict):
-            said = checks.brief(content)
+            said = validation.brief(content)
             faults[name].append(f"{name} is {said}: it must be a section, [{name}]")
         else:
             values[name] = _section(name, content, faults[name])

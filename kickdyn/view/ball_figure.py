@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 Indices = NDArray[np.int64]
 

@@ -10,7 +10,7 @@ from typing import Any
 import meshcat.transformations as tf
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 FIELD = 44.0
 """Vertical field of view [deg]."""

@@ -7,13 +7,13 @@ from html import escape
 
 import numpy as np
 
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
-from kickdyn.flight.path import Flight
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 from kickdyn.view.impulses import JOINT, LEAST
 from kickdyn.view.kick_scene import Drawn
 from kickdyn.view.marks import ARROW, CURVE
-from kickdyn.view.motion import Pace
+from kickdyn.view.playback import Pace
 
 FEW = 4
 """Joints up to which the angles are in sight; of more, they are folded with what passes through."""

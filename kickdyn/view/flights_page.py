@@ -10,7 +10,7 @@ import meshcat.transformations as tf
 import numpy as np
 
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.path import Flight
+from kickdyn.flight.flight_result import Flight
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import camera_for
 from kickdyn.view.document import static_document

@@ -8,8 +8,8 @@ from typing import Any
 import meshcat.transformations as tf
 import numpy as np
 
-from kickdyn.checks import Array
-from kickdyn.impact.result import Impact
+from kickdyn.core.validation import Array
+from kickdyn.impact.impact_result import Impact
 from kickdyn.view.label import Label
 from kickdyn.view.label_places import LabelPlaces
 from kickdyn.view.leg_figure import joint_places

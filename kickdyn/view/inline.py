@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from kickdyn import checks
+from kickdyn.core import validation
 
 
 class Inline:
@@ -22,7 +22,7 @@ class Inline:
 
     def __init__(self, page: str, height: float = 600) -> None:
         self.page = page
-        self.height = checks.number("height", height, above=0, at_most=1e4, unit="px")
+        self.height = validation.number("height", height, above=0, at_most=1e4, unit="px")
 
     def __repr__(self) -> str:
         """Say what there is to see, where HTML cannot be shown."""

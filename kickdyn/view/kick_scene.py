@@ -12,12 +12,12 @@ import numpy as np
 from meshcat.animation import Animation
 
 from kickdyn.ball import Ball
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
+from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
-from kickdyn.flight.path import Flight
-from kickdyn.impact.result import Impact
-from kickdyn.planning.swing_answer import Swing
-from kickdyn.view import motion
+from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.swing_result import Swing
+from kickdyn.view import playback as motion
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.impulses import (
@@ -31,7 +31,7 @@ from kickdyn.view.impulses import (
 from kickdyn.view.label_places import LabelPlaces
 from kickdyn.view.leg_figure import draw_leg, joint_places
 from kickdyn.view.marks import draw_curve, draw_ground, draw_landing, draw_shadow
-from kickdyn.view.scenery import Box, draw_box
+from kickdyn.view.wall_and_goal import Box, draw_box
 
 SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
 LIGHTS = {

@@ -10,7 +10,7 @@ from uuid import uuid4
 import numpy as np
 from meshcat.geometry import Object
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 
 HEIGHT = 0.026
 """Of a label over its distance from the camera: 23 pixels of 720."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.view.camera import LEFT, UP, Camera
 from kickdyn.view.label import GAP, PIXELS, SLOPE, Label
 from kickdyn.view.marks import arrow_radius

@@ -12,9 +12,9 @@ import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.checks import Array
-from kickdyn.leg import Leg
-from kickdyn.view.placing import along
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Leg
+from kickdyn.view.cylinder_pose import along
 from kickdyn.view.urdf_visuals import PLAIN, urdf_visuals
 
 KNOB = (0.25, 0.27, 0.31, 1.0)

@@ -14,12 +14,12 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.path import Flight
-from kickdyn.impact.result import Impact
+from kickdyn.flight.flight_result import Flight
+from kickdyn.impact.impact_result import Impact
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.document import live_document
+from kickdyn.view.kick_page import page_title
 from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.page import page_title
 from kickdyn.view.recorder import Recorder, recorder
 
 ADDRESS = "127.0.0.1"

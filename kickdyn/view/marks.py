@@ -9,8 +9,8 @@ from typing import Any
 import meshcat.geometry as shapes
 import numpy as np
 
-from kickdyn.checks import Array
-from kickdyn.view.placing import UPRIGHT, along
+from kickdyn.core.validation import Array
+from kickdyn.view.cylinder_pose import UPRIGHT, along
 
 CURVE, ARROW = 0xE63946, 0x2456D6
 GRASS = (0x86B56B, 0x7DAD63)

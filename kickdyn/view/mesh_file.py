@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.view.mesh_size import FORMATS, MAX_BYTES, MAX_VERTICES, check_size, too_large
 

@@ -9,7 +9,7 @@ import meshcat.transformations as tf
 import numpy as np
 
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.result import Impact
+from kickdyn.impact.impact_result import Impact
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import camera_for
 from kickdyn.view.document import static_document

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.result import Impact
-from kickdyn.simulation.answer import Simulation
+from kickdyn.impact.impact_result import Impact
+from kickdyn.scene.simulation import Simulation
 from kickdyn.view.impulses import joint_pushes
-from kickdyn.view.page import kick_page
-from kickdyn.view.scenery import Box, plane_boxes
+from kickdyn.view.kick_page import kick_page
+from kickdyn.view.wall_and_goal import Box, plane_boxes
 
 BEYOND = 10.0
 """How far ahead a plane is drawn that the ball does not reach, over the length of its way."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from kickdyn.planning.swing_answer import Swing
-from kickdyn.style import styled
+from kickdyn.core.plot_style import styled
+from kickdyn.planning.swing_result import Swing
 
 
 @styled()

@@ -10,11 +10,11 @@ from typing import Any
 import meshcat.geometry as shapes
 import numpy as np
 
-from kickdyn.checks import Array
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.urdf_file import UrdfFile
+from kickdyn.robot.urdf_file import UrdfFile
+from kickdyn.view.cylinder_pose import UPRIGHT
 from kickdyn.view.mesh_file import read_mesh
-from kickdyn.view.placing import UPRIGHT
 
 PLAIN = (0.62, 0.67, 0.73, 1.0)
 

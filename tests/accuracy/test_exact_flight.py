@@ -6,7 +6,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.accuracy import exact_flight
 from kickdyn.accuracy.exact_flight import extrapolated, landing, mp
-from kickdyn.accuracy.flight import kicks
+from kickdyn.accuracy.flight_methods import kicks
 from kickdyn.accuracy.taylor import taylor
 
 BALL, AIR = kd.Ball(), kd.Air()

@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 from kickdyn.accuracy import extreme_flights, extreme_impacts, extremes
+from kickdyn.accuracy.extremes_row import Row, compared, digits, refused
 from kickdyn.accuracy.gains import draws, gains
-from kickdyn.accuracy.row import Row, compared, digits, refused
 from kickdyn.errors import InvalidInput
 
 EXACT = ("posture", "mass", "coefficient", "approach", "central", "rank", "short link", "turning")
@@ -144,6 +144,6 @@ def test_pieces_add_up():
 
 
 def test_the_door_refuses_before_it_works(tmp_path):
-    door = [sys.executable, "-m", "kickdyn.accuracy.extremes", "--json", str(tmp_path / "no" / "x")]
+    door = [sys.executable, "-m", "kickdyn", "extremes", "--json", str(tmp_path / "no" / "x")]
     ended = subprocess.run(door, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")

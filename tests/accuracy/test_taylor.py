@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.accuracy.flight import kicks
+from kickdyn.accuracy.flight_methods import kicks
 from kickdyn.accuracy.taylor import equations, taylor
 from kickdyn.flight.forces import forces
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.aerodynamics import drag, lift, torque
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics import spin_decay as torque
 from kickdyn.flight.batch import fly_many
 
 BALL = kd.Ball()

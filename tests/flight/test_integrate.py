@@ -15,7 +15,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
 from kickdyn.flight.forces import downward
 from kickdyn.flight.integrate import Event, fly_until
-from kickdyn.flight.motion import Motion
+from kickdyn.flight.state_layout import Motion
 
 BALL = kd.Ball()
 PLAIN = {"lift": None, "buoyancy": False}

@@ -11,7 +11,7 @@ import kickdyn as kd
 from kickdyn.flight import lanes
 from kickdyn.flight.batch import fly_many
 from kickdyn.flight.lanes import LANES, mathematics
-from kickdyn.flight.ranges import left_by
+from kickdyn.flight.validity_ranges import left_by
 
 BALL, AIR = kd.Ball(), kd.Air()
 

@@ -7,7 +7,7 @@ from chains import random_kick, random_leg
 
 import kickdyn as kd
 from kickdyn.impact.digits import joint_digits
-from kickdyn.urdf_file import shipped_urdf
+from kickdyn.robot.urdf_file import shipped_urdf
 
 
 def skew(a):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from nudges import RESULTS, by_differences, margin
 
 import kickdyn as kd
-from kickdyn.impact.sources import UNITS
+from kickdyn.impact.uncertainty_sources import UNITS
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -6,7 +6,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.planning.chain import Chain
-from kickdyn.planning.joints import joints_of
+from kickdyn.planning.swing_joints import joints_of
 
 
 def slider():

@@ -5,8 +5,8 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.planning.equations import Equations
+from kickdyn.planning.impact_target import touch_for
 from kickdyn.planning.objectives import OBJECTIVES
-from kickdyn.planning.touch import touch_for
 
 BALL = kd.Ball()
 LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}

@@ -9,7 +9,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.kick_scene import Drawn
-from kickdyn.view.motion import pace_of
+from kickdyn.view.playback import pace_of
 
 
 def panel(kick, caption=""):

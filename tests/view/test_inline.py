@@ -8,7 +8,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.view import marks
 from kickdyn.view.inline import Inline
-from kickdyn.view.page import kick_page
+from kickdyn.view.kick_page import kick_page
 
 
 def test_the_page_is_in_the_frame_as_it_was():

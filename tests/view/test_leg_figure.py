@@ -8,8 +8,8 @@ import umsgpack
 import yourdfpy
 
 import kickdyn as kd
+from kickdyn.view.cylinder_pose import UPRIGHT
 from kickdyn.view.leg_figure import draw_leg, joint_places, leg_parts
-from kickdyn.view.placing import UPRIGHT
 from kickdyn.view.recorder import recorder
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.view.kick_page import kick_page
 from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.page import kick_page
 from kickdyn.view.recorder import recorder
 from kickdyn.view.swing_plot import swing_figure
 

@@ -1,0 +1,8 @@
+"""Run a command: `python -m kickdyn COMMAND`."""
+
+from __future__ import annotations
+
+from kickdyn.cli.commands import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,214 @@
+"""Impact: error of the impulse against time, for each way to compute it.
+
+MuJoCo is among them where it is installed.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.accuracy.exact_impact import exact_impact, given
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
+from kickdyn.impact.collide import collide
+from kickdyn.impact.contact_problem import ContactProblem, contact_axes
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.pinocchio_impact import engine_strike
+from kickdyn.impact.strike import strike
+from kickdyn.robot.leg import Leg
+
+FOOT_SPEED = 10.0  # m/s
+CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s
+MUJOCO = {1e5: (2e-3, 1e-3, 1e-4, 1e-5), 1e6: (1e-4, 1e-5), 1e7: (1e-4, 1e-5, 1e-6)}
+"""Stiffness [N/m] to time steps [s]."""
+CONE_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+BRIEFEST_TIMING = 0.02  # s
+
+
+@dataclass(frozen=True)
+class MeasuredImpact:
+    """One way to compute one kick.
+
+    Attributes:
+        kick: `frictionless` or `friction 0.4`.
+        method: with what.
+        setting: tolerance, stiffness or time step, if it has one.
+        error: of the impulse, relative to 50 digits.
+        seconds: per evaluation, from posture and velocity on; of MuJoCo, the steps only.
+        pareto: whether no other is both faster and more exact.
+    """
+
+    kick: str
+    method: str
+    setting: str
+    error: float
+    seconds: float
+    pareto: bool = False
+
+
+def kick(friction: float) -> Impact:
+    """Return the kick: posture a of the paper's Table 2, its ball, its foot direction of 30 deg."""
+    leg = Leg.human()
+    posture = leg.posture(np.radians([5.0, 10.0, -5.0]))
+    attack = np.array([math.cos(math.pi / 6), 0.0, math.sin(math.pi / 6)])
+    v = posture.joint_velocity(FOOT_SPEED * attack)
+    return strike(leg, posture.q, v, Ball.paper(), Contact(attack, 0.8, friction))
+
+
+def measure_impact(told: Callable[[str], None] | None = None) -> list[MeasuredImpact]:
+    """Measure every method on the same two kicks, in one run.
+
+    Args:
+        told: called with each method's name as it begins.
+
+    Returns:
+        One row per kick, method and setting; those on a kick's Pareto front are marked.
+    """
+    rows = []
+    for name, friction in (("frictionless", 0.0), ("friction 0.4", 0.4)):
+        hit = kick(friction)
+        exact = exact_impact(*given(hit))["impulse"]
+        measured = []
+        for method, setting, run in _methods(hit):
+            if told is not None:
+                told(f"{name}: {method} {setting}")
+            try:
+                error = exact.error(run())
+            except KickdynError:  # MuJoCo at a step too long for its contact
+                continue
+            measured.append(MeasuredImpact(name, method, setting, error, _timed(run)))
+        rows += [replace(row, pareto=not _beaten(row, measured)) for row in measured]
+    return rows
+
+
+def _beaten(row: MeasuredImpact, rows: list[MeasuredImpact]) -> bool:
+    return any(o.seconds < row.seconds and o.error < row.error for o in rows)
+
+
+def _timed(run: Callable[[], Array]) -> float:
+    """Return the shortest of five mean times of this process [s], whatever else runs."""
+    began = time.process_time()
+    run()
+    repeats = max(1, math.ceil(BRIEFEST_TIMING / max(time.process_time() - began, 1e-6)))
+    best = math.inf
+    for _ in range(5 if repeats > 1 else 1):
+        began = time.process_time()
+        for _ in range(repeats):
+            run()
+        best = min(best, (time.process_time() - began) / repeats)
+    return best
+
+
+Method = tuple[str, str, Callable[[], Array]]
+
+
+def _methods(hit: Impact) -> Iterator[Method]:
+    leg, q, v, ball, touch = hit.posture.leg, hit.posture.q, hit.v_before, hit.struck, hit.touch
+    yield "closed form, float64", "", lambda: strike(leg, q, v, ball, touch).impulse
+    yield "closed form, float32", "", lambda: in_float32(leg, q, v, ball, touch)
+    if touch.friction == 0.0:
+        yield "engine", "", lambda: engine_strike(leg, q, v, ball, touch).impulse
+    yield "stacked KKT", "", lambda: stacked(leg, q, v, ball, touch)
+    if touch.friction > 0.0:
+        for name in ("ADMM", "PGS"):
+            for tol in CONE_TOLERANCES:
+
+                def cone(name: str = name, tol: float = tol) -> Array:
+                    return in_cone(leg, q, v, ball, touch, name, tol)
+
+                yield f"Pinocchio {name}", f"tol {tol:g}", cone
+    for seconds in CONTACT_TIMES:
+
+        def compliant(seconds: float = seconds) -> Array:
+            return collide(leg, q, v, ball, touch, contact_time=seconds).impulse
+
+        yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
+    yield from _in_mujoco(hit)
+
+
+def _in_mujoco(hit: Impact) -> Iterator[Method]:
+    try:
+        from kickdyn.accuracy.mujoco_kick import simulation
+    except ImportError:
+        return
+    for stiffness, steps in MUJOCO.items():
+        for dt in steps:
+            yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", simulation(hit, stiffness, dt)
+
+
+def in_float32(leg: Leg, q: Array, v: Array, ball: Ball, touch: Contact) -> Array:
+    """Return the impulse with the contact solved in float32; with friction, what sticks."""
+    posture, single = leg.posture(q), np.float32
+    inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
+    n, mass = touch.normal.astype(single), single(ball.mass)
+    u = -(jacobian @ v.astype(single))
+    give = jacobian @ np.linalg.solve(inertia, jacobian.T)
+    e = single(touch.restitution)
+    if touch.friction == 0.0:
+        return np.asarray(-(1 + e) * (n @ u) / (n @ give @ n + 1 / mass) * n, dtype=float)
+    turn = single(ball.radius**2 / ball.inertia)
+    give += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
+    return np.asarray(-np.linalg.solve(give, u + e * (n @ u) * n), dtype=float)
+
+
+def stacked(leg: Leg, q: Array, v: Array, ball: Ball, touch: Contact) -> Array:
+    """Return the impulse from momenta and contact rows as one linear system; friction sticks."""
+    posture, n = leg.posture(q), touch.normal
+    size = leg.nv + 6
+    rows = n[None] if touch.friction == 0.0 else np.eye(3)
+    across = pin.skew(ball.radius * n)  # velocity at the contact per spin: -w x r n
+    jacobian = rows @ np.hstack([-posture.jacobian, np.eye(3), across])
+    mass = np.zeros((size, size))
+    mass[: leg.nv, : leg.nv] = posture.inertia
+    mass[range(leg.nv, size), range(leg.nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
+    before = np.concatenate([v, np.zeros(6)])
+    bounce = touch.restitution * float(n @ posture.jacobian @ v) * (rows @ n)
+    whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
+    after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
+    return np.asarray(rows.T @ after[size:])
+
+
+def in_cone(
+    leg: Leg, q: Array, v: Array, ball: Ball, touch: Contact, name: str, tol: float
+) -> Array:
+    """Return the impulse by one of Pinocchio's cone solvers, `ADMM` or `PGS`, at a tolerance."""
+    posture, n = leg.posture(q), touch.normal
+    foot = posture.jacobian @ v
+    problem = ContactProblem(
+        normal=n, leg_rows=posture.giving(), ball=ball, centre_velocity=-foot,
+        spin=np.zeros(3), restitution=touch.restitution, friction=touch.friction,
+    )  # fmt: skip
+    axes = contact_axes(n, problem.velocity)
+    free = axes.T @ problem.velocity
+    free[2] *= 1.0 + touch.restitution
+    solver = getattr(pin, f"{name}ConstraintSolver")(3)
+    settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
+    settings.max_iterations = 10_000
+    for kind in ("feasibility", "complementarity"):
+        setattr(settings, f"absolute_{kind}_tol", tol)
+        setattr(settings, f"relative_{kind}_tol", tol)
+    models, data = _point(touch.friction)
+    operator = pin.DelassusOperatorDense(np.asfortranarray(axes.T @ problem.delassus() @ axes))
+    solver.solve(operator, free, models, data, settings, result)
+    return np.asarray(axes @ result.retrieveConstraintImpulses())
+
+
+def _point(friction: float) -> tuple[object, object]:
+    """Return a point contact for the cone solvers, which take but the cone from it."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
+    here = pin.SE3.Identity()
+    point = pin.PointContactConstraintModel(model, 1, here, 0, here)
+    point.setFriction(friction)
+    models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+    models.append(pin.ConstraintModel(point))
+    data.append(models[0].createData())
+    return models, data

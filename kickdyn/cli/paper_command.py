@@ -1,0 +1,104 @@
+"""The door to the paper: `kickdyn paper`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import chain
+from pathlib import Path
+
+import click
+from matplotlib.figure import Figure
+
+from kickdyn.cli.command import busy
+from kickdyn.core.files import check_distinct, check_outputs, replacing, write_json
+from kickdyn.core.plot_style import styled
+from kickdyn.errors import InvalidInput
+from kickdyn.paper.item import Item
+from kickdyn.paper.paper_report import show
+from kickdyn.paper.reproduce import Section, chosen
+from kickdyn.sweeps.sweep_plot import save_figure
+
+
+@click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--only", metavar="ITEM", help='One table or figure, such as "table 2".')
+@click.option("--json", "json_file", metavar="FILE", help="Write all items; - is stdout.")
+@click.option("--figures", metavar="DIR", help="Draw the figures into a folder, made if missing.")
+@click.option("--view", metavar="FILE.html", help="Write a 3-D page of the flights of --only.")
+@click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
+              help="Show every item with each choice of coefficients.")  # fmt: skip
+def paper(
+    only: str | None,
+    json_file: str | None,
+    figures: str | None,
+    view: str | None,
+    sensitivity: bool,
+) -> None:
+    """Reproduce the ICRA 2005 paper's tables and figures, item by item.
+
+    Example: kickdyn paper --only "fig 8" --figures build/paper
+    """
+    sections = chosen(only)
+    drawings = {_file(section, figures): section.draw for section in sections if section.draw}
+    if figures is None:
+        drawings = {}
+    check_distinct(view, json_file, *drawings)
+    check_outputs(view, json_file=json_file)
+    page = None if view is None else _page(sections)
+    if drawings and figures is not None:
+        _make_folder(figures)
+        check_outputs(*drawings)
+    items: dict[str, list[Item]] = {}
+    others: dict[str, list[Item]] = {}
+    with busy("reproducing") as say:
+        for section in sections:
+            say(f"reproducing {section.name}")
+            items[section.name] = section.items()
+        for section in sections:
+            if sensitivity and section.sensitivity:
+                say(f"reproducing {section.name} with other coefficients")
+                others[section.name] = section.sensitivity()
+        for file, draw in drawings.items():
+            say(f"drawing {file.name}")
+            save_figure(_figure(draw), file)
+    if view is not None and page is not None:
+        with replacing(view) as draft:
+            draft.write_text(page, encoding="utf-8")
+    if json_file is not None:
+        every = chain(*items.values(), *others.values())
+        write_json(json_file, [item.as_json() for item in every])
+    if json_file == "-":
+        return
+    show(items, others)
+    written = [str(file) for file in drawings]
+    for name in [*written, view] if view is not None else written:
+        click.echo(f"wrote {name}")
+
+
+def _page(sections: Sequence[Section]) -> str:
+    """Return the page of the one section that has flights to look at."""
+    found = [(section.name, section.flights) for section in sections if section.flights]
+    if len(found) != 1:
+        raise InvalidInput('--view shows one figure: add --only "fig 8" or --only "fig 10"')
+    from kickdyn.view.flights_page import flights_page
+
+    name, flights = found[0]
+    return flights_page(flights(), title=name)
+
+
+def _file(section: Section, folder: str | None) -> Path:
+    name = section.name.lower().replace(". ", "_").replace("-", "_").replace("/", "_")
+    return Path(folder or "") / f"{name}.png"
+
+
+@styled()
+def _figure(draw: Callable[[Figure], None]) -> Figure:
+    figure = Figure(figsize=(9, 5))
+    draw(figure)
+    return figure
+
+
+def _make_folder(name: str) -> None:
+    try:
+        Path(name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(f"{name} cannot be made ({error.strerror})") from None

@@ -1,0 +1,1 @@
+"""Validation, read-only arrays, text and HTML representation, writing files."""

@@ -1,0 +1,87 @@
+"""How long and how fast a flight will be, before it is flown: what tolerances are relative to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.flight.forces import downward
+
+WEIGHTLESS = 1e-5
+"""Downward acceleration [m/s2] that moves nothing by more than metres in a thousand seconds."""
+
+_PER_DECADE, _DECADES = 8, 3
+_FARTHEST = 15
+"""Reynolds numbers from 1e-15 to 1e15 are told apart here."""
+
+
+def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
+    """Return a function of speeds: the length in which drag takes most of them [m].
+
+    It is 2 m / (rho A C_D), of the least C_D without spin that the ball meets within three decades
+    as it slows down; in creeping flow that is Stokes' v m / (6 pi mu r). No drag, no end to it.
+    """
+    drag = air.drag
+    if drag is None or air.density == 0.0:
+        return lambda speed: np.full(np.shape(speed), math.inf)
+    per_speed = 2.0 * ball.radius * air.density / air.viscosity
+    most = 2.0 * ball.mass / (air.density * ball.cross_section)
+
+    def coefficient(reynolds: float) -> float:
+        try:
+            value = float(drag(reynolds, 0.0))
+        except Exception:  # a model of one's own, where nobody may ever fly
+            return 0.0
+        return max(value, 0.0) if value < math.inf else 0.0  # not known: no bound
+
+    def length(speed: Array) -> Array:
+        with np.errstate(divide="ignore", over="ignore"):
+            decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
+            step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)
+            below = _PER_DECADE * _DECADES
+            steps = range(int(step.min(initial=0)) - below, int(step.max(initial=0)) + 1)
+            found = np.array([coefficient(10.0 ** (k / _PER_DECADE)) for k in steps])
+            least = np.lib.stride_tricks.sliding_window_view(found, below + 1).min(axis=1)
+            return np.asarray(most / least[step - steps[0] - below])
+
+    return length
+
+
+def tolerances(
+    velocity: Array, drop: ArrayLike, wind: ArrayLike, ball: Ball, air: Air, tol: float
+) -> tuple[float, Array, Array]:
+    """Return rtol, and atol of displacement [m] and of velocity [m/s], of one flight or of many.
+
+    They are relative to what a ball under gravity and quadratic drag does that is shot straight up
+    as fast as this one ever is, L being its drag length: it rises L/2 log(1 + v^2/(g L)), half of
+    v^2/g in a vacuum, and comes back with v / sqrt(1 + v^2/(g L)).
+
+    Args:
+        velocity: at the launch, shape `(3,)` or `(n, 3)` [m/s].
+        drop: from the launch down to the ground, a number or shape `(n,)` [m].
+        wind: its speed at the launch, likewise [m/s].
+        ball: what flies.
+        air: through what.
+        tol: the relative tolerance.
+    """
+    g = max(abs(downward(ball, air)), WEIGHTLESS)
+    drop = np.asarray(drop)
+    with np.errstate(over="ignore", invalid="ignore"):  # spoils its own flight only
+        fastest = np.maximum(validation.length(velocity), np.maximum(wind, np.sqrt(2.0 * g * drop)))
+        fastest = np.maximum(fastest, 1e-100)
+        free = fastest * fastest / g
+        slowed = free / drag_length(ball, air)(fastest)
+        length = np.where(slowed > 0.0, free * np.log1p(slowed) / np.maximum(slowed, 1e-300), free)
+        pace = np.maximum(fastest / np.sqrt(1.0 + slowed), wind)
+        near, slow = tol * np.maximum(length, drop), tol * pace
+    # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here; and divides
+    # by atol: never 0, not even for a balloon that starts at rest
+    rtol = max(tol, 100 * float(np.finfo(float).eps))
+    return rtol, np.maximum(near, 1e-300), np.maximum(slow, 1e-300)

@@ -1,0 +1,279 @@
+"""Stronge's law: energetic restitution, the sliding followed through the contact.
+
+Darboux and Keller: while the foot presses on the ball by dp, and the points slide along the unit
+vector r, the relative velocity changes by du = G (-mu r, 1) dp. In d tau = dp / |slip| this is
+smooth up to the end of the sliding, which it reaches as tau goes to infinity:
+
+    slip' = |slip| b - mu A slip,   A and b the tangential block and column of G.
+
+Its Taylor series about any point is cheap; steps of order 24 lose nothing to truncation. For mu
+above 1 they are in mu tau, so that coefficients do not grow with friction. Once the direction has
+settled, what is left is a straight line, in closed form, and so is all that follows
+the end of the sliding.
+
+Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4; Batlle
+1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017 (3-D).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from operator import mul
+
+import numpy as np
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
+from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
+
+ORDER = 24
+TRUNCATION = 1e-17
+MAX_STEPS = 2000
+ENDLESS = 1e50
+"""Friction above which no digit of the answer changes; work per mu would leave the floats."""
+
+
+def stronge(problem: ContactProblem) -> Solution:
+    """Restitution returns e^2 of the work that compression took; friction acts all the while.
+
+    Sliding may turn, stop, stick, set off again the other way, or never start. Where the foot's
+    inertia turns sliding into pressing (jamming), the speed of approach grows at first; compression
+    still ends, for kinetic energy cannot grow. Should the points press anew before e^2 of the work
+    is back, the work of that compression adds to what restitution draws on. The energy lost is
+    (1 - e^2) of the work of compression and what friction took: never negative, for any inertia.
+    """
+    if problem.friction == 0.0:
+        return frictionless(problem)
+    axes = contact_axes(problem.normal, problem.velocity)
+    before = axes.T @ problem.velocity
+    before[2] = -problem.along_normal()[0]  # a fast spin would cost its digits
+    speed = float(np.abs(before).max())
+    g = problem.delassus_in(axes)
+    give = float(g.diagonal().max())
+    mu = min(problem.friction, ENDLESS)
+    course = _Course(g / give, mu, problem.restitution, before / speed)
+    sticking = course.run()
+    scale = speed / give
+    lost = (1.0 - problem.restitution**2) * course.stored + course.rubbed
+    if not math.isfinite(lost):
+        raise KickdynError(f"the sliding cannot be followed (mu = {problem.friction:g})")
+    impulse = scale * course.impulse
+    return Solution(axes @ impulse, sticking, scale * speed * lost, axes[:, :2] @ impulse[:2])
+
+
+class _Course:
+    """An impact under way, in contact axes, the normal last; velocities and G of order 1.
+
+    Attributes:
+        pace: of tau against the series' time.
+        slip, x, y: size and direction of the sliding.
+        normal: velocity along the normal; negative while the points approach.
+        impulse: so far, shape `(3,)`.
+        stored, returned: work of compression and of restitution so far.
+        rubbed: work that friction took.
+    """
+
+    def __init__(self, g: Array, mu: float, e: float, before: Array) -> None:
+        (self.a11, self.a12, self.b1), (_, self.a22, self.b2), (*_, self.g33) = g.tolist()
+        self.mu, self.share, self.pace = mu, e * e, 1.0 / max(mu, 1.0)
+        u1, u2, self.normal = before.tolist()
+        self.slip = math.hypot(u1, u2)
+        self.x: float = u1 / self.slip if self.slip else 1.0
+        self.y: float = u2 / self.slip if self.slip else 0.0
+        self.impulse = np.zeros(3)
+        self.stored = self.returned = self.rubbed = 0.0
+
+    def run(self) -> bool:
+        """Go through compression and restitution; return whether the points stick as they part."""
+        for _ in range(MAX_STEPS):
+            if self.slip == 0.0:
+                return self._after_sliding()
+            turning, gain = self._turning()
+            if turning:
+                if self._curve():
+                    return False
+            else:
+                end = -self.slip / gain if gain < 0.0 else math.inf
+                if self._line(-self.mu * self.x, -self.mu * self.y, gain, end):
+                    return False
+                self.slip = 0.0
+        raise KickdynError(f"the sliding did not end in {MAX_STEPS} steps (mu = {self.mu:g})")
+
+    def _turning(self) -> tuple[float, float]:
+        """Return how fast the slip turns, 0 where that no longer matters, and how fast it grows."""
+        x, y, mu = self.x, self.y, self.mu
+        f1 = self.b1 - mu * (self.a11 * x + self.a12 * y)
+        f2 = self.b2 - mu * (self.a12 * x + self.a22 * y)
+        turning, gain = x * f2 - y * f1, x * f1 + y * f2
+        rounding = abs(self.b1) + abs(self.b2) + mu * (self.a11 + self.a22)
+        settled = abs(turning) <= 1e-15 * rounding
+        spent = gain < 0.0 and self.slip * abs(turning) <= -1e-17 * gain
+        return (0.0 if settled or spent else turning), gain
+
+    def _after_sliding(self) -> bool:
+        """Stick to the end if friction can hold, else slide off in the one direction left."""
+        hold1, hold2 = _solve(self.a11, self.a12, self.a22, -self.b1, -self.b2)
+        sticks, gain = math.hypot(hold1, hold2) <= self.mu, 0.0
+        if not sticks:
+            self.x, self.y, gain = self._way_off()
+            hold1, hold2 = -self.mu * self.x, -self.mu * self.y
+        self._line(hold1, hold2, gain, math.inf)
+        return sticks
+
+    def _way_off(self) -> tuple[float, float, float]:
+        """Return the direction r in which a slip can start, and its gain: (gain + mu A) r = b.
+
+        |r| falls as the gain grows, from above 1 where friction cannot hold, so there is one gain
+        that makes it 1; Newton's method for 1 / |r| comes to it from below.
+        """
+        mu = self.mu
+        gain = max(0.0, math.hypot(self.b1, self.b2) - mu * (self.a11 + self.a22))
+        while True:
+            m11, m12, m22 = gain + mu * self.a11, mu * self.a12, gain + mu * self.a22
+            x, y = _solve(m11, m12, m22, self.b1, self.b2)
+            size = math.hypot(x, y)
+            dx, dy = _solve(m11, m12, m22, x, y)
+            step = (size - 1.0) * size * size / (x * dx + y * dy)
+            if not gain + step > gain:
+                return x / size, y / size, gain
+            gain += step
+
+    def _line(self, f1: float, f2: float, gain: float, end: float) -> bool:
+        """Press with friction in a constant ratio; return whether the impact ended before `end`."""
+        rate = self.g33 + self.b1 * f1 + self.b2 * f2
+        while True:
+            compressing = self.normal < 0.0 or (self.normal == 0.0 and rate < 0.0)
+            due = 0.0 if compressing else self._due()
+            square = self.normal**2 + 2.0 * rate * due
+            back = not compressing and square >= 0.0  # all the work that is due
+            if back:
+                stop = 2.0 * due / (self.normal + math.sqrt(square)) if due else 0.0
+            else:
+                stop = -self.normal / rate if rate * self.normal < 0.0 else math.inf
+            p = min(stop, end)
+            work = p * (self.normal + 0.5 * rate * p)
+            if compressing:
+                self.stored -= work
+            else:
+                self.returned += work
+            self.impulse += (f1 * p, f2 * p, p)
+            self.rubbed += self.mu * p * (self.slip + 0.5 * gain * p)
+            self.slip += gain * p
+            self.normal = self.normal + rate * p if back or stop > end else 0.0
+            if back or stop > end:
+                return stop <= end
+            end -= p
+
+    def _due(self) -> float:
+        """Return the work that restitution has yet to give back."""
+        return max(0.0, self.share * self.stored - self.returned)
+
+    def _curve(self) -> bool:
+        """Take one step while the slip turns; return whether the impact ended in it."""
+        xs, ys, ss = self._series()
+        tail = max(abs(c) for series in (xs, ys, ss) for c in series[-2:])
+        h = (TRUNCATION / max(tail, 1e-300)) ** (1.0 / ORDER)
+        mu, slip = self.mu * self.pace, self.slip  # mu dp is of order 1 where dp is not
+        rates = [
+            self.pace * self.g33 * s + mu * -(self.b1 * x + self.b2 * y)
+            for x, y, s in zip(xs, ys, ss, strict=True)
+        ]
+        h = self._monotone(h, xs, ys, rates)
+        normal = _integral(rates, slip, self.normal)
+        ended = False
+        if self.normal * _value(normal, h) < 0.0:
+            h = _root(partial(_value, normal), h)
+            last = 0.0
+        else:
+            last = _value(normal, h)
+        # Products are kept to twice the order: the square of a series converges more slowly.
+        work = _integral(np.convolve(ss, normal).tolist(), slip * self.pace)
+        friction = _integral(np.convolve(ss, ss).tolist(), mu * slip * slip)
+        if self.normal < 0.0 or last < 0.0:
+            self.stored -= _value(work, h)
+            ended = last == 0.0 and self.share == 0.0
+        else:
+            due = self._due()
+            if _value(work, h) >= due:
+                h = _root(lambda t: _value(work, t) - due, h)
+                last, ended = _value(normal, h), True
+            self.returned += _value(work, h)
+        self.impulse += (
+            -mu * _value(_integral(xs, slip), h),
+            -mu * _value(_integral(ys, slip), h),
+            _value(_integral(ss, slip * self.pace), h),
+        )
+        self.rubbed += _value(friction, h)
+        x, y = _value(xs, h), _value(ys, h)
+        size = math.hypot(x, y)
+        self.x, self.y, self.slip, self.normal = x / size, y / size, slip * size, last
+        return ended
+
+    def _series(self) -> tuple[list[float], list[float], list[float]]:
+        """Return Taylor coefficients in tau of the slip and of its size, over its size now."""
+        mu, b1, b2 = self.mu * self.pace, self.b1 * self.pace, self.b2 * self.pace
+        m11, m12, m22 = mu * self.a11, mu * self.a12, mu * self.a22
+        xs, ys, ss = [self.x], [self.y], [1.0]
+        for k in range(1, ORDER + 1):
+            x, y, s = xs[-1], ys[-1], ss[-1]
+            xs.append((b1 * s - m11 * x - m12 * y) / k)
+            ys.append((b2 * s - m12 * x - m22 * y) / k)
+            ss.append(0.5 * (_square(xs) + _square(ys) - _square(ss[1:])))
+        return xs, ys, ss
+
+    def _monotone(self, h: float, xs: list[float], ys: list[float], rates: list[float]) -> float:
+        """Return the step, cut where the normal velocity may turn round, if it can at all."""
+        steepest = math.hypot(self.b1, self.b2)
+        if self.g33 > self.mu * steepest:
+            return h
+        across = [(self.b1 * y - self.b2 * x) / steepest for x, y in zip(xs, ys, strict=True)]
+        for turn in (across, rates):
+            begin = 1e-6 * h  # where the last step was cut, the sign is rounding
+            if _value(turn, begin) * _value(turn, h) < 0.0:
+                h = _root(partial(_value, turn), h, begin)
+        return h
+
+
+def _square(series: list[float]) -> float:
+    """Return the last coefficient of the square of a series, cut where the series is."""
+    half = len(series) // 2
+    total = 2.0 * sum(map(mul, series[:half], reversed(series)), 0.0)
+    return total + series[half] * series[half] if len(series) % 2 else total
+
+
+def _integral(series: Sequence[float], factor: float, start: float = 0.0) -> list[float]:
+    return [start, *(factor * c / k for k, c in enumerate(series, 1))]
+
+
+def _value(series: Sequence[float], t: float) -> float:
+    total = 0.0
+    for c in reversed(series):
+        total = total * t + c
+    return total
+
+
+def _root(function: Callable[[float], float], high: float, low: float = 0.0) -> float:
+    """Return where a function changes sign between two points (false position, Illinois)."""
+    below, above = function(low), function(high)
+    if below == 0.0:
+        return low
+    for _ in range(100):
+        middle = (low * above - high * below) / (above - below)
+        here = function(middle)
+        moved = abs(middle - high)
+        if here * above < 0.0:
+            low, below = high, above
+        else:
+            below *= 0.5
+        high, above = middle, here
+        if here == 0.0 or moved <= 1e-16 * abs(middle):
+            break
+    return high
+
+
+def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[float, float]:
+    """Return the solution of a symmetric 2 x 2 system."""
+    determinant = m11 * m22 - m12 * m12
+    return (m22 * c1 - m12 * c2) / determinant, (m11 * c2 - m12 * c1) / determinant

@@ -1,5 +1,0 @@
-"""Run the paper's door."""
-
-from kickdyn.door import enter
-
-enter("paper", "kickdyn.paper.command", "paper")

@@ -1,0 +1,91 @@
+"""The paper in words: a table of all items, why each comes out so, and other coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from kickdyn.core.console import empty_table, fits, notes, screen_width
+from kickdyn.paper.item import MEANINGS, Item
+
+COLOURS = {
+    "reproduced": "green",
+    "shape reproduced": "cyan",
+    "fitted": "blue",
+    "ours": "blue",
+    "not reachable": "yellow",
+}
+
+
+def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item]]) -> None:
+    """Print all items by section, and those with other coefficients, as wide as the screen is.
+
+    Args:
+        items: by the name of the section.
+        others: likewise, with the other coefficients.
+    """
+    width = screen_width()
+    console = Console(width=width, highlight=False)
+    why = list(dict.fromkeys(item.why for section in items.values() for item in section))
+    console.print(table(items, why))
+    print(notes(why, width) + "\n")
+    for name, section in others.items():
+        console.print(sensitivity(name, section, width))
+    every = [item for group in (items, others) for part in group.values() for item in part]
+    for verdict in (name for name in COLOURS if any(item.verdict == name for item in every)):
+        console.print(f"[{COLOURS[verdict]}]{verdict}[/]: {MEANINGS[verdict]}")
+
+
+def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
+    """Return the table of all items; the last column is the number of the reason in `why`."""
+    result = empty_table("The paper, item by item")
+    result.add_column("item", min_width=12)
+    for head in ("paper", "ours", "unit", "difference", "verdict", "why"):
+        left = head in ("unit", "verdict")
+        result.add_column(head, justify="left" if left else "right", no_wrap=True)
+    for name, section in items.items():
+        result.add_row(f"[bold]{name}[/]")
+        for item in section:
+            result.add_row(
+                escape(item.item.removeprefix(f"{name} ")),
+                "" if item.paper is None else f"{item.paper:g}",
+                f"{item.ours:.5g}",
+                item.unit,
+                item.difference,
+                f"[{COLOURS[item.verdict]}]{item.verdict}[/]",
+                f"{1 + why.index(item.why)}",
+            )
+        result.add_section()
+    return result
+
+
+def sensitivity(name: str, items: Sequence[Item], width: int) -> Table:
+    """Lay out a column per choice of coefficients, or a line where that is too wide.
+
+    The colour is the verdict.
+    """
+    cells: dict[tuple[str, str], dict[str, str]] = {}
+    for item in items:
+        head = item.item.removeprefix(f"{name} "), item.unit
+        cells.setdefault(head, {})[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
+    variants = list(dict.fromkeys(item.variant for item in items))
+    title = f"{name} with other coefficients"
+    upright = empty_table(title)
+    upright.add_column("item", no_wrap=True)
+    upright.add_column("unit", no_wrap=True)
+    for variant in variants:
+        upright.add_column(variant.replace(" ", "\n", 1), justify="right", no_wrap=True)
+    for head, row in cells.items():
+        upright.add_row(*head, *row.values())
+    if fits(upright, width):
+        return upright
+    turned = empty_table(title)
+    turned.add_column("coefficients", no_wrap=True)
+    for what, unit in cells:
+        turned.add_column(f"{what}, {unit}", justify="right")
+    for variant in variants:
+        turned.add_row(variant, *(row[variant] for row in cells.values()))
+    return turned

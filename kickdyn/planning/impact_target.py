@@ -1,0 +1,101 @@
+"""From a launch back to the touch: impulse, normal, and the foot's velocity there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kickdyn.ball import Ball
+from kickdyn.contact import Contact
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.contact_problem import ContactProblem
+from kickdyn.robot.posture import Posture
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """What the foot must do to a ball at rest.
+
+    Attributes:
+        impulse: on the ball, shape `(3,)` [N s, world frame].
+        contact: its normal gives the impulse and the spin; the foot sticks.
+        ball: that is struck.
+    """
+
+    impulse: Array
+    contact: Contact
+    ball: Ball
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the ball is touched, from its centre: upwards, and to the left as it flies [m]."""
+        level = np.array([self.impulse[0], self.impulse[1], 0.0])
+        left = np.cross((0.0, 0.0, 1.0), level / (np.linalg.norm(level) or 1.0))
+        from_centre = -self.ball.radius * self.contact.normal
+        return float(from_centre[2]), float(from_centre @ left)
+
+    def foot_velocity(self, posture: Posture) -> Array:
+        """Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
+
+        From Eq. (1) along the normal and no sliding after across it. Without friction the part
+        across the normal is free: what is returned is along the normal.
+        """
+        n, touch, zero = self.contact.normal, self.contact, np.zeros(3)
+        problem = ContactProblem(
+            normal=n,
+            leg_rows=posture.giving(),
+            ball=self.ball,
+            centre_velocity=zero,
+            spin=zero,
+            restitution=touch.restitution,
+            friction=touch.friction,
+        )
+        return np.asarray(self.foot_gain @ (problem.delassus() @ self.impulse))
+
+    @cached_property
+    def foot_gain(self) -> Array:
+        """From the change of the contact points' relative velocity to the foot's, `(3, 3)`."""
+        along = np.outer(self.contact.normal, self.contact.normal)
+        gain = along / (1.0 + self.contact.restitution)
+        return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
+
+
+def touch_for(
+    velocity: Array,
+    spin: Array,
+    ball: Ball,
+    restitution: float,
+    friction: float,
+    offset: Array | None = None,
+) -> Touch:
+    """Return the touch that gives a ball at rest a velocity and a spin across it.
+
+    Args:
+        velocity: wished for, shape `(3,)` [m/s].
+        spin: wished for, across the velocity, shape `(3,)` [rad/s].
+        ball: mass and radius.
+        restitution: of the contact.
+        friction: of the contact.
+        offset: of the contact point, as for `Contact`.
+
+    Raises:
+        InvalidInput: friction is too low for the spin.
+    """
+    impulse = ball.mass * velocity
+    size, turn = math.hypot(*impulse), math.hypot(*spin)
+    along = impulse / size
+    normal = along
+    if turn > 0.0:
+        sine = ball.inertia * turn / (ball.radius * size)
+        most = math.sin(math.atan(friction))
+        if not sine <= most:
+            raise InvalidInput(
+                f"spin is {turn:g} rad/s: with friction {friction:g} this launch takes at most "
+                f"{most * ball.radius * size / ball.inertia:g} rad/s"
+            )
+        normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
+    return Touch(impulse, Contact(normal, restitution, friction, offset), ball)

@@ -1,0 +1,159 @@
+"""Articulated bodies: what the foot gives way by, and what a push does, without M.
+
+The joint-space inertia M of a short link before a long one is nearly singular, though the foot
+gives way like that of any leg: its inverse mass is then a small difference of what M has lost.
+Here bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms,
+2008, chapter 7). What a free joint cannot resist is 0, not the rounding of a difference: each
+body's inertia is split into the joint's motions S and all motions N across them, and only the
+second part is handed on. The recursion thus loses digits where bodies do, not where joint
+coordinates do.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import blas, lapack
+
+from kickdyn.core.validation import Array
+
+
+class _Body(NamedTuple):
+    """One body and its joint, in the joint's axes; motions and forces linear, then angular.
+
+    Attributes:
+        parent: its number.
+        at: the joint's places in v.
+        lift: takes forces to the parent's axes, shape `(6, 6)`; its transpose brings motions back.
+        inertia: of this body alone, shape `(6, 6)`.
+        joint, across: S, and an orthonormal basis N across it, shapes `(6, k)`, `(6, 6 - k)`.
+        share: takes a motion to joint velocities, as if nothing moved across them, `(k, 6)`.
+        rotor: armature, shape `(k,)`.
+        factor: lower Cholesky factor of D = S^T A S + rotor, A the inertia of all from here on.
+        drag: N^T A S, shape `(6 - k, k)`.
+    """
+
+    parent: int
+    at: slice
+    lift: Array
+    inertia: Array
+    joint: Array
+    across: Array
+    share: Array
+    rotor: Array
+    factor: Array
+    drag: Array
+
+    def solved(self, right: Array) -> Array:
+        """Return D^-1 times a matrix or vector."""
+        return np.asarray(lapack.dpotrs(self.factor, right, lower=1)[0])
+
+    def handed_on(self, force: Array) -> tuple[Array, Array]:
+        """Return what a force on the body does to the joint, D^-1 S^T f, and to the parent."""
+        speed = self.solved(self.joint.T @ force)
+        rest = self.across @ (self.across.T @ force - self.drag @ speed)
+        if self.rotor.any():
+            rest += self.share.T @ (self.rotor * speed.T).T
+        return speed, self.lift @ rest
+
+
+class Articulated:
+    """The bodies of a leg at one configuration, joined; for legs that only their joints hold."""
+
+    def __init__(self, model: Any, data: Any, q: Array) -> None:
+        pin.forwardKinematics(model, data, q)
+        self.nv = model.nv
+        joined: list[Array] = [inertia.matrix() for inertia in model.inertias]
+        bodies = []
+        for number in range(model.njoints - 1, 0, -1):
+            bodies.append(body := _joined(model, data, number, joined[number]))
+            if body.parent:
+                joined[body.parent] += body.lift @ _resisting(body, joined[number]) @ body.lift.T
+        self.bodies: list[_Body] = bodies[::-1]
+
+    def give(self, number: int, forces: Array) -> Array:
+        """Return rows that span the foot's inverse mass, shape `(n, nv)`.
+
+        Args:
+            number: of the joint whose body is pushed.
+            forces: on it, in its axes, shape `(n, 6)`.
+        """
+        rows, force = np.zeros((len(forces), self.nv)), forces.T
+        while number:
+            body = self.bodies[number - 1]
+            work = body.joint.T @ force
+            rows[:, body.at] = blas.dtrsm(1.0, body.factor, work, lower=1).T
+            _, force = body.handed_on(force)
+            number = body.parent
+        return rows
+
+    def respond(self, number: int, push: Array) -> tuple[Array, Array, Array]:
+        """Return the velocity jump, what joints transmit, and the momentum left over.
+
+        Args:
+            number: of the joint whose body is pushed.
+            push: impulse on it, in its axes, shape `(6,)` [N s, N m s].
+
+        Returns:
+            Shapes `(nv,)`, `(njoints, 6)` in the joints' axes, and `(nv,)`.
+        """
+        speeds: dict[int, Array] = {}
+        at, force = number, push
+        while at:
+            speeds[at], force = self.bodies[at - 1].handed_on(force)
+            at = self.bodies[at - 1].parent
+        jump, left_over = np.zeros(self.nv), np.zeros(self.nv)
+        motions = np.zeros((len(self.bodies) + 1, 6))
+        for i, body in enumerate(self.bodies, start=1):
+            here = body.lift.T @ motions[body.parent]
+            sideways, own = body.across.T @ here, body.share @ here
+            told = speeds.get(i, 0.0)
+            rate = told + body.solved(body.rotor * own - body.drag.T @ sideways)
+            motions[i] = body.joint @ rate + body.across @ sideways
+            jump[body.at] = rate - own
+        transmitted = np.zeros((len(self.bodies) + 1, 6))
+        transmitted[number] -= push
+        for i in range(len(self.bodies), 0, -1):
+            body = self.bodies[i - 1]
+            transmitted[i] += body.inertia @ motions[i]
+            transmitted[body.parent] += body.lift @ transmitted[i]
+            left_over[body.at] = body.joint.T @ transmitted[i] + body.rotor * jump[body.at]
+        return jump, transmitted[1:], left_over
+
+
+def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
+    """Return a body, from its inertia with all that hangs from it."""
+    first, size = model.idx_vs[number], model.nvs[number]
+    at = slice(first, first + size)
+    joint = np.asarray(data.joints[number].S, dtype=float).reshape(6, size)
+    basis, root = np.linalg.qr(joint, mode="complete")
+    across, rotor = basis[:, size:], model.armature[at].copy()
+    drive = inertia @ joint
+    factor, _ = lapack.dpotrf(joint.T @ drive + np.diag(rotor), lower=1)
+    return _Body(
+        parent=model.parents[number],
+        at=at,
+        lift=data.liMi[number].toDualActionMatrix(),
+        inertia=model.inertias[number].matrix(),
+        joint=joint,
+        across=across,
+        share=np.linalg.solve(root[:size], basis[:, :size].T),
+        rotor=rotor,
+        factor=factor,
+        drag=across.T @ drive,
+    )
+
+
+def _resisting(body: _Body, inertia: Array) -> Array:
+    """Return the inertia that the parent feels: all but what the joint lets go."""
+    across, drag = body.across, body.drag
+    kept = across.T @ inertia @ across - drag @ body.solved(drag.T.copy())
+    felt = across @ kept @ across.T
+    if body.rotor.any():  # a rotor resists along the joint too
+        held = body.solved(np.diag(body.rotor)).T  # rotor D^-1
+        aside = body.share.T @ held @ drag.T @ across.T
+        felt += aside + aside.T
+        felt += body.share.T @ held @ (body.joint.T @ inertia @ body.joint) @ body.share
+    return np.asarray(felt)

@@ -1,0 +1,142 @@
+"""Joints by name: their ranges and units, and the configuration that their values make."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from kickdyn.core import validation
+from kickdyn.core.read_only import read_only
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+
+AT_LIMIT = 1e-6
+"""By how much a limit may be passed before it is said [rad; m]; of a speed, as a share of it."""
+
+
+class Jointed:
+    """What a robot's joints tell of it: names, sizes and limits, which `Leg` lists."""
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+        self.name = str(model.name)
+        self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
+        self.nq, self.nv = int(model.nq), int(model.nv)
+        self.lower = read_only(model.lowerPositionLimit)
+        self.upper = read_only(model.upperPositionLimit)
+        self.velocity_limit = read_only(model.velocityLimit)
+        self.effort_limit = read_only(model.effortLimit)
+
+    def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
+        """Return q with the named joints at their values and all others at 0.
+
+        Args:
+            angles: joint name to value [rad; m for prismatic joints].
+
+        Raises:
+            InvalidInput: no such joint, or a value that is not finite.
+        """
+        step = np.zeros(self.nv)
+        for name, value in validation.mapping("angles", angles).items():
+            step[self.velocity_index(name)] = validation.number(f"joint {name}", value)
+        return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
+
+    def checked_configuration(self, q: ArrayLike) -> Array:
+        """Return a copy of q, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
+        if isinstance(q, Mapping):
+            raise InvalidInput(
+                f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
+                "of joints by name"
+            )
+        checked = validation.vector("q", q, self.nq)
+        if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
+            name, part = self._not_unit(checked)
+            raise InvalidInput(
+                f"q is {checked.tolist()}: {part} of {name} must have length 1 (Leg.configuration "
+                "makes one from angles)"
+            )
+        return checked
+
+    def angles_deg(self, q: Array) -> dict[str, float]:
+        """Return the values of joints of one degree of freedom [deg; m for prismatic joints]."""
+        step = pin.difference(self._model, pin.neutral(self._model), q)
+        values = {}
+        for name in self._single():
+            value = float(step[self.velocity_index(name)])
+            values[name] = value if self.joint_unit(name) == "m" else math.degrees(value)
+        return values
+
+    def velocity_index(self, joint: str) -> int:
+        """Return the index of a joint of one degree of freedom in v; raise `InvalidInput`."""
+        return int(self._model.idx_vs[self._number(joint)])
+
+    def joint_unit(self, joint: str) -> str:
+        """Return `m` for a prismatic joint, `rad` for any other of one degree of freedom."""
+        kind = self._model.joints[self._number(joint)].shortname()
+        return "m" if kind.startswith("JointModelP") else "rad"
+
+    def joint_range(self, joint: str) -> tuple[float, float]:
+        """Return lower and upper limit of a joint [rad or m]; +-pi for a continuous one."""
+        number = self._number(joint)
+        if self._model.nqs[number] != 1:
+            return -math.pi, math.pi
+        at = self._model.idx_qs[number]
+        return float(self.lower[at]), float(self.upper[at])
+
+    def outside_range(self, q: Array) -> list[str]:
+        """Return a line for each joint of one degree of freedom that is outside its range."""
+        found = []
+        for name, value in self.angles_deg(q).items():
+            unit = self.joint_unit(name).replace("rad", "deg")
+            scale = 1.0 if unit == "m" else math.degrees(1.0)
+            low, high = (scale * end for end in self.joint_range(name))
+            if not low - scale * AT_LIMIT <= value <= high + scale * AT_LIMIT:
+                span = f"{low:.5g} to {high:.5g}"
+                found.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
+        return found
+
+    def too_fast(self, v: Array) -> list[str]:
+        """Return a line for each joint of one degree of freedom that is faster than its limit.
+
+        A joint whose limit is 0 must not move; an infinite one always holds.
+        """
+        found = []
+        for name in self._single():
+            index = self.velocity_index(name)
+            speed, limit = abs(float(v[index])), float(self.velocity_limit[index])
+            if limit == 0.0 and speed > 0.0:
+                found.append(f"{name} moves, its speed limit is 0")
+            elif speed > (1.0 + AT_LIMIT) * limit:
+                found.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
+        return found
+
+    def _number(self, joint: str) -> int:
+        """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""
+        if joint not in self.joint_names:
+            raise InvalidInput(
+                f"joint {joint!r} is unknown: {self.name} has {', '.join(self.joint_names)}"
+            )
+        number = 1 + self.joint_names.index(joint)
+        if self._model.nvs[number] != 1:
+            raise InvalidInput(f"joint {joint!r} has {self._model.nvs[number]} degrees of freedom")
+        return number
+
+    def _single(self) -> list[str]:
+        """Return the names of joints of one degree of freedom."""
+        sizes = list(self._model.nvs)[1:]
+        return [name for name, nv in zip(self.joint_names, sizes, strict=True) if nv == 1]
+
+    def _not_unit(self, q: Array) -> tuple[str, str]:
+        """Return the first joint whose part of q has not length 1, and what it is."""
+        for name, joint in zip(self.joint_names, list(self._model.joints)[1:], strict=True):
+            alone = pin.neutral(self._model)
+            alone[joint.idx_q : joint.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
+            if not pin.isNormalized(self._model, alone, 1e-9):
+                free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
+                return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
+        return self.name, "what stands for angles"

@@ -1,0 +1,101 @@
+"""The least share of their limits that joint speeds need, of many postures: `speed_use`, in lanes.
+
+The directions y of its dual are tried one after the other; of the foot's velocity, which is along
+the normal, they need the last entry only.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kickdyn.flight.lanes import LANES
+from kickdyn.sweeps.arithmetic import njit
+from kickdyn.sweeps.speed_use import ROUNDING, UNLIMITED
+
+PARALLEL, ASKEW = ROUNDING**2, 1e-8
+"""Squared sine of two columns up to which they count as one, and from which on their cross product
+has digits enough; between them a posture is doubted."""
+
+QUICK = 1e3
+"""A limit from which on rounding times it may count beside other joints."""
+
+MOST = 1e9
+"""A share from which on a posture is doubted: the foot can hardly move so."""
+
+
+@njit
+def quickness(carries, rows, constants, limit, speed, use, doubt):  # type: ignore[no-untyped-def]
+    """Fill in the least largest joint speed over its limit that brings the foot along the normal.
+
+    Args:
+        carries: whether a joint moves the foot.
+        rows: columns of the foot's Jacobian, one row for each joint, two or three times `LANES`.
+        constants: of the joints.
+        limit: the column of them that holds the velocity limit.
+        speed: of the foot [m/s].
+        use: what is filled in.
+        doubt: where that has lost its digits.
+    """
+    n, flat = len(carries), rows.shape[1] == 2 * LANES
+    y, movers, bound = np.zeros(rows.shape[1]), 0, 0
+    for k in range(1, n):
+        movers += 1 if carries[k] and constants[k, limit] > 0.0 else 0
+        bound += 1 if carries[k] and constants[k, limit] <= UNLIMITED else 0
+    use[:] = 0.0
+    for j in range(1, n):
+        if not carries[j] or bound == 0:
+            continue
+        a = rows[j]
+        if flat:
+            for i in range(LANES):
+                y[i], y[LANES + i] = -a[LANES + i], a[i]
+            _try(carries, rows, constants, limit, speed, y, use)
+            continue
+        for k in range(j + 1, n):
+            if not carries[k]:
+                continue
+            b = rows[k]
+            for i in range(LANES):
+                a1, a2, a3 = a[i], a[LANES + i], a[2 * LANES + i]
+                b1, b2, b3 = b[i], b[LANES + i], b[2 * LANES + i]
+                y1, y2, y3 = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
+                whole = (a1 * a1 + a2 * a2 + a3 * a3) * (b1 * b1 + b2 * b2 + b3 * b3)
+                apart = (y1 * y1 + y2 * y2 + y3 * y3) / whole
+                doubt[i] = 1.0 if PARALLEL < apart < ASKEW else doubt[i]
+                sound = 1.0 if apart >= ASKEW else 0.0
+                y[i], y[LANES + i], y[2 * LANES + i] = sound * y1, sound * y2, sound * y3
+            _try(carries, rows, constants, limit, speed, y, use)
+    for i in range(LANES):
+        doubt[i] = doubt[i] if use[i] < MOST and movers >= (2 if flat else 3) else 1.0
+
+
+@njit
+def _try(carries, rows, constants, limit, speed, y, use):  # type: ignore[no-untyped-def]
+    """Raise `use` to what the direction y asks for, where that is more."""
+    taken, last = np.zeros(LANES), len(y) - LANES
+    for k in range(1, len(carries)):
+        most, row = constants[k, limit], rows[k]
+        if not carries[k] or most == 0.0:
+            continue
+        if most > QUICK:
+            share = most if most <= UNLIMITED else math.inf
+            for i in range(LANES):
+                along, own, other = 0.0, 0.0, 0.0
+                for c in range(i, last + i + 1, LANES):
+                    along += row[c] * y[c]
+                    own, other = own + row[c] * row[c], other + y[c] * y[c]
+                along = math.fabs(along)
+                taken[i] += share * along if along > ROUNDING * math.sqrt(own * other) else 0.0
+        elif last == LANES:
+            for i in range(LANES):
+                along = row[i] * y[i] + row[LANES + i] * y[LANES + i]
+                taken[i] += most * math.fabs(along)
+        else:
+            for i in range(LANES):
+                along = row[i] * y[i] + row[LANES + i] * y[LANES + i]
+                taken[i] += most * math.fabs(along + row[2 * LANES + i] * y[2 * LANES + i])
+    for i in range(LANES):
+        gain = speed * math.fabs(y[last + i])
+        use[i] = max(use[i], gain / taken[i] if gain > 0.0 else 0.0)

@@ -1,0 +1,71 @@
+"""A page as a picture: what Chromium shows of it, without a window."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from os import PathLike
+from pathlib import Path
+
+from kickdyn.core.files import replacing
+from kickdyn.errors import InvalidInput, KickdynError
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SIZE = (1280, 720)
+"""Pixels."""
+
+PATIENCE = 120.0
+"""How long Chromium may take [s]."""
+
+# The picture is drawn without a graphics card, the same everywhere.
+_FLAGS = (
+    "--headless=new --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
+    "--no-first-run --virtual-time-budget=3000"
+)
+
+
+def check_photo(path: str | PathLike[str]) -> str:
+    """Return the browser; raise `InvalidInput` if there is none, or the name is no picture's."""
+    if Path(path).suffix.lower() != ".png":
+        raise InvalidInput(f"{path} has no known ending: pictures of a page are written as .png")
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        raise InvalidInput(
+            "a picture of a page needs Chromium: install it (Debian package chromium), "
+            "or write the page alone"
+        )
+    return found
+
+
+def save_photo(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
+    """Write what a page shows as a PNG.
+
+    Args:
+        html: of a page that needs nothing else.
+        path: of the picture, ending in `.png`.
+        at: the moment of the page's animation [s].
+
+    Raises:
+        InvalidInput: no Chromium, or the file cannot be written.
+        KickdynError: Chromium failed.
+    """
+    browser = check_photo(path)
+    with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "page.html"
+        page.write_text(html, encoding="utf-8")
+        # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
+        rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+        command = [
+            *(browser, *_FLAGS.split(), *rooted, f"--user-data-dir={folder}/profile"),
+            *("--window-size={},{}".format(*SIZE), f"--screenshot={draft}"),
+            f"{page.as_uri()}#at={at:.6f}",
+        ]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
+        except subprocess.TimeoutExpired:
+            raise KickdynError(f"{browser} did not end within {PATIENCE:g} s") from None
+        if done.returncode != 0 or not draft.exists():
+            raise KickdynError(f"{browser} made no picture (it ended with {done.returncode})")

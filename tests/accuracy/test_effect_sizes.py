@@ -1,0 +1,128 @@
+"""What an effect is worth, against strikes and flights made by hand."""
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kickdyn as kd
+from kickdyn.accuracy.effect_sizes import TOLERANCE, show, worths
+from kickdyn.cli.tradeoff_command import tradeoff
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return kd.load_scene(SCENES / "paper_kick.toml")
+
+
+def test_drag_and_friction(scene):
+    rows = {row.effect: row for row in worths(scene)}
+    assert set(rows) == {"friction", "turning of the ball", "drag", "drag crisis", "lift"}
+    hit = kd.strike(scene.leg, scene.q, scene.v, scene.ball, scene.touch)
+    full = kd.fly(hit.ball, scene.ball, scene.air, scene.ground).landing.position
+    light = kd.Air(scene.air.density, scene.air.viscosity, drag=None, torque=None, buoyancy=False)
+    bare = kd.fly(hit.ball, scene.ball, light, scene.ground).landing.position
+    assert rows["drag"].end == pytest.approx(np.linalg.norm(bare - full), rel=1e-9)
+    assert rows["drag"].impulse == 0
+    smooth = kd.strike(scene.leg, scene.q, scene.v, scene.ball, kd.Contact(scene.touch.normal, 0.8))
+    difference = float(np.linalg.norm(smooth.impulse - hit.impulse))
+    assert rows["friction"].impulse == pytest.approx(difference, rel=1e-12)
+
+
+def test_the_largest_comes_first(scene):
+    ends = [row.end for row in worths(scene)]
+    assert ends == sorted(ends, reverse=True)
+    assert ends[0] > 1
+
+
+def test_a_contact_that_takes_time_and_a_stance():
+    rows = {row.effect: row for row in worths(kd.load_scene(SCENES / "volley.toml"))}
+    assert rows["compliance"].impulse > 0.1
+    robot = {row.effect: row for row in worths(kd.load_scene(SCENES / "robocup_carpet.toml"))}
+    assert {"stance", "armature"} <= set(robot)
+    assert robot["armature"].end > robot["stance"].end > 0
+
+
+def test_what_has_no_answer_says_so(scene):
+    air = kd.Air(lift=None, torque=None, drag="brazuca")
+    floats = kd.Ball(0.003, 0.1)  # lighter than air: drag is all that ends its flight
+    plane = kd.Plane((30, 0, 0), (-1, 0, 0))
+    parts = (scene.leg, scene.q, scene.v, floats, kd.Contact((1, 0, 0), 0.8))
+    rows = worths(kd.Scene(*parts, air=air, plane=plane))
+    assert {row.effect for row in rows} >= {"drag", "buoyancy"}
+    for row in rows:
+        assert np.isnan(row.end) == bool(row.why_not)
+
+
+def test_what_does_not_end_has_no_worth(scene):
+    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.touch)
+    rows = worths(kd.Scene(*parts, ground=kd.Ground(-1e7)))
+    assert {row.effect for row in rows} == {"friction", "turning of the ball"}
+    assert all(np.isnan(row.end) and row.why_not == "no end: aloft" for row in rows)
+    assert all(row.impulse > 0 for row in rows)
+
+
+def test_a_name_is_no_markup(tmp_path, capsys):
+    bold = tmp_path / "bold.toml"
+    text = (SCENES / "paper_kick.toml").read_text()
+    bold.write_text(text.replace("the paper's kick", "[bold]x[/bold] [/foo]"))
+    show(str(bold))
+    assert capsys.readouterr().out.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")
+
+
+def test_the_door(tmp_path):
+    door = [sys.executable, "-m", "kickdyn", "tradeoff", "--scene"]
+    path = str(SCENES / "paper_kick.toml")
+    ended = subprocess.run([*door, path], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "the paper's kick: 6.485 N s" in ended.stdout
+    assert "drag crisis" in ended.stdout
+    ended = subprocess.run([*door, path, "--json", "-"], capture_output=True, text=True)
+    document = json.loads(ended.stdout)
+    assert document["units"] == {"end": "m", "impulse": "N s"}
+    assert {"effect", "end", "impulse", "why_not"} == set(document["effects"][0])
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[leg]\nmodle = 'human'\n")
+    ended = subprocess.run([*door, str(bad)], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "did you mean model?" in ended.stderr
+    lines = ended.stderr.splitlines()
+    assert len(lines) == 4
+    assert all(line.startswith(f"tradeoff: {bad}: ") for line in lines)
+
+
+def test_the_line_in_the_picture_is_what_is_asked_for_unless_told():
+    assert inspect.signature(kd.simulate).parameters["tolerance"].default == TOLERANCE
+
+
+def test_the_door_draws_and_writes(tmp_path):
+    path, plot, rows = str(SCENES / "paper_kick.toml"), tmp_path / "x.svg", tmp_path / "x.json"
+    named = ["--scene", path, "--plot", str(plot), "--json", str(rows)]
+    ended = CliRunner().invoke(tradeoff, named)
+    assert ended.exit_code == 0
+    assert "drag crisis" in ended.stdout
+    assert json.loads(rows.read_text())["effects"][0]["effect"] in ended.stdout
+    assert "<svg" in plot.read_text()
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--impact",), "--scene measures effects"),
+        (("--flight",), "--scene measures effects"),
+        (("--plot", "x.bmp"), "no known ending"),
+        (("--plot", "x.png", "--json", "x.png"), "named for two outputs"),
+    ],
+)
+def test_what_makes_no_sense_beside_a_scene_is_refused(tmp_path, monkeypatch, more, said):
+    monkeypatch.chdir(tmp_path)
+    ended = CliRunner().invoke(tradeoff, ["--scene", str(SCENES / "paper_kick.toml"), *more])
+    assert said in str(ended.exception)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,67 @@
+"""Ways to compute a kick: those that should agree do, those that approximate approach."""
+
+import numpy as np
+import pytest
+
+from kickdyn.accuracy import impact_methods as impact
+from kickdyn.accuracy.exact_impact import exact_impact, given
+
+
+@pytest.fixture(scope="module")
+def rows():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(impact, "CONTACT_TIMES", (1e-2, 1e-4))
+        patch.setattr(impact, "MUJOCO", {1e5: (1e-4,), 1e7: (1e-5,)})
+        patch.setattr(impact, "BRIEFEST_TIMING", 1e-3)
+        return impact.measure_impact()
+
+
+def of(rows, kick, method):
+    return [row.error for row in rows if (row.kick, row.method) == (kick, method)]
+
+
+@pytest.mark.parametrize("kick", ["frictionless", "friction 0.4"])
+def test_what_solves_the_same_equations_agrees(rows, kick):
+    assert of(rows, kick, "closed form, float64")[0] < 1e-15
+    assert of(rows, kick, "stacked KKT")[0] < 1e-14
+    assert 1e-9 < of(rows, kick, "closed form, float32")[0] < 1e-6
+    assert len(of(rows, kick, "engine")) == (kick == "frictionless")
+    assert all(error < 1e-14 for error in of(rows, kick, "engine"))
+
+
+@pytest.mark.parametrize("solver", ["ADMM", "PGS"])
+def test_cone_solvers_get_as_exact_as_they_are_asked(rows, solver):
+    errors = of(rows, "friction 0.4", f"Pinocchio {solver}")
+    assert errors == sorted(errors, reverse=True)
+    assert all(error < tol for error, tol in zip(errors, impact.CONE_TOLERANCES, strict=True))
+    assert of(rows, "frictionless", f"Pinocchio {solver}") == []
+
+
+@pytest.mark.parametrize("kick", ["frictionless", "friction 0.4"])
+def test_compliant_contacts_approach_the_instant(rows, kick):
+    slow, fast = of(rows, kick, "compliant contact")
+    assert 1e-2 < slow < 0.2
+    assert fast < slow / 30
+
+
+@pytest.mark.parametrize("kick", ["frictionless", "friction 0.4"])
+def test_mujoco_approaches_the_instant(rows, kick):
+    pytest.importorskip("mujoco")
+    soft, stiff = of(rows, kick, "MuJoCo")
+    assert 1e-2 < soft < 0.2
+    assert stiff < soft / 4
+
+
+def test_the_front_is_what_nothing_of_the_same_kick_beats(rows):
+    for row in rows:
+        same = [other for other in rows if other.kick == row.kick]
+        beaten = any(o.seconds < row.seconds and o.error < row.error for o in same)
+        assert row.pareto is not beaten
+
+
+def test_the_kick_with_friction_sticks_and_turns_the_impulse():
+    with_friction, without = impact.kick(0.4), impact.kick(0.0)
+    assert with_friction.sticking
+    gap = np.linalg.norm(with_friction.impulse - without.impulse)
+    assert gap > 0.1 * np.linalg.norm(without.impulse)
+    assert exact_impact(*given(without))["impulse"].error(without.impulse) < 1e-15

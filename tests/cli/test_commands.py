@@ -1,0 +1,156 @@
+"""The console script: its manners, its completion, and the keys of what `--json` writes."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from kickdyn.cli import commands
+from kickdyn.cli.commands import kickdyn_command
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
+COMMANDS = list(commands.COMMANDS)
+SCRIPT = [
+    sys.executable,
+    "-c",
+    "import sys; sys.argv[0] = 'kickdyn'; import kickdyn.cli.commands as c; c.main()",
+]
+
+
+def script(*arguments, **variables):
+    environment = os.environ | variables
+    return subprocess.run(
+        [*SCRIPT, *arguments], env=environment, capture_output=True, text=True, timeout=120
+    )
+
+
+def test_help_fits_a_screen():
+    shown = CliRunner().invoke(kickdyn_command, ["--help"]).output
+    assert len(shown.splitlines()) <= 24
+    assert all(f"  {name} " in shown for name in [*COMMANDS, "completion"])
+    assert "..." not in shown.split("Commands:")[1]
+
+
+def test_help_loads_no_more_than_it_needs():
+    """A quarter of a second instead of seconds; completion of commands as well."""
+    heavy = ("numpy", "scipy", "pinocchio", "matplotlib", "xarray", "rich", "meshcat")
+    seen = f"import atexit, sys; atexit.register(lambda: print({heavy} & sys.modules.keys()))"
+    code = f"{seen.replace(str(heavy), repr(set(heavy)))}; {SCRIPT[-1]}"
+    ended = subprocess.run([*SCRIPT[:-1], code, "--help"], capture_output=True, text=True)
+    assert ended.stdout.splitlines()[-1] == "set()"
+
+
+def test_ctrl_c_before_anything_is_loaded(tmp_path):
+    (tmp_path / "click.py").write_text("raise KeyboardInterrupt")
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    ended = script("--help", PYTHONPATH=path)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, "", "kickdyn: interrupted\n")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_are_alike(name):
+    shown = " ".join(CliRunner().invoke(kickdyn_command, [name, "--help"]).output.split())
+    assert f"Example: kickdyn {name} " in shown
+    assert "--json FILE" in shown
+    assert "- is stdout" in shown
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_is_on_the_page(name):
+    assert f"`kickdyn {name}`" in PAGE
+
+
+def test_completion_knows_commands_and_options():
+    def completed(words, at):
+        asked = {"_KICKDYN_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(at)}
+        return script(**asked).stdout
+
+    assert completed("kickdyn pos", 1).split() == ["plain,posture-sweep"]
+    assert "--restitution" in completed("kickdyn plan --rest", 2)
+    assert completed("kickdyn view sce", 2).split() == ["file,sce"]
+    assert completed("kickdyn posture-sweep --out s", 3).split() == ["file,s"]
+    assert completed("kickdyn plan --leg h", 3).split() == ["file,h", "plain,human"]
+    assert completed("kickdyn plan --leg ./h", 3).split() == ["file,./h"]
+    assert completed("kickdyn view fr", 2).split() == ["file,fr", "plain,free_kick"]
+    robots = ["file,rob", "plain,robocup_carpet", "plain,robot_chip"]
+    assert completed("kickdyn tradeoff --scene rob", 3).split() == robots
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash_offers_names_beside_files(tmp_path):
+    """In bash itself, which forgets what it was told before a file."""
+    (tmp_path / "kickdyn").write_text(f'#!/bin/sh\nexec {shlex.join(SCRIPT)} "$@"\n')
+    (tmp_path / "kickdyn").chmod(0o755)
+    teach = CliRunner().invoke(kickdyn_command, ["completion", "bash"]).output
+    ask = (
+        "compopt() { :; }\nCOMP_WORDS=(kickdyn view p) COMP_CWORD=2\n"
+        "_kickdyn_completion kickdyn\necho ${COMPREPLY[@]}"
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    ended = subprocess.run(
+        ["bash", "-c", f"{teach}\n{ask}"], env=environment, capture_output=True, text=True
+    )
+    assert (ended.stdout, ended.stderr) == ("paper_kick\n", "")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_scripts_are_printed(shell):
+    ended = CliRunner().invoke(kickdyn_command, ["completion", shell])
+    assert ended.exit_code == 0
+    assert f"_KICKDYN_COMPLETE={shell}_complete" in ended.output
+
+
+def test_another_shell_is_refused():
+    ended = script("completion", "tcsh")
+    assert ended.returncode == 2
+    assert ended.stdout == ""
+    assert len(ended.stderr.splitlines()) == 1
+    assert "'bash', 'zsh', 'fish'" in ended.stderr
+
+
+def test_no_colour_in_a_pipe():
+    ended = script("paper", "--only", "table 2", FORCE_COLOR="", NO_COLOR="1")
+    assert ended.returncode == 0
+    assert "\x1b" not in ended.stdout + ended.stderr
+
+
+def keys(value, name=""):
+    """Return the names of all that a JSON value holds, as the page writes them."""
+    if isinstance(value, dict):
+        named = {
+            **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
+            "left_out": "EFFECT",
+        }.get(name.split(".")[-1])
+        parts = [(named or key, part) for key, part in value.items()]
+        return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}
+    if isinstance(value, list) and value:
+        return {k for part in value for k in keys(part, f"{name}[]")}
+    return {name}
+
+
+@pytest.mark.parametrize(
+    ("section", "arguments"),
+    [
+        ("posture-sweep", ["--joint", "hip=0:10:5"]),
+        ("paper", ["--only", "table 2"]),
+        ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
+        ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
+    ],
+)
+def test_the_page_names_every_key(section, arguments):
+    ended = CliRunner().invoke(kickdyn_command, [section, *arguments, "--json", "-"])
+    assert ended.exit_code == 0
+    text = PAGE.split(f"### {section}\n")[1].split("\n### ")[0]
+    if "--scene" in arguments:
+        text = text.split("with `--scene`")[1]
+    rows = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)
+    named = {name for row in rows for name in re.findall(r"`([^`]+)`", row)}
+    assert keys(json.loads(ended.stdout)) == named

@@ -1,0 +1,237 @@
+"""The planner's door, as a user opens it."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+import kickdyn as kd
+from kickdyn.cli.plan_command import plan
+from kickdyn.core import console
+
+
+def door(*arguments, cwd=None):
+    noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-W",
+        noise,
+        "-m",
+        "kickdyn",
+        "plan",
+        *arguments,
+    ]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=cwd)
+
+
+def test_text_and_files(tmp_path):
+    files = ["--view", "kick.html", "--json", "kick.json"]
+    ended = door("--distance", "30", "--time", "1.5", "--leg", "human", *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.48", "wrote kick.html"):
+        assert words in ended.stdout
+    page = (tmp_path / "kick.html").read_text()
+    assert "The ball comes to (30, 0, 0) m" in page
+    assert "still aloft" not in page
+    report = json.loads((tmp_path / "kick.json").read_text())
+    assert report["status"] == "met"
+    assert report["landing_error"] < 1e-3
+    assert set(report["leg"]["q_deg"]) == {"hip", "knee", "ankle"}
+
+
+def test_json_on_stdout_is_a_kick_that_can_be_done_again():
+    over = ["--height", "2.2", "--over", "9.15:2.15"]
+    ended = door("--distance", "20.3", *over, "--json", "-")
+    report = json.loads(ended.stdout)
+    leg = kd.Leg.human()
+    q = leg.configuration(
+        {k: v * 3.141592653589793 / 180 for k, v in report["leg"]["q_deg"].items()}
+    )
+    touch = kd.Contact(report["touch"]["normal"], 0.8, 0.4)
+    hit = kd.strike(leg, q, report["leg"]["v"], kd.Ball(), touch)
+    path = kd.fly(hit.ball, kd.Ball(), kd.Air(), kd.Ground(-5.0))
+    start = hit.ball.position
+    assert path.arrival(start[0] + 20.3).position[2] - start[2] == pytest.approx(2.2, abs=1e-6)
+    assert path.arrival(start[0] + 9.15).position[2] - start[2] == pytest.approx(2.15, abs=1e-6)
+
+
+def test_a_planar_leg_is_turned_and_says_so():
+    ended = door("--distance", "20", "--left", "3.4", "--time", "1.1")
+    assert ended.returncode == 0
+    assert "base    turned 9.6" in ended.stdout
+
+
+def test_a_free_kick_over_a_wall_into_the_corner(tmp_path):
+    where = ["--distance", "20", "--left", "3.4", "--height", "2.1", "--wall", "9.15:1.9", "--goal"]
+    ended = door(*where, "--view", "free.html", "--json", "free.json", cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "Its lower edge clears the wall by 0.1 m." in ended.stdout
+    assert "It goes in" in (tmp_path / "free.html").read_text()
+    report = json.loads((tmp_path / "free.json").read_text())
+    assert report["goal"]["over"] == [9.15, 2.0]
+    assert report["wall"]["above"] == pytest.approx(0.1, abs=1e-6)
+    assert report["wall"]["beside"] < 0
+    post, bar = report["mouth"]["post"], report["mouth"]["bar"]
+    assert f"in, {post:.3g} m from the post and {bar:.3g} m under" in ended.stdout
+    assert report["mouth"]["end"] == "in"
+
+
+def test_json_says_what_else_is_known():
+    far = ["--distance", "50", "--time", "2", "--beside", "9.15:0.9", "--json", "-"]
+    ended = door(*far, "--leg", "g1", "--no-limits")
+    assert json.loads(ended.stdout)["goal"]["beside"] == [9.15, 0.9]
+    weak = json.loads(door("--distance", "50", "--time", "2", "--json", "-").stdout)
+    said = door("--distance", "50", "--time", "2").stdout
+    within = weak["within_limits"]
+    assert f"are {within['distance']:.4g} m in {within['time']:.4g} s" in said
+    robust = ["--distance", "15", "--time", "1", "--robust", "speed=0.02,angle=0.01", "--json", "-"]
+    scatter = json.loads(door(*robust).stdout)["scatter"]
+    (xx, _), (_, yy) = scatter["covariance"]
+    assert scatter["radius"] == pytest.approx((xx + yy) ** 0.5)
+    assert set(scatter["by_source"]) == {"speed", "angle"}
+
+
+def test_python_plans_the_same_kick_where_it_is_told_where_the_ball_lies():
+    leg = kd.Leg.human()
+    plan = kd.plan_kick(leg, kd.Goal(25, time=1.6), kd.Ball(), kd.Air(), ball_height=-0.7042)
+    ended = door("--distance", "25", "--time", "1.6", "--json", "-")
+    kick = json.loads(ended.stdout)["leg"]
+    assert kick["q_deg"] == pytest.approx(leg.angles_deg(plan.q), abs=0.02)
+    assert kick["v"] == pytest.approx(plan.v.tolist(), abs=0.02)
+
+
+def test_the_flight_s_warnings_are_in_table_page_and_json(tmp_path):
+    files = ["--view", "kick.html", "--json", "kick.json"]
+    ended = door("--distance", "100", "--time", "3", "--no-limits", *files, cwd=tmp_path)
+    lines = json.loads((tmp_path / "kick.json").read_text())["warnings"]
+    assert re.match(r"drag brazuca: \d+ % of the flight is outside Re 0 to 5.1e\+05", lines[0])
+    page = (tmp_path / "kick.html").read_text()
+    for line in lines:
+        assert f"\nWarning: {line}.\n" in ended.stdout
+        assert f"Warning: {line}." in page
+
+
+def test_an_unreachable_goal_has_json_with_the_nearest():
+    ended = door("--distance", "20", "--launch-speed", "5", "--json", "-")
+    assert ended.returncode == 2
+    report = json.loads(ended.stdout)
+    assert (report["status"], report["limit"]) == ("unreachable", "least speed")
+    assert report["nearest"]["target_m"] == [20, 0, 0]
+    assert report["nearest"]["speed"] > 5
+    assert report["nearest"]["launch_speed"] == pytest.approx(report["nearest"]["speed"])
+    ended = door("--distance", "20", "--time", "60", "--pass", "turf", "--json", "-")
+    assert ended.returncode == 2
+    report = json.loads(ended.stdout)
+    assert report["limit"] == "rolling"
+    assert 0 < report["nearest"]["time"] < 60
+
+
+def test_a_pass_of_a_robot_has_a_page(tmp_path):
+    where = ["--distance", "4", "--left", "1", "--time", "2", "--pass", "carpet", "--leg", "g1"]
+    ended = door(*where, "--view", "pass.html", cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "m along the ground" in (tmp_path / "pass.html").read_text()
+
+
+def test_a_robot_and_a_goal_beyond_its_limits():
+    ended = door("--distance", "60", "--time", "2", "--leg", "g1", "--json", "-")
+    report = json.loads(ended.stdout)
+    assert ended.returncode == 0
+    assert report["status"] == "beyond limits"
+    assert report["share"] < 1
+    assert report["leg"]["speed_use"] <= 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--time", "1"], "Missing option '--distance'"),
+        (["--distance", "30"], "nothing is named beside the target"),
+        (["--distance", "30", "--time", "-1"], "time is -1.0"),
+        (["--distance", "nan", "--time", "1"], "distance is nan"),
+        (["--distance", "30", "--apex", "1", "--height", "3"], "by the lowest way: nearest"),
+        (
+            [
+                "--distance",
+                "20",
+                "--time",
+                "0.7",
+                "--height",
+                "2",
+                "--wall",
+                "9.15:1.9",
+                "--no-limits",
+            ],
+            "the ball hits the wall",
+        ),
+        (["--distance", "20", "--wall", "9.15"], "wall is '9.15'"),
+        (["--distance", "20", "--wall", "25:1.9"], "wall is at 25 m"),
+        (["--distance", "20", "--time", "0", "--wall", "9.15:1.9"], "time is 0.0"),
+        (["--distance", "20", "--time", "1", "--beside", "9"], "beside is '9': it must be 2"),
+        (["--distance", "4", "--apex", "1", "--pass", "turf"], "along the ground is given a time"),
+        (["--distance", "30", "--over", "3"], "over is '3': it must be 2 numbers"),
+        (["--distance", "30", "--time", "1", "--spin", "1,2"], "spin is '1,2': it must be 3"),
+        (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),
+        (["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"], "without air"),
+        (["--distance", "15", "--time", "1", "--spin", "0,0,9"], "cannot give this spin"),
+        (
+            ["--distance", "30", "--time", "1", "--leg", "dog"],
+            "leg 'dog' is neither human, testbed",
+        ),
+        (["--distance", "30", "--time", "1", "--ball-height", "3"], "touches a ball at 3 m"),
+        (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
+        (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
+        (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
+        (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),
+        (["--distance", "9", "--time", "1", "--ball-at", "1,2"], "ball-at is '1,2': it must be 3"),
+        (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
+        (
+            ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--objective", "effort"],
+            "robust and objective are named",
+        ),
+        (
+            ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--swing"],
+            "a swing goes with objective joint speed or effort",
+        ),
+    ],
+)
+def test_bad_input_is_one_line(arguments, words):
+    from click.testing import CliRunner
+
+    from kickdyn.cli.plan_command import plan
+
+    ended = CliRunner().invoke(plan, arguments)
+    assert words in (str(ended.exception) if ended.exit_code == 1 else ended.output)
+
+
+def test_bad_input_leaves_with_two_and_no_traceback():
+    ended = door("--distance", "30", "--time", "-1")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith("plan: time is -1.0")
+    assert ended.stderr.count("\n") == 1
+
+
+def test_a_swing_is_planned_drawn_and_shown(tmp_path):
+    files = ["--view", "kick.html", "--plot", "swing.svg", "--json", "kick.json"]
+    ended = door("--distance", "10", "--time", "1", "--swing", *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "The swing takes " in ended.stdout
+    assert "The swing takes " in (tmp_path / "kick.html").read_text()
+    assert (tmp_path / "swing.svg").stat().st_size > 10_000
+    report = json.loads((tmp_path / "kick.json").read_text())
+    assert report["swing"]["status"] == "met"
+    assert report["swing"]["backswing"]["v"][-1] == pytest.approx(report["leg"]["v"], abs=1e-9)
+    assert report["swing"]["follow_through"]["v"][-1] == pytest.approx([0, 0, 0], abs=1e-9)
+
+
+def test_it_fits_the_screen(monkeypatch):
+    wide = CliRunner().invoke(plan, ["--distance", "100", "--time", "3", "--no-limits"]).stdout
+    monkeypatch.setattr(console, "screen_width", lambda: 80)
+    narrow = CliRunner().invoke(plan, ["--distance", "100", "--time", "3", "--no-limits"]).stdout
+    assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
+    assert narrow.split() == wide.split()

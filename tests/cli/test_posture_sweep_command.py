@@ -1,0 +1,351 @@
+"""The main door, as a user opens it."""
+
+import importlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import kickdyn
+from kickdyn.errors import Unfinished
+
+SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
+
+
+def door(*arguments, cwd=None):
+    noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
+    strict = [sys.executable, "-W", "error", "-W", noise]
+    command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=cwd)
+
+
+def interruptible():
+    """Heed Ctrl-C, which what a shell runs in the background does not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def test_table_and_files(tmp_path):
+    files = ["--out", "sweep.nc", "--plot", "sweep.png", "--json", "sweep.json"]
+    ended = door(*SMALL, *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    for words in ("paper a", "1.557", "1.554", "best (hip ", "worst (hip ", "3 postures: 3 ok."):
+        assert words in ended.stdout
+    assert "…" not in ended.stdout
+    assert {f.name for f in tmp_path.iterdir()} == {"sweep.nc", "sweep.png", "sweep.json"}
+    with xr.open_dataset(tmp_path / "sweep.nc") as data:
+        assert dict(data.sizes) == {"hip": 3, "knee": 1, "ankle": 1}
+    report = json.loads((tmp_path / "sweep.json").read_text())
+    assert [line["posture"] for line in report["lines"]][-2:] == ["best", "worst"]
+
+
+def test_a_zarr_store_says_what_a_file_says(tmp_path):
+    speed = ("--speed", "4", "--air", "none")
+    stored = door(*SMALL, *speed, "--out", "s.zarr", "--threads", "2", cwd=tmp_path)
+    written = door(*SMALL, *speed, "--out", "s.nc", cwd=tmp_path)
+    assert (stored.returncode, stored.stderr) == (0, "")
+    rows = [each.stdout.split("Restitution")[0] for each in (stored, written)]
+    assert rows[0] == rows[1]
+    assert "wrote s.zarr" in stored.stdout
+    again = door(*SMALL, *speed, "--out", "s.zarr", "--resume", cwd=tmp_path)
+    assert again.stdout == stored.stdout
+    for arguments, words in (
+        (("--out", "s.zarr"), "s.zarr exists: --resume goes on with it"),
+        (("--out", "t.nc", "--resume"), "--resume goes on with a Zarr store"),
+    ):
+        ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
+        assert ended.returncode == 2
+        assert words in ended.stderr
+
+
+def test_conditions_choose_best_and_worst(tmp_path):
+    asked = ("--where", "hip < 30 and ankle == 0", "--json", "j.json")
+    told = []
+    for out in ("s.nc", "s.zarr"):
+        ended = door(*SMALL, *asked, "--out", out, "--plot", "p.png", cwd=tmp_path)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert "of the 2 that are ok where hip < 30 and ankle == 0." in ended.stdout
+        assert (tmp_path / "p.png").stat().st_size > 10_000
+        told.append(json.loads((tmp_path / "j.json").read_text()))
+    for report in told:
+        assert (report["where"], report["chosen"], report["postures"]) == (asked[1], 2, 3)
+        best = report["lines"][-2]
+        assert best["posture"] == "best"
+        assert best["angles"]["hip"] in (0, 20)
+    assert told[0]["lines"][-2]["ball_speed"] == pytest.approx(told[1]["lines"][-2]["ball_speed"])
+    ended = door(*SMALL, "--where", "hip > 90")
+    assert ended.returncode == 0
+    assert "of the 0 that are ok where hip > 90." in ended.stdout
+    assert "best (" not in ended.stdout
+
+
+def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
+    large = ["--joint", "hip=0:40:0.4", "--joint", "knee=10:60:0.5", "--joint", "ankle=0:20:0.2"]
+    asked = ("--where", "knee < 20", "--json", "j.json", "--plot", "p.png", "--view", "v.html")
+    ended = door(*large, *asked, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "No posture is kept" in ended.stdout
+    report = json.loads((tmp_path / "j.json").read_text())
+    assert report["postures"] == 101 * 101 * 101
+    kept = report["kept"]
+    assert set(kept) == {"best", "front", "marginals", "sample"}
+    assert max(kept["best"]["knee"] + kept["sample"]["knee"] + kept["front"]["knee"]) < 20
+    best = report["lines"][-2]
+    assert best["angles"]["hip"] == pytest.approx(kept["best"]["hip"][0])
+    assert best["ball_speed"] == pytest.approx(kept["best"]["ball_speed"][0], rel=1e-12)
+    assert {f.name for f in tmp_path.iterdir()} == {"j.json", "p.png", "v.html"}
+    ended = door(*large, "--out", "s.nc", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "name a store, --out DIR.zarr" in ended.stderr
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path):
+    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:0.1"]
+    large += ["--carry-error", "0"]  # some minutes, were it not stopped
+    command = [
+        sys.executable,
+        "-m",
+        "kickdyn.cli.posture_sweep_command",
+        *large,
+        "--out",
+        "my s.zarr",
+    ]
+    quiet = {**os.environ, "FORCE_COLOR": "1"}
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=quiet,
+                          stdout=subprocess.PIPE, preexec_fn=interruptible) as stopped:  # fmt: skip
+        while not list(tmp_path.glob("*/progress/*.json")) and stopped.poll() is None:
+            time.sleep(0.05)
+        stopped.send_signal(signal.SIGINT)
+        out, said = stopped.communicate()
+    assert (stopped.returncode, out) == (1, "")
+    assert said.count("\n") == 1
+    assert re.search(r"interrupted: \d+ of \d+ chunks are in my s\.zarr", said)
+    assert said.strip().endswith(
+        f"python -m kickdyn.posture_sweep {' '.join(large)} --out 'my s.zarr' --resume"
+    )
+
+
+def test_ctrl_c_while_a_store_is_read_says_that_it_is_complete(tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    here = importlib.import_module("kickdyn.cli.posture_sweep_command")
+    monkeypatch.setattr(here, "best_and_worst", interrupted)
+    asked = [*SMALL, "--out", str(tmp_path / "s.zarr"), "--where", "hip < 30"]
+    with pytest.raises(Unfinished, match=r"s\.zarr is complete, .*: .* --where .* --resume$"):
+        here.posture_sweep.main(asked, standalone_mode=False)
+
+
+def test_json_on_stdout_stands_alone():
+    ended = door(*SMALL, "--json", "-", "--leg", "testbed")
+    report = json.loads(ended.stdout)
+    assert report["status"]["ok"] == report["postures"] == 3
+    assert [line["posture"] for line in report["lines"]] == ["best", "worst"]
+    assert ended.stderr == ""
+
+
+def test_any_urdf(tmp_path):
+    urdf = kickdyn.Leg.human().urdf
+    (tmp_path / "mine.urdf").write_text(urdf.text.replace('name="leg_human"', 'name="mine"'))
+    ended = door("--leg", "mine.urdf", "--frame", "foot", "--joint", "knee=10", cwd=tmp_path)
+    assert ended.returncode == 0
+    assert "mine: foot 1 m/s" in ended.stdout
+    assert "paper a" not in ended.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--leg", "missing.urdf"], "missing.urdf: there is no such file"),
+        (["--leg", "page.html"], "not <robot>"),
+        (["--leg", "missing"], "neither human, testbed, g1, talos"),
+        (["--frame", "nose"], "frame 'nose' is unknown: leg_human has"),
+        (["--joint", "nose=1"], "joint 'nose' is unknown: leg_human has hip, knee, ankle"),
+        (["--joint", "hip=0:200:10"], "its range is -30 to 125 deg"),
+        (["--restitution", "1.2"], "restitution is 1.2"),
+        (["--friction", "-0.1"], "friction is -0.1"),
+        (["--joint", "hip=5"], "joint 'hip' is given twice"),
+        (["--where", "kne<30"], "names 'kne', which is unknown: there are hip [deg], knee [deg]"),
+        (["--where", "knee=30"], "'knee=30' cannot be read: it is made of names, numbers"),
+        (["--where", "knee"], "is a number, a condition is wanted"),
+        (["--out", "file.zarr"], "file.zarr exists: --resume goes on with it"),
+        (["--out", "file.zarr", "--resume"], "file.zarr is no sweep: there is nothing to resume"),
+        (["--out", "no/where.zarr"], "no/where.zarr cannot be written"),
+        (["--out", "s.zarr", "--plot", "p.exe"], "plots are written as .png"),
+        (["--speed", "nan"], "foot speed is nan"),
+        (["--speed", "fast"], "'fast' is not a valid float"),
+        (["--attack", "120"], "attack is 120"),
+        (["--air", "thick"], "'thick' is not one of 'standard', 'paper', 'none'"),
+        (["--out", "no/where.nc"], "no/where.nc cannot be written"),
+        (["--out", "sweep.csv"], "written as .nc"),
+        (["--plot", "sweep.exe"], "plots are written as .png"),
+        (["--view", "no/where.html"], "no/where.html cannot be written"),
+        (["--json", "."], "is a folder"),
+        (["--nose"], "No such option"),
+        (["--workers", "2"], "--workers and --cluster fill a Zarr store"),
+        (["--threads", "2"], "--threads is for more than a million postures or a Zarr store"),
+        (["--threads", "2", "--out", "x.nc"], "--threads is for more than a million"),
+        (["--carry-error", "0"], "--carry-error is for more than a million postures or a Zarr"),
+        (["--carry-error", "1e-3", "--out", "x.nc"], "here every ball is flown"),
+        (["--carry-error", "1e-3", "--out", "x.zarr", "--air", "none"], "for carries in air"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(tmp_path, arguments, words):
+    (tmp_path / "page.html").write_text("<html><body/></html>")
+    (tmp_path / "file.zarr").write_text("no store")
+    ended = (
+        door(*SMALL, *arguments, "--json", "out.json", cwd=tmp_path)
+        if ("--json" not in arguments)
+        else door(*SMALL, *arguments, cwd=tmp_path)
+    )
+    assert ended.returncode == 2
+    assert ended.stdout == ""
+    assert words in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert {f.name for f in tmp_path.iterdir()} == {"page.html", "file.zarr"}
+
+
+def test_a_leg_whose_balls_are_all_flown_takes_no_carry_error(tmp_path):
+    asked = ("--leg", "g1", "--joint", "right_knee_joint=0:40:20", "--out", "x.zarr")
+    ended = door(*asked, "--carry-error", "1e-3", cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "in the plane of the kick: of g1 every ball is flown" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_shows_an_example():
+    ended = door("--help")
+    assert ended.returncode == 0
+    assert "Example: kickdyn posture-sweep --joint" in ended.stdout
+
+
+def test_the_console_script_has_the_same_door():
+    command = [
+        sys.executable,
+        "-c",
+        "from kickdyn.cli.commands import main; main()",
+        "posture-sweep",
+    ]
+    ended = subprocess.run([*command, *SMALL, "--json", "-"], capture_output=True, text=True)
+    assert json.loads(ended.stdout)["postures"] == 3
+
+
+def urdf_of(tmp_path, **changes):
+    text = kickdyn.Leg.human().urdf.text
+    for old, new in changes.items():
+        text = text.replace(f'"{old}"', f'"{new}"')
+    (tmp_path / "mine.urdf").write_text(text)
+    return "mine.urdf"
+
+
+@pytest.mark.parametrize("name", ["carry", "status", "speed_ratio", "a/b", "."])
+def test_a_joint_must_not_hide_a_result(tmp_path, name):
+    leg = urdf_of(tmp_path, hip=name)
+    ended = door("--leg", leg, "--joint", f"{name}=0:10:5", "--out", "x.nc", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert f"joint '{name}' cannot be swept" in ended.stderr
+    assert not (tmp_path / "x.nc").exists()
+
+
+def test_odd_names_are_just_names(tmp_path):
+    odd = r"$\frac$ [red]"
+    leg = urdf_of(tmp_path, hip=odd)
+    files = ["--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
+    ended = door("--leg", leg, "--joint", f"{odd}=0:10:5", *files, cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert odd in ended.stdout
+
+
+def test_table_2_stands_only_beside_the_kick_it_is_for():
+    assert "Table 2" in door(*SMALL).stdout
+    assert "Table 2" not in door(*SMALL, "--speed", "2").stdout
+    assert "Table 2" not in door(*SMALL, "--frame", "foot").stdout
+
+
+def test_what_the_leg_cannot_do_is_said(tmp_path):
+    ended = door(*SMALL, "--speed", "60")
+    assert "too fast" in ended.stdout
+    assert "3 too fast" in ended.stdout
+    ended = door(*SMALL, "--speed", "60", "--view", "x.html", "--out", "x.nc", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "there is nothing to view" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_mesh_stops_before_anything_is_written(tmp_path):
+    text = kickdyn.Leg.human().urdf.text
+    box = '<box size="0.1 0.22 0.08" />'
+    (tmp_path / "mine.urdf").write_text(text.replace(box, '<mesh filename="no.stl"/>'))
+    files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
+    ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "mesh 'no.stl' is missing" in ended.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.urdf"]
+
+
+def test_two_outputs_are_two_files(tmp_path):
+    ended = door(*SMALL, "--plot", "x.png", "--json", "x.png", cwd=tmp_path)
+    assert ended.returncode == 2
+    assert "x.png is named for two outputs" in ended.stderr
+
+
+def test_page_and_live_view(tmp_path):
+    ended = door(*SMALL, "--view", "kick.html", cwd=tmp_path)
+    assert ended.returncode == 0
+    assert "<title>leg_human: ball at" in (tmp_path / "kick.html").read_text()
+    command = [
+        sys.executable,
+        "-m",
+        "kickdyn.cli.posture_sweep_command",
+        *SMALL,
+        "--live",
+        "--json",
+        "-",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                          preexec_fn=interruptible) as served:  # fmt: skip
+        said = served.stderr.readline().decode()
+        url = said.split(" at ")[1].split(" ")[0]
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=10) as page:
+            assert b"leg_human" in page.read()
+        served.send_signal(signal.SIGINT)
+        assert served.wait(timeout=10) == 0
+
+
+def test_output_that_cannot_be_shown():
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *SMALL]
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr == "posture-sweep: the output cannot be written (No space left on device)\n"
+
+
+def test_bare_console_script_shows_its_help():
+    command = [sys.executable, "-c", "from kickdyn.cli.commands import main; main()"]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 0
+    assert "Commands:\n" in ended.stdout
+
+
+def test_a_robot_is_swept_by_name():
+    sweep = ("--leg", "g1", "--joint", "right_knee_joint=0:40:20", "--speed", "2")
+    ended = door(*sweep)
+    assert ended.returncode == 0, ended.stderr
+    assert "right_knee_joint" in ended.stdout
+    assert "left" not in ended.stdout
+    whole = kickdyn.Leg.from_robot("g1")
+    q = whole.configuration({"right_knee_joint": np.radians(40)})
+    weight = whole.posture(q).effective_mass((np.cos(np.pi / 6), 0, 0.5))
+    assert f"{weight:.4g}" in ended.stdout
+    ended = door(*sweep, "--frame", "nose")
+    assert ended.returncode == 2
+    assert "frame 'nose' is unknown: g1 has" in ended.stderr

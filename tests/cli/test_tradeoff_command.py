@@ -1,0 +1,64 @@
+"""The door of the trade: what it measures, and what it refuses first."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from kickdyn.accuracy import flight_methods as flight
+from kickdyn.accuracy import impact_methods as impact
+from kickdyn.accuracy.flight_methods import Measured
+from kickdyn.accuracy.impact_methods import MeasuredImpact
+from kickdyn.cli.tradeoff_command import tradeoff
+
+IMPACTS = [
+    MeasuredImpact("frictionless", "engine", "", 1e-16, 2e-4),
+    MeasuredImpact("frictionless", "MuJoCo", "dt 0.001 s", 1e-2, 1e-4, True),
+]
+FLIGHTS = [
+    Measured("full", "RK45", 1e-3, 1e-2, 20, 1e-3),
+    Measured("full", "heyoka", 1e-3, 1e-4, 6, 1e-5, True),
+]
+
+
+@pytest.fixture(autouse=True)
+def measured(monkeypatch):
+    monkeypatch.setattr(impact, "measure_impact", lambda told: IMPACTS)
+    monkeypatch.setattr(flight, "measure", lambda told: FLIGHTS)
+
+
+def test_it_measures_both_unless_one_is_named():
+    assert list(tried("--json", "-")) == ["impact", "flight"]
+    assert [len(rows) for rows in tried("--json", "-").values()] == [2, 2]
+    assert [len(rows) for rows in tried("--impact", "--json", "-").values()] == [2, 0]
+    assert [len(rows) for rows in tried("--flight", "--json", "-").values()] == [0, 2]
+
+
+def tried(*arguments):
+    return json.loads(CliRunner().invoke(tradeoff, arguments).stdout)
+
+
+def test_the_tables_mark_the_front_and_compare_with_the_fastest():
+    lines = CliRunner().invoke(tradeoff).stdout.splitlines()
+    engine = next(line for line in lines if "engine" in line)
+    assert engine.split() == ["engine", "1.0e-16", "200", "2"]
+    assert [line.split() for line in lines].index(["frictionless"]) < lines.index(engine)
+    assert next(line for line in lines if "heyoka" in line).split()[-1] == "*"
+
+
+def test_files_are_written(tmp_path):
+    plot, rows = tmp_path / "x.png", tmp_path / "x.json"
+    ended = CliRunner().invoke(tradeoff, ["--plot", str(plot), "--json", str(rows)])
+    assert ended.exit_code == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert json.loads(rows.read_text())["impact"][1]["method"] == "MuJoCo"
+
+
+@pytest.mark.parametrize("bad", [("--json", "no/x.json"), ("--plot", "x.bmp")])
+def test_what_cannot_be_written_is_refused_first(bad):
+    door = [sys.executable, "-m", "kickdyn", "tradeoff", *bad]
+    ended = subprocess.run(door, capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert len(ended.stderr.splitlines()) == 1

@@ -1,0 +1,104 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import kickdyn as kd
+from kickdyn.cli.view_command import view
+from kickdyn.core import console
+from kickdyn.view.scene_page import scene_page
+
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+def run(*arguments):
+    return CliRunner().invoke(view, [str(each) for each in arguments])
+
+
+def test_a_page_and_numbers(tmp_path):
+    page, said = tmp_path / "kick.html", tmp_path / "kick.json"
+    ended = run(SCENES / "free_kick.toml", "--out", page, "--json", said)
+    assert ended.exit_code == 0
+    assert ended.output.endswith(f"wrote {page}\nwrote {said}\n")
+    html = page.read_text("utf-8")
+    numbers = json.loads(said.read_text())
+    scene = kd.load_scene(SCENES / "free_kick.toml")
+    whole = kd.simulate(scene, None)
+    apart = np.linalg.norm(np.subtract(numbers["end"], whole.end.position))
+    assert numbers["left_out"] == {"compliance": pytest.approx(apart, rel=1e-3)}
+    assert apart <= numbers["error"] <= 1.001 * apart
+    assert f"error {apart:.2g} m, all modelled but compliance;" in ended.output
+    told = f"free kick with spin, its contact shown as an instant: it ends {apart:.2g} m off"
+    assert told in html
+    hit = kd.strike_at(scene.posture, scene.v, scene.ball, scene.touch)
+    assert numbers["angles"] == {"hip": 15, "knee": 15, "ankle": 20}  # as the file has them
+    assert numbers["impulse"] == pytest.approx(hit.impulse)
+    for joint, sent in enumerate(numbers["joint_impulses"].values()):
+        whole = np.linalg.norm(hit.joint_impulses[joint, :3])
+        assert np.linalg.norm(sent) == pytest.approx(whole)
+    assert f"{np.linalg.norm(hit.impulse):.4g} N s" in html
+
+
+def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
+    said = tmp_path / "kick.json"
+    ended = run(SCENES / "paper_kick.toml", "--json", said)
+    assert "m, all modelled;" in ended.output
+    numbers = json.loads(said.read_text())
+    assert numbers["left_out"] == {}
+    assert numbers["error"] < 1e-6
+
+
+def test_it_fits_the_screen(tmp_path, monkeypatch):
+    said = [run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output]
+    monkeypatch.setattr(console, "screen_width", lambda: 80)
+    said.append(run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output)
+    wide, narrow = (text.split("wrote")[0] for text in said)
+    assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
+    assert narrow.split() == wide.split()
+
+
+def test_nothing_to_write():
+    ended = run(SCENES / "paper_kick.toml")
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert "name --out, --png or --json" in str(ended.exception)
+
+
+@pytest.mark.parametrize("at", ["-1", "nan"])
+def test_a_bad_moment(at, tmp_path):
+    ended = run(SCENES / "paper_kick.toml", "--png", tmp_path / "a.png", "--at", at)
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_is_escaped(tmp_path):
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    file = tmp_path / "evil.toml"
+    file.write_text(text.replace('name = "the paper', 'name = "<script>alert(1)</script>the paper'))
+    html = scene_page(kd.simulate(kd.load_scene(file), None))
+    assert "<script>alert(1)" not in html
+    assert "&lt;script&gt;alert(1)" in html
+
+
+@pytest.mark.parametrize(
+    ("x", "shown"), [(5.0, True), (60.0, True), (-5.0, False), (-1e3, False), (-1e9, False),
+                     (1e6, False)]
+)  # fmt: skip
+def test_a_wall_is_shown_where_the_ball_could_come_to_it(x, shown, tmp_path, commands_of):
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    file = tmp_path / "wall.toml"
+    file.write_text(f"{text}\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n")
+    html = scene_page(kd.simulate(kd.load_scene(file), None))
+    drawn = any(c["path"].startswith("/meshcat/scenery") for c in commands_of(html))
+    assert drawn is shown
+    assert ("its plane out of the picture" in html) is not shown
+
+
+def test_a_scene_with_a_goal_shows_it(commands_of):
+    said = commands_of(scene_page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)))
+    assert not any(c["path"].startswith("/meshcat/scenery") for c in said)
+    file = SCENES / "free_kick.toml"
+    timed = kd.simulate(kd.load_scene(file), None)
+    with pytest.raises(kd.InvalidInput, match="takes time"):
+        scene_page(timed)

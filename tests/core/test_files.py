@@ -1,0 +1,103 @@
+import pytest
+
+from kickdyn.core.files import (
+    check_distinct,
+    check_outputs,
+    check_writable,
+    exists,
+    replacing,
+    write_json,
+)
+from kickdyn.errors import InvalidInput
+
+
+def test_the_file_appears_whole(tmp_path):
+    with replacing(tmp_path / "a.txt") as draft:
+        draft.write_text("new")
+        assert draft.suffix == ".txt"
+        assert not (tmp_path / "a.txt").exists()
+    assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("a.txt", "new")]
+
+
+def test_nothing_is_left_of_a_failure(tmp_path):
+    (tmp_path / "a.txt").write_text("old")
+
+    def fail():
+        with replacing(tmp_path / "a.txt") as draft:
+            draft.write_text("half")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("a.txt", "old")]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "link.txt").symlink_to(tmp_path / "a.txt")
+    with replacing(tmp_path / "link.txt") as draft:
+        draft.write_text("new")
+    assert (tmp_path / "link.txt").is_symlink()
+    assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_devices_are_left_alone():
+    with pytest.raises(InvalidInput, match="not a regular file"):
+        check_writable("/dev/null")
+
+
+@pytest.mark.parametrize("name", ["", "missing/a.txt", "a.txt/b.txt"])
+def test_bad_places(tmp_path, name):
+    (tmp_path / "a.txt").write_text("a file is no folder")
+    with pytest.raises(InvalidInput, match=r"cannot be written|is a folder"):
+        check_writable(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "loop", "dangling", "a\0b"])
+def test_names_that_lead_nowhere(tmp_path, name):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere" / "x")
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        check_writable(tmp_path / name)
+
+
+def test_json_goes_to_a_file_or_to_stdout(tmp_path, capsys):
+    write_json(str(tmp_path / "a.json"), {"x": [1.5]})
+    write_json("-", {"x": [1.5]})
+    assert (
+        (tmp_path / "a.json").read_text()
+        == capsys.readouterr().out
+        == '{\n  "x": [\n    1.5\n  ]\n}\n'
+    )
+
+
+def test_what_no_file_can_be_called_does_not_exist(tmp_path):
+    assert exists(tmp_path)
+    assert not exists("x" * 5000)
+
+
+def test_outputs_are_writable_and_each_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path / "a.json")
+    check_outputs(None, "b.png", tmp_path / "c.html", json_file="a.json")
+    (tmp_path / "-").mkdir()  # no file can be made there, nor need be
+    check_outputs(json_file="-")
+    check_outputs()
+    for outputs, json_file in (
+        (("a.json", None), "./a.json"),
+        (("b", "b"), "-"),
+        (("link",), "a.json"),
+    ):
+        with pytest.raises(InvalidInput, match="named for two outputs"):
+            check_outputs(*outputs, json_file=json_file)
+    for outputs, json_file in ((("no/b",), None), ((None,), "no/a.json")):
+        with pytest.raises(InvalidInput, match=r"^.*no/.* cannot be written"):
+            check_outputs(*outputs, json_file=json_file)
+    assert {file.name for file in tmp_path.iterdir()} == {"link", "-"}
+
+
+def test_links_in_a_circle_are_no_output(tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        check_outputs("a.png", loop)
+    check_distinct("a.png", loop)

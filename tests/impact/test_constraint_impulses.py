@@ -1,0 +1,138 @@
+"""Strikes of robots that stand: against Pinocchio's solver, momentum, restitution, reactions."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import any_kick
+from stacked import held_rows, inertia_of, rows_of, solved, struck
+
+import kickdyn as kd
+from kickdyn.impact.joint_impulses import joint_impulses
+from kickdyn.robot.example_robots import ROBOTS
+
+FREE = {
+    **{
+        f"{n} {base}": kd.Leg.from_robot(n, base=base, legs_only=n in ("icub", "romeo"))
+        for n in ROBOTS
+        for base in ("fixed", "floating")
+    },
+}
+STANDING = {
+    f"{leg.name} on {kind}": leg.standing_on(
+        kd.Support(ROBOTS[leg.name].stance, point=kind == "a point")
+    )
+    for name, leg in FREE.items()
+    if name.endswith("floating")
+    for kind in ("a sole", "a point")
+    if not (leg.name == "bolt" and kind == "a sole")
+}
+LEGS = FREE | STANDING
+
+
+@pytest.mark.parametrize("name", LEGS)
+@pytest.mark.parametrize("seed", range(4))
+def test_every_robot_balances_and_pinocchio_agrees(name, seed):
+    kick, options = any_kick(np.random.default_rng(seed), LEGS[name])
+    hit, engine = kd.strike(*kick, **options), kd.engine_strike(*kick, **options)
+    for ours, theirs in (
+        (hit.impulse, engine.impulse),
+        (hit.v_after, engine.v_after),
+        (hit.ball.velocity, engine.ball.velocity),
+    ):
+        assert np.abs(ours - theirs).max() <= 1e-11 * np.abs(theirs).max()
+    assert hit.restitution_residual <= 1e-12
+    assert hit.momentum_residual <= 1e-12
+    assert hit.support_residual <= 1e-10
+    assert hit.loop_residual == 0.0
+    assert hit.energy_lost >= 0.0
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_with_friction_too(name):
+    kick, options = any_kick(np.random.default_rng(9), LEGS[name], friction=0.4)
+    hit = kd.strike(*kick, **options)
+    assert hit.restitution_residual <= 1e-12
+    assert hit.momentum_residual <= 1e-12
+    assert hit.support_residual <= 1e-10
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_the_strike_solves_one_dense_system(name):
+    """Rows by differences, inertia by momenta, everything unknown solved for at once."""
+    leg = STANDING[name]
+    (_, q, v, ball, touch), options = any_kick(np.random.default_rng(5), leg)
+    hit = kd.strike(leg, q, v, ball, touch, **options)
+    after, reaction, pressing = struck(leg, q, v, ball, touch, options["ball_velocity"])
+    assert hit.impulse == pytest.approx(pressing * touch.normal, abs=1e-7 * pressing)
+    assert np.abs(hit.v_after - after).max() <= 1e-7 * np.abs(after).max()
+    ((_, ours),) = hit.support_impulses.items()
+    assert np.abs(ours - reaction).max() <= 1e-7 * np.abs(reaction).max()
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_with_friction_the_leg_answers_as_the_dense_system(name):
+    leg = STANDING[name]
+    kick, options = any_kick(np.random.default_rng(6), leg, friction=0.4)
+    hit = kd.strike(*kick, **options)
+    q, foot = hit.posture.q, rows_of(leg, hit.posture.q, leg.frame)[:3]
+    jump, reaction = solved(inertia_of(leg, q), held_rows(leg, q), -foot.T @ hit.impulse)
+    assert np.abs(hit.v_after - hit.v_before - jump).max() <= 1e-7 * np.abs(jump).max()
+    assert np.abs(hit.constraint_impulses - reaction).max() <= 1e-7 * np.abs(reaction).max()
+
+
+def momentum(leg, q, v):
+    """Linear, and angular about the world's origin, of the whole robot."""
+    model = leg.model
+    data = model.createData()
+    pin.computeCentroidalMomentum(model, data, q, v)
+    centre = pin.centerOfMass(model, data, q)
+    linear = data.hg.linear
+    return np.concatenate([linear, data.hg.angular + np.cross(centre, linear)])
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_ground_and_ball_give_the_robot_its_momentum(name):
+    """Outside the joints altogether: the robot's momentum against what acts from outside."""
+    leg = STANDING[name]
+    kick, options = any_kick(np.random.default_rng(3), leg, friction=0.4)
+    hit = kd.strike(*kick, **options)
+    ((frame, reaction),) = hit.support_impulses.items()
+    model = leg.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, hit.posture.q)
+    at = data.oMf[model.getFrameId(frame)].translation
+    moment = reaction[3:] if len(reaction) == 6 else np.zeros(3)
+    outside = np.concatenate(
+        [
+            reaction[:3] - hit.impulse,
+            np.cross(at, reaction[:3]) + moment - np.cross(hit.posture.contact_point, hit.impulse),
+        ]
+    )
+    gained = momentum(leg, hit.posture.q, hit.v_after) - momentum(leg, hit.posture.q, hit.v_before)
+    assert gained == pytest.approx(outside, abs=1e-11 * np.abs(outside).max())
+    assert np.abs(hit.joint_impulses[0]).max() <= 1e-12 * np.abs(outside).max()  # the free base
+    assert np.linalg.norm(reaction[:3]) > 1e-3 * np.linalg.norm(hit.impulse)
+
+
+def test_a_floating_robot_is_not_carried_by_its_base():
+    kick, options = any_kick(np.random.default_rng(3), FREE["talos floating"])
+    hit = kd.strike(*kick, **options)
+    assert hit.support_impulses == {}
+    assert hit.loop_impulses == {}
+    assert hit.posture.leg.joint_names[0] == "root_joint"
+    assert np.abs(hit.joint_impulses[0]).max() <= 1e-13
+
+
+def test_standing_makes_the_foot_heavier():
+    free, held = FREE["g1 floating"], STANDING["g1 on a sole"]
+    q = free.configuration({"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.5})
+    masses = [leg.posture(q).effective_mass((1, 0, 0)) for leg in (free, held)]
+    assert masses[0] < masses[1]
+
+
+def test_an_earlier_strike_leaves_nothing_behind():
+    kick, options = any_kick(np.random.default_rng(3), STANDING["g1 on a sole"])
+    posture = kd.strike(*kick, **options).posture
+    forces, left_over = joint_impulses(posture, np.zeros(posture.leg.nv), np.zeros(3))
+    assert not forces.any()
+    assert not left_over.any()

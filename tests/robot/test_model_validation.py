@@ -1,0 +1,87 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.robot.model_validation import check_model, culprits
+
+BODY = pin.Inertia(1.0, np.array([0.0, 0.1, -0.25]), np.diag([0.1, 0.1, 0.05]))
+NOTHING = pin.Inertia.Zero()
+
+
+def chain(*bodies, joints="XYZX"):
+    """A pin.Model: revolute joints in one point, then a toe, with these bodies."""
+    model, parent = pin.Model(), 0
+    model.name = "chain"
+    for k, body in enumerate(bodies):
+        kind = getattr(pin, f"JointModelR{joints[k]}")()
+        parent = model.addJoint(parent, kind, pin.SE3.Identity(), f"j{k}")
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0, 0, -0.5]))
+    model.addFrame(pin.Frame("toe", parent, 0, tip, pin.FrameType.OP_FRAME))
+    return model
+
+
+def test_virtual_links_without_mass_are_sound_where_mass_moves_with_them():
+    ball_joint = kd.Leg.from_model(chain(NOTHING, NOTHING, BODY), "toe")
+    assert ball_joint.posture(np.zeros(3)).effective_mass([1, 0, 0]) > 0
+
+
+@pytest.mark.parametrize(
+    ("bodies", "said"),
+    [
+        ((NOTHING, BODY, NOTHING, NOTHING), r"'j2' .*\(mass 0 kg\), as do j3: what moves"),
+        ((BODY, NOTHING), r"'j1' .*\(mass 0 kg\): what moves"),
+        ((pin.Inertia(0.0, np.zeros(3), np.eye(3)), BODY), "'j0' moves an unsound .*mass 0 kg"),
+        ((BODY, pin.Inertia(-0.1, np.zeros(3), np.eye(3)), BODY), "'j1' .*mass -0.1 kg"),
+    ],
+)
+def test_what_moves_no_mass_is_named(bodies, said):
+    with pytest.raises(kd.InvalidInput, match=said):
+        kd.Leg.from_model(chain(*bodies), "toe")
+
+
+def test_joints_that_move_nothing_together_are_named():
+    """A mass on the axis of a joint; three axes through one point that carry a point."""
+    on_axis = pin.Inertia(1.0, np.array([0.0, 0.0, 0.3]), np.zeros((3, 3)))
+    leg = kd.Leg.from_model(chain(BODY, on_axis, joints="XZ"), "toe")
+    with pytest.raises(kd.InvalidInput, match=r"not positive definite.*at fault: j1; Leg.locked"):
+        leg.posture([0.1, 0.2])
+    leg = kd.Leg.from_model(chain(BODY, NOTHING, NOTHING, on_axis, joints="XYXY"), "toe")
+    with pytest.raises(kd.InvalidInput, match=r"at fault: j1, j3; "):
+        leg.posture([0.3, 0.0, 0.0, 0.0])
+
+
+def test_no_null_vector_names_the_nearest():
+    model = chain(BODY, BODY, BODY)
+    inertia = np.diag([1.0, 1e-3, 1.0])
+    inertia[0, 2] = inertia[2, 0] = 1 - 1e-6
+    assert culprits(model, inertia) == ["j0", "j2"]
+
+
+def branched(parents):
+    model = pin.Model()
+    for number, parent in enumerate(parents, 1):
+        shift = pin.SE3(np.eye(3), np.array([0.1, 0.2, -0.3]))
+        model.addJoint(parent, pin.JointModelRY(), shift, f"j{number}")
+        model.appendBodyToJoint(number, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("parents", [(0, 1, 2, 1, 4, 0), (0, 0, 0), (0, 1, 1, 0, 4)])
+def test_branches_in_one_piece_are_taken(parents):
+    check_model(branched(parents))
+
+
+@pytest.mark.parametrize(("parents", "late"), [((0, 0, 1), "j3"), ((0, 1, 1, 2), "j4")])
+def test_branches_in_pieces_are_refused(parents, late):
+    """Pinocchio's crba answers these, wrongly."""
+    model = branched(parents)
+    q = np.full(len(parents), 0.4)
+    data, unit = model.createData(), np.eye(len(parents))
+    still, gravity = np.zeros(len(parents)), pin.Motion.Zero()
+    model.gravity = gravity
+    newton_euler = np.column_stack([pin.rnea(model, data, q, still, column) for column in unit])
+    assert np.abs(pin.crba(model, data, q) - newton_euler).max() > 1e-3
+    with pytest.raises(kd.InvalidInput, match=f"joint '{late}' comes after joints of another"):
+        check_model(model)

@@ -1,0 +1,50 @@
+"""What a contact that takes time really changes is less than what is said of it."""
+
+import math
+
+import numpy as np
+
+import kickdyn as kd
+from kickdyn.accuracy.random_scenes import random_scene
+from kickdyn.scene.contact_drift import contact_drift
+from kickdyn.scene.end_sensitivity import CONTACT_SAFETY
+
+
+def struck(scene):
+    motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
+    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.touch)
+    return kd.strike(*parts, **motion), lambda tol: kd.collide(
+        *parts, contact_time=scene.contact_time, tol=tol, **motion
+    )
+
+
+def size(array):
+    return float(np.linalg.norm(array))
+
+
+def test_it_bounds_the_contact_that_takes_time():
+    rng, done, used = np.random.default_rng(3), 0, 0.0
+    while done < 8:
+        scene = random_scene(rng, contact_time=0.01)
+        try:
+            hit, press = struck(scene)
+        except kd.NoImpact:
+            continue
+        done += 1
+        jump, fine, rough = contact_drift(scene, hit), press(1e-6), press(1e-3)
+        moved = size(fine.ball.velocity - hit.ball.velocity)
+        assert moved <= jump.velocity
+        assert size(fine.ball.spin - hit.ball.spin) <= jump.spin
+        assert size(fine.ball.position - hit.ball.position) <= jump.moved
+        used = max(used, moved / jump.velocity)
+        off = size(fine.ball.velocity - rough.ball.velocity) / fine.ball.speed
+        assert off <= CONTACT_SAFETY * 1e-3
+    assert used > 0.2
+
+
+def test_what_does_not_strike_on_the_way_is_not_known():
+    leg = kd.Leg.human()
+    posture = leg.posture([0.5, 0.1, 0.0])
+    v = posture.joint_velocity([3.0, 0.0, 0.5])
+    scene = kd.Scene(leg, posture.q, v, kd.Ball(), kd.Contact((0, 0, 1), 0.7), contact_time=0.05)
+    assert contact_drift(scene, struck(scene)[0]).velocity == math.inf

@@ -1,0 +1,54 @@
+"""Every effect that a scene has can be taken out, and is not there any more."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.scene.effects import EFFECTS
+
+LEG = kd.Leg.human().with_armature({"hip": 0.1})
+
+
+def scene():
+    posture = LEG.posture(np.radians([5, 10, -5]))
+    v = posture.joint_velocity([9, 0, 4])
+    touch = kd.Contact((2, 0, 1), 0.8, 0.4, (0, 0, 0.01))
+    air = kd.Air(wind=(1, 2, 0))
+    return kd.Scene(
+        LEG, posture.q, v, kd.Ball(), touch, air=air, contact_time=0.01, name="all", law="newton"
+    )
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
+def test_without(effect):
+    full = scene()
+    launch = kd.BallState((0, 0, 0), (9, 0, 4), (0, -20, 0))
+    if effect.name == "stance":
+        assert not effect.named(full)
+        return
+    assert effect.named(full)
+    less = effect.without(full, launch)
+    assert effect.name == "drag crisis" or not effect.named(less)
+    others = [other for other in EFFECTS if other is not effect]
+    lost = {other.name for other in others if other.named(full) and not other.named(less)}
+    assert lost <= {other.name for other in EFFECTS if effect.name in other.within}
+    assert (less.name, less.law) == ("all", "newton")
+
+
+def test_stance_is_let_go():
+    leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    held = leg.standing_on("left_ankle_roll_link")
+    made = kd.Scene(held, leg.configuration(), np.zeros(leg.nv), kd.Ball(), scene().touch)
+    stance = next(effect for effect in EFFECTS if effect.name == "stance")
+    assert stance.named(made)
+    assert not stance.named(stance.without(made, kd.BallState()))
+
+
+def test_constant_drag_is_that_of_the_launch():
+    launch = kd.BallState((0, 0, 0), (10, 2, 0))
+    crisis = next(effect for effect in EFFECTS if effect.name == "drag crisis")
+    full = scene()
+    less = crisis.without(full, launch)
+    reynolds = 2 * full.ball.radius * full.air.density / full.air.viscosity * 9.0
+    assert less.air.drag(1.0, 0.0) == less.air.drag(1e6, 0.3)
+    assert less.air.drag(1.0, 0.0) == pytest.approx(full.air.drag(reynolds, 0.0), rel=1e-12)

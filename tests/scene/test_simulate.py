@@ -1,0 +1,320 @@
+"""Answers stay within their tolerance and their own error, and say what they leave out."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.accuracy.random_scenes import random_scene, wide_scene
+from kickdyn.scene import coarse_flight as coarse
+
+LEG = kd.Leg.human()
+POSTURE = LEG.posture(np.radians([5, 10, -5]))
+
+
+def kick(speed=10.0, **parts):
+    v = POSTURE.joint_velocity([0.9 * speed, 0, 0.4 * speed])
+    touch = parts.pop("touch", kd.Contact((2, 0, 1), 0.8, 0.4))
+    parts = {"air": kd.Air(), "ground": kd.Ground(-0.9), **parts}
+    return kd.Scene(LEG, POSTURE.q, v, kd.Ball(), touch, **parts)
+
+
+def gap(one, other):
+    return float(np.linalg.norm(one.end.position - other.end.position))
+
+
+def test_random_scenes_stay_within_their_tolerance():
+    rng, done, kinds = np.random.default_rng(4), 0, set()
+    while done < 20:
+        scene = random_scene(rng)
+        try:
+            reference = kd.simulate(scene, None)
+        except (kd.NoImpact, kd.InvalidInput):  # pressed into the ground
+            continue
+        done += 1
+        for tolerance in (0.05, 1.0):
+            answer = kd.simulate(scene, tolerance)
+            assert answer.error <= tolerance
+            assert gap(answer, reference) <= answer.error + 1e-7
+            kinds |= set(answer.left_out)
+    assert kinds >= {"compliance", "drag", "lift", "wind", "buoyancy", "spin decay", "drag crisis"}
+
+
+def test_wide_scenes_stay_within_their_tolerance():
+    rng, done = np.random.default_rng(21), 0
+    while done < 12:
+        scene = wide_scene(rng)
+        try:
+            reference = kd.simulate(scene, None)
+        except kd.KickdynError:
+            with pytest.raises(kd.KickdynError):
+                kd.simulate(scene, 0.1)
+            continue
+        done += 1
+        for tolerance in (0.01, 1.0):
+            answer = kd.simulate(scene, tolerance)
+            assert answer.status == reference.status
+            if answer.error < math.inf:
+                assert answer.met
+                assert gap(answer, reference) <= answer.error + reference.numerical_error + 1e-12
+
+
+LIGHT = {
+    "beach ball": kd.Ball(0.1, 0.2),
+    "balloon": kd.Ball(0.02, 0.11),
+    "50 g": kd.Ball(0.05, 0.1),
+}
+
+
+@pytest.mark.parametrize("drag", ["sphere", "brazuca"])
+@pytest.mark.parametrize("name", LIGHT)
+def test_light_balls(name, drag):
+    ball, air = LIGHT[name], kd.Air(drag=drag, lift=None, torque=None)
+    for up in (0.1, 0.7, 1.2):
+        for speed in (5, 10, 20):
+            v = POSTURE.joint_velocity([speed * math.cos(up), 0, speed * math.sin(up)])
+            touch = kd.Contact((math.cos(up), 0, math.sin(up)), 0.8, 0.4)
+            below = float(POSTURE.contact_point[2] + ball.radius * (touch.normal[2] - 1))
+            scene = kd.Scene(LEG, POSTURE.q, v, ball, touch, air=air, ground=kd.Ground(below))
+            answer, reference = kd.simulate(scene, 0.2), kd.simulate(scene, None)
+            assert gap(answer, reference) <= answer.error <= 0.2
+
+
+def test_what_ended_it_is_said():
+    wall = kd.Plane((1.5, 0, 0), (-1, 0, 0))
+    for parts, status in (
+        ({}, "landed"),
+        ({"plane": wall}, "at plane"),
+        ({"ground": kd.Ground(-0.9, "turf")}, "at rest"),
+        ({"ground": kd.Ground(-0.9, "turf"), "plane": wall}, "at plane"),
+    ):
+        for tolerance in (0.1, None):
+            answer = kd.simulate(kick(4, **parts), tolerance)
+            assert answer.status == status
+            assert answer.met
+            assert str(answer).startswith(f"{status} at (")
+
+
+@pytest.mark.parametrize(
+    ("parts", "status"),
+    [
+        ({"air": None, "ground": kd.Ground(-1e7)}, "aloft"),
+        ({"air": kd.Air(wind=(20, 0, 0)), "ground": kd.Ground(-0.9, "hard floor")}, "blown"),
+    ],
+)
+@pytest.mark.parametrize("tolerance", [0.1, None])
+def test_a_way_without_an_end_has_no_error(parts, status, tolerance):
+    answer = kd.simulate(kick(4, **parts), tolerance)
+    assert (answer.status, answer.error, answer.met) == (status, math.inf, False)
+    assert str(answer).startswith(f"NO END, given up {status} at (")
+    assert "NOT MET" in str(answer).splitlines()[0]
+
+
+def test_a_tolerance_that_numerics_cannot_meet_is_said():
+    answer = kd.simulate(kick(), 1e-15)
+    assert not answer.met
+    assert "NOT MET" in str(answer)
+    assert "NOT MET" not in str(kd.simulate(kick(), 1e-6))
+
+
+@pytest.mark.parametrize(("attack", "time"), [(70, 1e-4), (70, 1e-5), (60, 1e-5)])
+def test_a_brief_contact_that_sticks_is_not_the_instant_by_newton(attack, time):
+    up = math.radians(attack)
+    touch = kd.Contact((math.cos(up), 0, math.sin(up)), 0.8, 1.0)
+    v = POSTURE.joint_velocity([10, 0, 5])
+    scene = kd.Scene(LEG, POSTURE.q, v, kd.Ball(), touch, contact_time=time)
+    reference = kd.simulate(scene, None)
+    instant = kd.simulate(kd.Scene(LEG, POSTURE.q, v, kd.Ball(), touch), None)
+    assert gap(instant, reference) > 0.2
+    for tolerance in (0.05, 0.5, 5.0):
+        answer = kd.simulate(scene, tolerance)
+        assert gap(answer, reference) <= answer.error <= tolerance
+    if attack == 70:  # at 5 m; the bound is no empty word
+        assert answer.left_out == ("compliance",)
+
+
+def test_a_contact_that_takes_time_before_bounces_and_a_plane_has_an_error():
+    wall = kd.Plane((9, 0, 0), (-1, 0, 0))
+    scene = kick(5, ground=kd.Ground(-0.9, "turf"), plane=wall, contact_time=0.01)
+    reference = kd.simulate(scene, None)
+    assert reference.error < 1e-3
+    answer = kd.simulate(scene, 0.1)
+    assert gap(answer, reference) <= answer.error <= 0.1
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 1.0, None])
+def test_a_tolerance_refuses_what_everything_refuses(tolerance):
+    down = kd.Contact((0.94, 0, -0.34), 0.8, 0.4)
+    v = POSTURE.joint_velocity([5, 0, -2])
+    level = float((POSTURE.contact_point + kd.Ball().radius * down.normal)[2]) - kd.Ball().radius
+    parts = (LEG, POSTURE.q, v, kd.Ball(), down)
+    pressed = kd.Scene(*parts, contact_time=0.01, ground=kd.Ground(level))
+    inside = kick(ground=kd.Ground(0.0))
+    outside = kick(air=kd.Air(lift="kiratidis-leinweber"))
+    for scene, why in ((pressed, "inside"), (inside, "inside"), (outside, "range")):
+        with pytest.raises(kd.InvalidInput, match=why):
+            kd.simulate(scene, tolerance)
+
+
+def test_every_evaluation_is_counted(monkeypatch):
+    calls, plain = [], coarse.forces
+
+    def counting(*parts):
+        acting = plain(*parts)
+        return lambda *state: calls.append(1) or acting(*state)
+
+    monkeypatch.setattr(coarse, "forces", counting)
+    for parts in ({}, {"ground": kd.Ground(-0.9, "turf")}):
+        calls.clear()
+        answer = kd.simulate(kick(spread={"restitution": 0.02}, **parts), 0.3)
+        assert answer.path is None
+        assert answer.evaluations == len(calls) > 300
+
+
+def test_spread_of_a_light_ball():
+    parts = {"air": kd.Air(drag="sphere", lift=None, torque=None)}
+
+    def light(restitution, **more):
+        touch = kd.Contact((0.34, 0, 0.94), restitution, 0.4)
+        v = POSTURE.joint_velocity([5, 0, 14])
+        return kd.Scene(LEG, POSTURE.q, v, LIGHT["beach ball"], touch, **parts, **more)
+
+    answer = kd.simulate(light(0.8, spread={"restitution": 0.03}), 1e-3)
+    ends = [kd.simulate(light(e), None) for e in (0.795, 0.805)]
+    assert answer.spread == pytest.approx(3 * gap(*ends), rel=0.1)
+
+
+def test_coefficients_beyond_their_data_are_warned_of():
+    slow = kd.simulate(kick(ground=None), None)
+    assert slow.warnings == slow.path.warnings
+    assert [line.split(":")[0] for line in slow.warnings] == ["lift saturating"]
+    assert f"\nwarning: {slow.warnings[0]}" in str(slow)
+    still = kd.simulate(kick(ground=None, touch=kd.Contact((2, 0, 1), 0.8)), None)
+    assert still.warnings == ()
+    assert "warning" not in str(still)
+
+
+def test_a_joint_outside_its_range_is_noted():
+    posture = LEG.posture(np.radians([5, 150, -5]))
+    v = posture.joint_velocity([3, 0, 1])
+    scene = kd.Scene(LEG, posture.q, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8))
+    (note,) = scene.notes
+    assert note == "knee is at 150 deg, outside its range, 0 to 140"
+    assert f"note: {note}" in str(kd.simulate(scene, 0.1))
+    assert kick().notes == ()
+
+
+@pytest.mark.parametrize(
+    ("seed", "number", "why"),
+    [
+        (101, 43, "a contact that takes time throws the ball much higher than the instant's"),
+        (6, 274, "the ball rolls in the wind"),
+        (101, 300, "many bounces"),
+    ],
+)
+def test_random_scenes_that_once_claimed_too_little(seed, number, why):
+    rng = np.random.default_rng(seed)
+    scene = [random_scene(rng) for _ in range(number)][-1]
+    reference = kd.simulate(scene, None)
+    for tolerance in (0.01, 0.05):
+        answer = kd.simulate(scene, tolerance)
+        assert answer.error <= tolerance
+        assert gap(answer, reference) <= answer.error + reference.numerical_error, why
+
+
+def test_everything_is_strike_and_flight():
+    scene = kick()
+    answer = kd.simulate(scene, None)
+    hit = kd.strike(LEG, scene.q, scene.v, scene.ball, scene.touch)
+    path = kd.fly(hit.ball, scene.ball, scene.air, scene.ground)
+    np.testing.assert_array_equal(answer.end.position, path.landing.position)
+    assert answer.left_out == ()
+    assert set(answer.modelled) == {
+        "friction", "turning of the ball", "drag", "drag crisis", "lift", "spin decay", "buoyancy"
+    }  # fmt: skip
+    assert answer.numerical_error == path.error
+
+
+def test_everything_is_followed_to_rest():
+    scene = kick(4, ground=kd.Ground(-0.9, "turf"))
+    answer = kd.simulate(scene, None)
+    assert isinstance(answer.path, kd.Course)
+    assert not answer.end.velocity.any()
+    rough = kd.simulate(scene, 0.05)
+    assert gap(answer, rough) <= rough.error < 0.05
+    assert rough.path is None
+
+
+def test_a_slow_kick_needs_no_air_at_a_metre():
+    answer = kd.simulate(kick(1.5), 1.0)
+    assert {"drag", "lift", "buoyancy"} <= set(answer.left_out)
+    assert answer.method == "strike, closed form"
+    assert answer.evaluations < 50
+
+
+def test_a_tight_tolerance_leaves_nothing_out():
+    answer = kd.simulate(kick(), 1e-6)
+    assert answer.left_out == ()
+    assert answer.error <= 1e-6
+    assert gap(answer, kd.simulate(kick(), None)) <= 1e-6
+
+
+def test_without_air_nothing_is_flown():
+    answer = kd.simulate(kick(air=None), 0.01)
+    assert answer.method == "strike, closed form"
+    assert answer.modelled == ("friction", "turning of the ball")
+
+
+def test_drag_that_goes_takes_its_crisis_along():
+    answer = kd.simulate(kick(1.5), 1.0)
+    bounds = {verdict.effect: verdict.bound for verdict in answer.verdicts}
+    assert bounds["drag"] > 0
+    assert bounds["drag crisis"] == 0
+    assert answer.model_error == math.fsum(bounds[name] for name in answer.left_out)
+
+
+def test_it_goes_to_the_plane():
+    scene = kick(plane=kd.Plane((3, 0, 0), (-1, 0, 0), "centre"))
+    answer = kd.simulate(scene, 0.05)
+    assert answer.end.position[0] == pytest.approx(3, abs=answer.error)
+    assert gap(answer, kd.simulate(scene, None)) <= answer.error
+
+
+def test_spread_bounds_what_a_change_does():
+    scene = kick(spread={"restitution": 0.02})
+    answer = kd.simulate(scene, 1e-3)
+    other = kick(touch=kd.Contact((2, 0, 1), 0.82, 0.4))
+    moved = gap(kd.simulate(other, 1e-3), answer)
+    assert 0.9 * moved < answer.spread < 2 * moved
+    assert math.isnan(kd.simulate(kick(), 1.0).spread)
+
+
+def test_it_prints_its_budget():
+    said = str(kd.simulate(kick(1.5, spread={"v": 0.1}), 1.0))
+    assert "left out" in said
+    assert "drag" in said
+    assert "standard deviation" in said
+
+
+@pytest.mark.parametrize("tolerance", [0, -1, math.nan, "1"])
+def test_bad_tolerances_are_refused(tolerance):
+    with pytest.raises(kd.InvalidInput, match="tolerance"):
+        kd.simulate(kick(), tolerance)
+
+
+def test_what_cannot_be_simulated_is_refused():
+    with pytest.raises(kd.InvalidInput, match=r"kickdyn\.Scene"):
+        kd.simulate("scene.toml")
+    away = kick(touch=kd.Contact((-1, 0, 0), 0.8))
+    with pytest.raises(kd.NoImpact):
+        kd.simulate(away, 1.0)
+
+
+def test_an_answer_can_be_pickled():
+    answer = kd.simulate(kd.load_scene("free_kick"))
+    again = pickle.loads(pickle.dumps(answer))
+    assert again.numerical_error == answer.numerical_error > 0.0
+    assert (again.status, again.error) == (answer.status, answer.error)
+    np.testing.assert_array_equal(again.end.position, answer.end.position)

@@ -1,0 +1,261 @@
+"""Scene files: every example loads, every fault is told, all at once."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.scene.toml_reader import MAX_BYTES
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = sorted((ROOT / "scenes").glob("*.toml"))
+
+SMALL = """
+[leg]
+model = "human"
+[posture]
+angles_deg = { hip = 5, knee = 10, ankle = -5 }
+foot_velocity_m_s = [2, 0, 1]
+[contact]
+attack_deg = 30
+restitution = 0.8
+"""
+
+
+def test_those_of_kickdyn_load_by_name_from_anywhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for file in SCENES:
+        assert kd.load_scene(file.stem).name == kd.load_scene(file).name
+    with pytest.raises(kd.SceneError, match=r"neither a file nor a scene.*paper_kick, robocup"):
+        kd.load_scene("freekick")
+
+
+def test_a_file_comes_before_a_name(tmp_path, monkeypatch):
+    (tmp_path / "volley").write_text(SMALL, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert kd.load_scene("volley").plane is None
+    assert kd.load_scene("volley").ground is None
+    with pytest.raises(kd.SceneError, match="cannot be read"):
+        kd.load_scene("here/volley")
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reading(text):
+        path = tmp_path / "scene.toml"
+        path.write_text(text, encoding="utf-8")
+        return kd.load_scene(path)
+
+    return reading
+
+
+@pytest.fixture
+def faults(read):
+    def found(text):
+        with pytest.raises(kd.SceneError) as refused:
+            read(text)
+        return refused.value.faults
+
+    return found
+
+
+def test_there_are_examples():
+    assert len(SCENES) >= 5
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_examples_load_and_strike(path):
+    scene = kd.Scene.from_toml(path)
+    motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
+    hit = kd.strike(scene.leg, scene.q, scene.v, scene.ball, scene.touch, scene.law, **motion)
+    assert hit.restitution_residual < 1e-12
+    np.testing.assert_array_equal(hit.ball.position, scene.ball_position)
+    assert hit.support_residual < 1e-12
+
+
+def test_what_is_not_named_is_not_there(read):
+    scene = read(SMALL)
+    assert (scene.air, scene.ground, scene.plane, scene.contact_time) == (None, None, None, None)
+    assert scene.touch.friction == 0.0
+    assert scene.name == "scene"
+    assert not scene.spread
+    air = read(SMALL + "[air]\n").air
+    assert (air.drag, air.lift, air.torque, air.buoyancy) == (None, None, None, False)
+    assert not np.any(air.wind)
+
+
+def test_values_arrive(read):
+    scene = read(
+        SMALL
+        + "side_deg = 90\nfriction = 0.3\noffset_m = [0, 0, 0.01]\nlaw = 'stronge'\n"
+        + "[ball]\nmodel = 'paper'\nradius_m = 0.11\nvelocity_m_s = [0, -1, 0]\n"
+        + "[air]\nmodel = 'paper'\ndrag = 'jabulani'\nwind_m_s = [1, 2, 0]\n"
+        + "[plane]\npoint_m = [11, 0, 0]\nnormal = [-1, 0, 0]\nreached_by = 'back'\n"
+        + "[ground]\nsurface = 'turf'\n[uncertainty]\nangles_deg = 2\nrestitution = 0.05\n"
+    )
+    np.testing.assert_allclose(scene.q, np.radians([5, 10, -5]))
+    np.testing.assert_allclose(scene.posture.point_velocity(scene.v), [2, 0, 1], atol=1e-12)
+    expected = [0, np.cos(np.radians(30)), 0.5]
+    np.testing.assert_allclose(scene.touch.normal, expected, atol=1e-15)
+    assert (scene.ball.mass, scene.ball.radius) == (0.45, 0.11)
+    assert (scene.air.density, scene.air.drag.name) == (1.22, "jabulani")
+    assert scene.ground.surface.name == "turf"
+    assert scene.ground.height == pytest.approx(scene.ball_position[2] - 0.11, abs=1e-15)
+    assert scene.plane.reached_by == "back"
+    assert dict(scene.spread) == {"q": pytest.approx(np.radians(2)), "restitution": 0.05}
+    assert scene.law == "stronge"
+
+
+def test_a_file_is_looked_for_from_the_scenes_folder(read, tmp_path, good_urdf):
+    (tmp_path / "my.urdf").write_text(good_urdf)
+    text = SMALL.replace('model = "human"', 'file = "my.urdf"').replace(", ankle = -5", "")
+    assert read(text).leg.joint_names == ("hip", "knee")
+
+
+def test_all_faults_at_once_one_line_each(faults):
+    lines = faults(
+        "nmae = 'x'\n"
+        + SMALL.replace("restitution = 0.8", "restitution = 1.8\nfricton = 0.4")
+        + "[ball]\nmass_kg = -1\nradius_m = nan\n[air]\ndrag = 'brazucca'\nwind_m_s = [1, 2]\n"
+        + "[grund]\n[plane]\nnormal = [0, 0, 0]\n[uncertainty]\nfriction = true\n"
+    )
+    expected = [
+        "nmae",
+        "contact.restitution is 1.8: it must be a finite number at least 0 and at most 1",
+        "contact.fricton is unknown: did you mean friction?",
+        "ball.mass_kg is -1.0: it must be a finite number above 0 [kg]",
+        "ball.radius_m is nan",
+        "air.drag is 'brazucca': choose",
+        "air.wind_m_s has shape (2,): it must be (3,)",
+        "section [grund] is unknown: did you mean ground?",
+        "plane.point_m is missing",
+        "plane.normal is [0.0, 0.0, 0.0]",
+        "uncertainty.friction is True",
+    ]
+    assert len(lines) == len(expected)
+    for start in expected:
+        assert sum(start in line for line in lines) == 1, start
+    assert not any("\n" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('model = "human"', 'model = "human"\nrobot = "g1"', "leg names model and robot"),
+        ('model = "human"', 'file = "no.urdf"', "leg: "),
+        ('model = "human"', 'model = "human"\nframe = "heel"', "leg: "),
+        ("hip = 5", "hipp = 5", "posture: joint 'hipp' is unknown"),
+        ("foot_velocity_m_s = [2, 0, 1]", "", "posture names none of them"),
+        ("foot_velocity_m_s = [2, 0, 1]", "foot_velocity_m_s = [0, 1, 0]", "out of reach"),
+        ("foot_velocity_m_s = [2, 0, 1]", "joint_velocity_rad_s = { toe = 1 }", "'toe' is unknown"),
+        ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal is [0.0, 0.0, 0.0]"),
+        ("attack_deg = 30", "normal = [1, 0, 0]\nside_deg = 3", "without attack_deg"),
+        ("angles_deg = { hip = 5, knee = 10, ankle = -5 }", "angles_deg = 5", "must be a table"),
+        (
+            "hip = 5, knee = 10, ankle = -5 }",
+            "hip = 5 }\npositions_m = { knee = 1 }",
+            "moves in rad",
+        ),
+        (
+            "[leg]",
+            "[air]\nmodel = 'paper'\naltitude_m = 5\n[leg]",
+            "altitude_m is named with model 'paper'",
+        ),
+    ],
+)
+def test_faults_are_named(faults, old, new, said):
+    assert old in SMALL
+    lines = faults(SMALL.replace(old, new))
+    assert len(lines) == 1, lines
+    assert said in lines[0]
+
+
+def test_the_faults_of_all_nouns_come_at_once(faults):
+    lines = faults(
+        "[leg]\nmodel = 'human'\narmature_kg_m2 = { hip = -1, knee = nan }\n"
+        "[posture]\nangles_deg = { hipp = 5, kne = 10 }\n"
+        "joint_velocity_rad_s = { hi = 3, ank = 4 }\n"
+        "[contact]\nnormal = [0, 0, 0]\nrestitution = 2\n"
+        "[air]\nmodel = 'paper'\naltitude_m = 1\ntemperature_c = 2\npressure_pa = 3\n"
+        "[plane]\npoint_m = [0, 0, 0]\nnormal = [0, 0, 0]\nreached_by = 'side'\n"
+    )
+    expected = [
+        "leg.armature_kg_m2.hip is -1.0",
+        "leg.armature_kg_m2.knee is nan",
+        "'hipp'",
+        "'kne'",
+        "'hi'",
+        "'ank'",
+        "contact.normal",
+        "contact.restitution",
+        "air.altitude_m",
+        "air.temperature_c",
+        "air.pressure_pa",
+        "plane.normal",
+        "plane.reached_by",
+    ]
+    assert len(lines) == len(expected), lines
+    for start in expected:
+        assert sum(start in line for line in lines) == 1, start
+    lines = faults(SMALL.replace('"human"', '"human"\narmature_kg_m2 = { neck = 1, nope = 2 }'))
+    assert ["neck" in lines[0], "nope" in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_a_contact_that_takes_time_has_no_law_and_restitution(faults):
+    lines = faults(
+        SMALL.replace("restitution = 0.8", "restitution = 0\nlaw = 'paper'\ncontact_time_s = 0.01")
+    )
+    assert ["has no law" in lines[0], "at least 0.01" in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_what_a_terminal_would_obey_is_refused_or_escaped(faults):
+    assert "printable" in faults('name = "\\u001b[31mred"\n' + SMALL)[0]
+    (line,) = faults(SMALL + '"\\u001b[31mred" = 1\n')
+    assert "\\x1b[31mred" in line
+    assert line.isprintable()
+
+
+@pytest.mark.parametrize("digits", [400, 5001])
+def test_endless_integers_are_not_echoed(faults, digits):
+    (line,) = faults(SMALL + f"friction = {'7' * digits}\n")
+    assert len(line) < 300
+
+
+def test_true_is_no_number_of_a_vector(faults):
+    (line,) = faults(SMALL.replace("attack_deg = 30", "normal = [true, 0, 1]"))
+    assert "must hold real numbers" in line
+
+
+def test_missing_sections(faults):
+    assert [line.split()[1] for line in faults("")] == ["[leg]", "[posture]", "[contact]"]
+    assert any("it must be a section" in line for line in faults("leg = 3\n"))
+
+
+def test_what_is_no_scene(tmp_path, faults):
+    assert "is not TOML" in faults("[leg")[0]
+    with pytest.raises(kd.SceneError, match="No such file"):
+        kd.load_scene(tmp_path / "none.toml")
+    with pytest.raises(kd.SceneError, match="not a regular file"):
+        kd.load_scene(tmp_path)
+    with pytest.raises(kd.InvalidInput, match="must be a str or a Path"):
+        kd.load_scene(3)
+    large = tmp_path / "large.toml"
+    large.write_bytes(b"#" * (MAX_BYTES + 1))
+    with pytest.raises(kd.SceneError, match="are read"):
+        kd.load_scene(large)
+    large.write_bytes(b"name = '\xff'")
+    with pytest.raises(kd.SceneError, match="UTF-8"):
+        kd.load_scene(large)
+
+
+def test_a_key_at_the_top_is_not_called_a_section(faults):
+    assert faults("mass_kg = 1\n" + SMALL)[0].startswith("mass_kg is unknown")
+
+
+def test_a_file_name_that_a_terminal_would_obey_is_escaped(tmp_path):
+    path = tmp_path / "a\x1b[31m.toml"
+    path.write_text("[leg")
+    with pytest.raises(kd.SceneError) as refused:
+        kd.load_scene(path)
+    assert refused.value.source.isprintable()

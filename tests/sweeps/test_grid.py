@@ -1,0 +1,142 @@
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.sweeps.grid import grid
+
+LEG = kd.Leg.human()
+
+
+def test_ends_are_included_and_degrees_become_radians():
+    axes = grid(LEG, ["hip=-10:60:5", "knee=0:1:0.1", "ankle=7"]).axes
+    assert list(axes) == ["hip", "knee", "ankle"]
+    assert np.degrees(axes["hip"]) == pytest.approx(np.arange(-10, 61, 5))
+    assert len(axes["knee"]) == 11
+    assert np.degrees(axes["ankle"]) == pytest.approx([7])
+
+
+def test_a_step_that_does_not_divide_stops_below_the_end():
+    assert np.degrees(grid(LEG, ["knee=0:10:4"]).axes["knee"]) == pytest.approx([0, 4, 8])
+
+
+def test_default_stays_inside_every_range():
+    default = grid(LEG)
+    assert default.shape == (16, 15, 8)
+    for i, name in enumerate(LEG.joint_names):
+        assert default.axes[name].min() >= LEG.lower[i] - 1e-12
+        assert default.axes[name].max() <= LEG.upper[i] + 1e-12
+
+
+def test_configurations_run_the_last_axis_fastest():
+    small = grid(LEG, ["hip=0:10:10", "ankle=0:20:20"])
+    degrees = [np.degrees(q) for q in small.configurations(LEG)]
+    expected = [[0, 0, 0], [0, 0, 20], [10, 0, 0], [10, 0, 20]]
+    assert np.array(degrees) == pytest.approx(np.array(expected))
+    assert small.size == 4
+
+
+@pytest.mark.parametrize(
+    ("joints", "words"),
+    [
+        (["hip"], "'hip' cannot be read: write NAME=LOW:HIGH:STEP"),
+        (["hip=1:2"], "cannot be read"),
+        (["hip=a:b:c"], "'a:b:c' are not numbers"),
+        (["hip=nan"], "joint hip is nan"),
+        (["hip=0:inf:1"], "joint hip is inf"),
+        (["toe=1"], "joint 'toe' is unknown: leg_human has hip, knee, ankle"),
+        (["hip=0:10:0"], "STEP must be above 0"),
+        (["hip=0:10:-1"], "STEP must be above 0"),
+        (["hip=10:0:1"], "LOW must not exceed HIGH: hip=0:10:1, perhaps"),
+        (["hip=0:10:nan"], "joint hip is nan"),
+        (["hip=-0.5:1.5rad:0.1"], r"'1\.5rad' has a unit: write plain numbers.*are 85\.9437 deg"),
+        (["knee=30 deg"], "'30 deg' has a unit: write plain numbers, in deg"),
+        (["knee=0.1m"], r"'0\.1m' has a unit: write plain numbers, in deg"),
+        (["=1"], "joint '' is unknown"),
+        ([""], "joint '' cannot be read"),
+        (["hip=-40:20:10"], "joint hip is swept -40 deg: its range is -30 to 125 deg"),
+        (["knee=-1"], "its range is 0 to 140 deg"),
+        (["hip=1", "hip=2"], "'hip' is given twice"),
+        (["hip=0:100:1e-9"], "take a larger step"),
+        (["hip=0:100:0.1", "knee=0:100:0.1"], "1,002,001 postures"),
+    ],
+)
+def test_bad_grids(joints, words):
+    with pytest.raises(kd.InvalidInput, match=words.replace("(", r"\(")):
+        grid(LEG, joints)
+
+
+def test_a_joint_that_is_not_named_must_allow_0():
+    model = LEG.model
+    model.lowerPositionLimit = np.array([0.1, 0.0, 0.0])
+    leg = kd.Leg.from_model(model, "toe")
+    with pytest.raises(kd.InvalidInput, match="joint hip is not named, so at 0 deg"):
+        grid(leg, ["knee=10"])
+
+
+def test_legs_of_many_joints_want_them_named():
+    model = LEG.model
+    for name in ("a", "b"):
+        joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), name)
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    with pytest.raises(kd.InvalidInput, match="has 5 joints: name those to sweep"):
+        grid(kd.Leg.from_model(model, "toe"))
+
+
+def test_prismatic_joints_are_in_metres_and_continuous_ones_turn_freely():
+    model = pin.Model()
+    first = model.addJoint(0, pin.JointModelRUBY(), pin.SE3.Identity(), "turn")
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
+    model.appendBodyToJoint(first, body, pin.SE3.Identity())
+    limits = [np.array([x]) for x in (10.0, 5.0, -0.2, 0.3)]
+    second = model.addJoint(first, pin.JointModelPX(), pin.SE3.Identity(), "slide", *limits)
+    model.appendBodyToJoint(second, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", second, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    leg = kd.Leg.from_model(model, "toe")
+    axes = grid(leg, ["slide=0:0.2:0.1", "turn=-170:170:170"]).axes
+    assert axes["slide"] == pytest.approx([0, 0.1, 0.2])
+    assert axes["turn"] == pytest.approx(np.radians([-170, 0, 170]))
+    with pytest.raises(kd.InvalidInput, match=r"range is -0\.2 to 0\.3 m"):
+        grid(leg, ["slide=1"])
+    assert grid(leg).size > 10
+    q = leg.configuration({"turn": math.pi / 2, "slide": 0.1})
+    assert leg.angles_deg(q) == pytest.approx({"turn": 90, "slide": 0.1})
+
+
+def chain(kind, low, high):
+    model = pin.Model()
+    limits = [np.array([x]) for x in (10.0, 5.0, low, high)]
+    joint = model.addJoint(0, kind, pin.SE3.Identity(), "only", *limits)
+    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model.addFrame(pin.Frame("toe", joint, 0, tip, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe")
+
+
+@pytest.mark.parametrize("far", [1e9, 1e300])
+@pytest.mark.parametrize("kind", [pin.JointModelRY(), pin.JointModelPX()], ids=["turn", "slide"])
+def test_an_endless_range_must_be_narrowed(kind, far):
+    with pytest.raises(kd.InvalidInput, match=r"joint only ranges from -1e.*name the part"):
+        grid(chain(kind, -far, far))
+
+
+def test_a_range_of_one_value_is_one_posture():
+    assert grid(chain(pin.JointModelPX(), 0.2, 0.2)).axes["only"] == pytest.approx([0.2])
+
+
+@pytest.mark.parametrize(
+    ("most", "step", "words"),
+    [
+        (10**6, 0.1, r"2,004,002 postures \(1001 x 1001 x 2\): they would fill 210 MB and take "
+         r"about 10 s of one core; at most 1,000,000 .* name a store, --out DIR\.zarr "
+          r"\(in Python, most=\), or take"),
+        (10**10, 0.001, r"would fill 2\.1 TB and take about 27.8 hours .* at most 10,000,000,000 "
+         r"are swept, or take larger steps"),
+    ],
+)  # fmt: skip
+def test_too_many_postures_say_what_they_would_need(most, step, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        grid(LEG, [f"hip=0:100:{step}", f"knee=0:100:{step}", "ankle=0:1:1"], most)

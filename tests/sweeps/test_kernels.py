@@ -1,0 +1,175 @@
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import floating_leg, random_leg
+
+import kickdyn as kd
+from kickdyn.accuracy.extreme_impacts import chain
+from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel_scene import scene_of
+from kickdyn.sweeps.kernels import (
+    DOUBT,
+    GIVE,
+    LOST,
+    MOMENTUM,
+    NORMAL,
+    RESTITUTION,
+    USE,
+    WORST,
+    Kernel,
+)
+from kickdyn.sweeps.kick import Kick, kick_from
+
+LEG = kd.Leg.human()
+
+
+def answers(leg, kick, axes, planar=None, first=0, count=None):
+    scene = scene_of(leg, kick, planar)
+    joints = [1 + leg.joint_names.index(name) for name in axes]
+    kernel = Kernel(scene, joints, list(axes.values()), np.zeros(leg.nv), kick.ball.mass)
+    return scene, kernel(first, Grid(axes).size if count is None else count)
+
+
+def agree(leg, kick, axes, planar=None, speeds=1e-12):
+    """Hold every posture against `kick_from`; return how many stick, slip and are in doubt.
+
+    Joint speeds are compared to `speeds`.
+    """
+    scene, found = answers(leg, kick, axes, planar)
+    seen = {"sticks": 0, "slips": 0, "doubt": 0}
+    for answer, q in zip(found.T, Grid(axes).configurations(leg), strict=True):
+        if answer[DOUBT]:
+            seen["doubt"] += 1
+            continue
+        outcome = kick_from(leg.posture(q), kick)
+        hit = outcome.hit
+        size = np.linalg.norm(hit.impulse)
+        assert np.linalg.norm(scene.axes @ answer[: NORMAL + 1] - hit.impulse) < 1e-12 * size
+        assert 1 / answer[GIVE] == pytest.approx(hit.effective_mass, rel=1e-12)
+        assert answer[LOST] == pytest.approx(hit.energy_lost, rel=1e-12, abs=1e-13 * size)
+        assert answer[USE] == pytest.approx(outcome.speed_use, rel=speeds)
+        assert answer[WORST] == pytest.approx(hit.worst_joint[1], rel=1e-12)
+        assert answer[RESTITUTION] < 1e-12
+        assert answer[MOMENTUM] < 1e-12
+        seen["sticks" if hit.sticking else "slips"] += 1
+    return scene.planar, seen
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.4])
+def test_the_planar_kernel_is_kick_from(friction):
+    axes = {name: np.radians([3.0, 20.0, 47.0, 61.0]) for name in LEG.joint_names}
+    planar, seen = agree(LEG, Kick(speed=2.0, restitution=0.7, friction=friction), axes)
+    assert planar
+    assert seen["doubt"] == 0
+    assert seen["slips"] > 0 if friction < 0.1 else seen["sticks"] > 0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_general_kernel_is_kick_from(seed):
+    rng = np.random.default_rng(seed)
+    leg = random_leg(rng, joints=3 + seed % 5)
+    model = leg.model
+    model.velocityLimit = np.linspace(4.0, 9.0, leg.nv) if seed else np.array([5.0, np.inf, 9.0])
+    leg = kd.Leg.from_model(model, "toe")
+    axes = {name: rng.uniform(-2, 2, 2) for name in leg.joint_names[:4]}
+    kick = Kick(speed=rng.uniform(0.5, 9), restitution=rng.uniform(0, 1), friction=0.15)
+    planar, seen = agree(leg, kick, axes)
+    assert not planar
+    assert seen["doubt"] <= 1
+
+
+@pytest.mark.parametrize("friction", [1e-6, 1e-10, 1e-14, 1e-18, 1e-300])
+def test_the_slightest_friction_is_a_slip_against_the_sliding(friction):
+    leg = random_leg(np.random.default_rng(3), joints=4)
+    axes = {name: np.array([-1.3, 0.4]) for name in leg.joint_names}
+    _, seen = agree(leg, Kick(speed=2.0, friction=friction), axes)
+    assert seen == {"sticks": 0, "slips": 16, "doubt": 0}
+
+
+@pytest.mark.parametrize("friction", [0.15, 1.0])
+@pytest.mark.parametrize(("last", "doubt"), [(1e-2, 0.0), (1e-4, 0.5), (1e-6, 1.0), (1e-8, 1.0)])
+def test_short_light_feet_keep_their_digits_or_are_marked(last, doubt, friction):
+    kick = Kick(speed=3.0, attack=0.5, restitution=0.6, friction=friction)
+    rods = chain((0.4, 0.4, 0.3 * last), (2.0, 2.0, last))
+    for leg, each in ((rods, 4), (random_leg(np.random.default_rng(0), 5, last=last), 2)):
+        axes = {name: np.linspace(-1.5, 1.4, each) for name in leg.joint_names}
+        planar, seen = agree(leg, kick, axes, speeds=1e-11)
+        assert planar is (leg is rods)
+        assert seen["doubt"] <= doubt * sum(seen.values())
+        assert last > 1e-7 or seen["doubt"] > 0.8 * sum(seen.values())
+
+
+@pytest.mark.parametrize("size", [(0.1, 1.0, 1.0), (1.0, 0.1, 1.0), (0.01, 1.0, 0.01)])
+def test_short_links_before_long_ones_keep_their_digits_or_are_marked(size):
+    leg, kick = chain(size, size), Kick(speed=3.0, attack=0.5, restitution=0.6, friction=0.15)
+    axes = {name: np.linspace(-1.2, 1.3, 6) for name in leg.joint_names}
+    _, seen = agree(leg, kick, axes, speeds=1e-11)
+    assert seen["slips"] + seen["sticks"] > 0
+    assert seen["doubt"] > 20 if min(size) < 0.1 else seen["doubt"] < 20
+
+
+def test_branches_slides_and_rotors_count():
+    model, here = pin.Model(), pin.SE3.Identity()
+    body = pin.Inertia(2.0, np.array([0.1, 0.0, -0.2]), 0.05 * np.eye(3))
+    turn, slide = pin.JointModelRY(), pin.JointModelPX()
+    for name, parent, kind, x in (
+        ("hip", 0, turn, 3.0), ("side", 1, slide, 0.1), ("arm", 2, turn, 0.2),
+        ("knee", 1, turn, 0.1), ("stretch", 4, slide, 0.2),
+    ):  # fmt: skip
+        place = pin.SE3(here.rotation, np.array([x, 0.1, -0.4]))
+        joint = model.addJoint(parent, kind, place, name)
+        model.appendBodyToJoint(joint, body, here)
+    tip = pin.SE3(here.rotation, np.array([0.1, 0.0, -0.3]))
+    model.addFrame(pin.Frame("toe", 5, 0, tip, pin.FrameType.OP_FRAME))
+    model.armature = np.linspace(0.01, 0.05, 5)
+    model.velocityLimit = np.linspace(3.0, 9.0, 5)
+    leg = kd.Leg.from_model(model, "toe")
+    axes = {name: np.array([0.1, 0.35, 0.6]) for name in leg.joint_names}
+    kick = Kick(attack=0.2, friction=0.1)
+    planar, seen = agree(leg, kick, axes)
+    assert planar
+    assert seen["doubt"] == 0
+    assert agree(kd.Leg.from_robot("g1", legs_only=True), kick, {
+        "right_hip_pitch_joint": np.array([-0.7, 0.2]), "right_knee_joint": np.array([0.3, 0.9]),
+        "left_hip_roll_joint": np.array([0.1, 0.2])})[0] is False  # fmt: skip
+
+
+@pytest.mark.parametrize("most", [1e4, 1e9, 1e16, 1e20, np.inf])
+def test_a_limit_beyond_all_others(most):
+    for leg, planar in ((kd.Leg.human(), True), (random_leg(np.random.default_rng(1), 5), False)):
+        model = leg.model
+        model.velocityLimit = np.linspace(4.0, 9.0, leg.nv)
+        model.velocityLimit[1] = most
+        fast = kd.Leg.from_model(model, leg.frame)
+        axes = {name: np.array([0.3, 0.6, 1.1]) for name in leg.joint_names[:4]}
+        assert agree(fast, Kick(speed=5.0), axes, speeds=1e-10)[0] is planar
+
+
+def test_a_single_joint_is_swept_one_by_one():
+    model = pin.Model()
+    hip = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hip")
+    body = pin.Inertia(2.0, np.array([0.0, 0.0, -0.3]), 0.05 * np.eye(3))
+    model.appendBodyToJoint(hip, body, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.8]))
+    model.addFrame(pin.Frame("toe", hip, 0, tip, pin.FrameType.OP_FRAME))
+    leg = kd.Leg.from_model(model, "toe")
+    found = answers(leg, Kick(attack=0.0), {"hip": np.array([0.0, 0.3])})[1]
+    assert found[DOUBT].all()
+    assert kick_from(leg.posture([0.0]), Kick(attack=0.0)).status == "ok"
+
+
+def test_what_cannot_be_vouched_for_is_marked():
+    axes = {"hip": np.radians([90.0]), "knee": np.zeros(1), "ankle": np.radians([40.0, 90.0])}
+    assert answers(LEG, Kick(attack=0.0), axes)[1][DOUBT].tolist() == [0, 1]
+    assert answers(LEG, Kick(), axes, planar=False)[1][DOUBT].all()  # it cannot move across
+
+
+def test_a_range_of_postures_is_a_part_of_the_whole():
+    axes = {name: np.linspace(0.1, 0.9, k) for name, k in (("hip", 7), ("knee", 5), ("ankle", 3))}
+    whole = answers(LEG, Kick(), axes)[1]
+    assert (answers(LEG, Kick(), axes, first=37, count=50)[1] == whole[:, 37:87]).all()
+
+
+def test_only_fixed_trees_of_hinges_and_slides_have_a_kernel():
+    assert scene_of(floating_leg(np.random.default_rng(1)), Kick()) is None
+    assert scene_of(kd.Leg.from_robot("bolt", base="floating"), Kick()) is None

@@ -45,7 +45,7 @@ def order() -> None:
         apart = math.hypot(*(hit.impulse - INSTANT.impulse))
         slope = f"{math.log(apart / last, 32):.3f}" if last else ""
         print(
-            f"| {hit.contact.stiffness:.2e} | {1e3 * hit.contact_time:.4g} | {apart:.2e} "
+            f"| {hit.hertz.stiffness:.2e} | {1e3 * hit.contact_time:.4g} | {apart:.2e} "
             f"| {apart / size:.3%} | {slope} |"
         )
         last = apart
@@ -60,13 +60,13 @@ def price() -> None:
         hit = through_time(milliseconds)
         cells = (
             f"{1e3 * hit.contact_time:.1f}",
-            f"{hit.contact.stiffness:.2e}",
+            f"{hit.hertz.stiffness:.2e}",
             f"{hit.peak_force:.0f}",
             f"{1e3 * hit.deflection:.1f}",
             f"{1e3 * math.hypot(*hit.foot_displacement):.0f}",
             f"{math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1:+.1%}",
-            f"{float(hit.ball.speed) / float(INSTANT.ball.speed) - 1:+.1%}",
-            f"{angle(hit.ball.velocity, INSTANT.ball.velocity):.1f}",
+            f"{float(hit.ball_after.speed) / float(INSTANT.ball.speed) - 1:+.1%}",
+            f"{angle(hit.ball_after.velocity, INSTANT.ball.velocity):.1f}",
             f"{hit.energy_lost / INSTANT.energy_lost - 1:+.1%}",
         )
         print("| " + " | ".join(cells) + " |")
@@ -92,8 +92,8 @@ def motions() -> None:
             ", ".join(f"{value:.1f}" for value in v),
             f"{np.abs(v / LEG.velocity_limit).max():.0%}",
             f"{math.hypot(*hit.impulse) / math.hypot(*instant.impulse) - 1:+.1%}",
-            f"{float(hit.ball.speed) / float(instant.ball.speed) - 1:+.1%}",
-            f"{angle(hit.ball.velocity, instant.ball.velocity):.1f}",
+            f"{float(hit.ball_after.speed) / float(instant.ball_after.speed) - 1:+.1%}",
+            f"{angle(hit.ball_after.velocity, instant.ball_after.velocity):.1f}",
         )
         print("| " + " | ".join(cells) + " |")
 
@@ -112,7 +112,7 @@ def causes() -> None:
         ("every joint with a tenth of its effort limit, along its motion", pushed),
     ):
         impulse = math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1
-        speed = float(hit.ball.speed) / float(INSTANT.ball.speed) - 1
+        speed = float(hit.ball_after.speed) / float(INSTANT.ball.speed) - 1
         print(f"| {name} | {1e3 * hit.contact_time:.1f} | {impulse:+.1%} | {speed:+.1%} |")
 
 

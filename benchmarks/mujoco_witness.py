@@ -60,8 +60,8 @@ SLIDING = Kick("friction 0.05, sliding, e = 0.8", (5, 10, -5), (8, 0, 4), (8, 0,
 def ours(kick: Kick) -> kd.Impact:
     """Return the instant impact."""
     posture = LEG.posture(np.radians(kick.angles))
-    touch = kd.Contact(kick.normal, kick.restitution, kick.friction)
-    return kd.strike_at(posture, posture.joint_velocity(kick.foot), BALL, touch, "stronge")
+    contact = kd.Contact(kick.normal, kick.restitution, kick.friction)
+    return kd.strike_at(posture, posture.joint_velocity(kick.foot), BALL, contact, "stronge")
 
 
 def relaxed(kick: Kick) -> np.ndarray:
@@ -74,12 +74,12 @@ def relaxed(kick: Kick) -> np.ndarray:
     Of contacts whose sliding stays in one plane.
     """
     hit = ours(kick)
-    n, mass = hit.touch.normal, hit.struck.mass
+    n, mass = hit.contact.normal, hit.ball.mass
     along = np.array([n[2], 0.0, -n[0]])
     assert n[1] == 0.0
     assert hit.foot_velocity[1] == 0.0
     axes = np.array([along, n])
-    turning = hit.struck.radius**2 / hit.struck.inertia
+    turning = hit.ball.radius**2 / hit.ball.inertia
     whole = hit.posture.delassus() + np.eye(3) / mass + turning * (np.eye(3) - np.outer(n, n))
     give = axes @ whole @ axes.T
     damping = 2.0 * damping_ratio(kick.restitution)

@@ -58,7 +58,7 @@ def kicks() -> Iterator[tuple[str, str, kd.Impact]]:
         fixed = kd.Leg.from_robot(name, legs_only=legs)
         yield shown, "fixed", struck(posture(fixed, joints))
         yield shown, "floating", struck(posture(floating, joints))
-        yield shown, "left foot held", struck(posture(floating.standing_on(foot), joints))
+        yield shown, "left foot held", struck(posture(floating.with_supports(foot), joints))
 
 
 def struck(bent: kd.Posture) -> kd.Impact:
@@ -90,7 +90,7 @@ def pages(folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, base, hit in kicks():
-        path = kd.fly(hit.ball, kd.Ball(), air=kd.Air(), ground=None)
+        path = kd.fly(hit.ball_after, kd.Ball(), air=kd.Air(), ground=None)
         file = folder / f"{name} {base}.html".replace(", ", " ").replace(" ", "_")
         write_page(file, kick_page(hit, kd.Ball(), path, caption=f"{name}, {base}"))
 

@@ -68,14 +68,14 @@ def struck(
     leg: kd.Leg,
     q: Array,
     v: Array,
-    touch: kd.Contact,
+    contact: kd.Contact,
     law: str = "newton",
     read: Sequence[str] = READ,
 ) -> Callable[[], Any]:
     """Return a strike, after which attributes are read."""
 
     def calls() -> Any:
-        hit = kd.strike(leg, q, v, BALL, touch, law)
+        hit = kd.strike(leg, q, v, BALL, contact, law)
         return [getattr(hit, name) for name in read]
 
     return calls
@@ -88,19 +88,19 @@ def main() -> None:
     cases = {
         "human leg, 3 joints": (kd.Leg.human(), np.radians([5, 10, -5])),
         "G1, floating, 35 degrees of freedom": (g1, bent),
-        "G1 on its left foot": (g1.standing_on("left_ankle_roll_link"), bent),
+        "G1 on its left foot": (g1.with_supports("left_ankle_roll_link"), bent),
     }
     titles = ["bare Pinocchio", "`strike`", "joint impulses", "all", "`newton`", "`stronge`"]
     print("| leg | " + " | ".join(titles) + " |")
     print("|---" * (len(titles) + 1) + "|")
     for name, (leg, q) in cases.items():
-        v, touch = leg.posture(q).joint_velocity((4.0, 0.0, 1.0)), kd.Contact((4, 0, 1), 0.8)
-        rough = kd.Contact(touch.normal, 0.8, 0.4)
+        v, contact = leg.posture(q).joint_velocity((4.0, 0.0, 1.0)), kd.Contact((4, 0, 1), 0.8)
+        rough = kd.Contact(contact.normal, 0.8, 0.4)
         times = best(
-            bare(leg, q, v, touch.normal),
-            struck(leg, q, v, touch, read=()),
-            struck(leg, q, v, touch),
-            struck(leg, q, v, touch, read=ALL),
+            bare(leg, q, v, contact.normal),
+            struck(leg, q, v, contact, read=()),
+            struck(leg, q, v, contact),
+            struck(leg, q, v, contact, read=ALL),
             struck(leg, q, v, rough),
             struck(leg, q, v, rough, "stronge"),
         )

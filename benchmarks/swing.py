@@ -28,7 +28,7 @@ def main() -> None:
         make, beyond, easy = LEGS[name]
         leg = make()
         hardest = [kd.plan_kick(leg, beyond, BALL, AIR, swing=swing) for swing in (False, True)]
-        speeds = [float(plan.hit.ball.speed) for plan in hardest]
+        speeds = [float(plan.hit.ball_after.speed) for plan in hardest]
         marks = [time.process_time()]
         for swing in (False, True):
             plan = kd.plan_kick(leg, easy, BALL, AIR, swing=swing)

@@ -15,7 +15,7 @@ from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
 from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel, find
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -59,7 +59,7 @@ def _model(
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Air(Card):
+class Air(ReprMixin):
     """Still or moving air of one density.
 
     Density and viscosity default to dry air at 20 degC and 101325 Pa; `Air.at` takes altitude,
@@ -142,7 +142,7 @@ class Air(Card):
         names = self._names()
         yield "density", self.density, "kg/m3"
         yield "viscosity", self.viscosity, "Pa s"
-        yield "wind", names["wind"] if callable(self.wind) else shown(self.wind), "m/s"
+        yield "wind", names["wind"] if callable(self.wind) else format_value(self.wind), "m/s"
         for name, what in (("drag", "drag"), ("lift", "lift"), ("torque", "spin decay")):
             yield what, "not modelled" if names[name] is None else names[name], ""
         yield "buoyancy", self.buoyancy, ""

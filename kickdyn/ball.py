@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import Sealed
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.read_only import ReadOnly
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -20,7 +20,7 @@ SMALLEST = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
-class Ball(Card):
+class Ball(ReprMixin):
     """A ball: a thin spherical shell, the paper's Eq. (22), if not told otherwise.
 
     The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
@@ -91,7 +91,7 @@ class Ball(Card):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class BallState(Sealed):
+class BallState(ReadOnly):
     """Where a ball is and how it moves, at one time or at many.
 
     Args:
@@ -150,10 +150,12 @@ class BallState(Sealed):
         """Return one state in words, or how many there are."""
         if np.ndim(self.time):
             times = np.asarray(self.time)
-            span = f", {shown(times[0])} to {shown(times[-1])} s" if times.size else ""
+            span = (
+                f", {format_value(times[0])} to {format_value(times[-1])} s" if times.size else ""
+            )
             return f"BallState({times.size} times{span})"
         parts = (("position", "m"), ("velocity", "m/s"), ("spin", "rad/s"), ("time", "s"))
-        said = (f"{name}={shown(getattr(self, name))} {unit}" for name, unit in parts)
+        said = (f"{name}={format_value(getattr(self, name))} {unit}" for name, unit in parts)
         return f"BallState({', '.join(said)})"
 
     @property

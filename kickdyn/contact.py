@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import Sealed
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.read_only import ReadOnly
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Contact(Card, Sealed):
+class Contact(ReprMixin, ReadOnly):
     """One point contact, for the instant of the impact.
 
     Args:
@@ -58,8 +58,8 @@ class Contact(Card, Sealed):
 
     def __repr__(self) -> str:
         """Name every value, in a line."""
-        said = f"normal={shown(self.normal)}, restitution={self.restitution:g}"
-        offset = "" if self.offset is None else f", offset={shown(self.offset)} m"
+        said = f"normal={format_value(self.normal)}, restitution={self.restitution:g}"
+        offset = "" if self.offset is None else f", offset={format_value(self.offset)} m"
         return f"Contact({said}, friction={self.friction:g}{offset})"
 
     def _rows(self) -> Iterable[Row]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.errors import InvalidInput
 
 
@@ -83,7 +83,7 @@ SURFACES = {
 
 
 @dataclass(frozen=True, repr=False)
-class Ground(Card):
+class Ground(ReprMixin):
     """A level plane.
 
     Args:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -17,7 +17,7 @@ _PARTS = {"front": -1.0, "centre": 0.0, "back": 1.0}
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Plane(Card):
+class Plane(ReprMixin):
     """An endless plane that a flight ends at, reached from the side its normal points to.
 
     Args:
@@ -48,7 +48,7 @@ class Plane(Card):
 
     def __repr__(self) -> str:
         """Name every value, in a line."""
-        said = f"point={shown(self.point)} m, normal={shown(self.normal)}"
+        said = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
         return f"Plane({said}, reached_by={self.reached_by!r})"
 
     def _rows(self) -> Iterable[Row]:

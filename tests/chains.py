@@ -42,7 +42,7 @@ def random_leg(rng, joints=None, last=1.0):
     return kd.Leg.from_model(model, "toe")
 
 
-def random_kick(rng, leg, **touch):
+def random_kick(rng, leg, **contact):
     """A posture, joint velocity, ball and contact that approach each other."""
     q = rng.uniform(-2, 2, size=leg.nq)
     v = rng.normal(size=leg.nv) * 3
@@ -50,23 +50,23 @@ def random_kick(rng, leg, **touch):
     ball_velocity, ball_spin = rng.normal(size=3), rng.normal(size=3) * 20
     closing = leg.posture(q).point_velocity(v) - ball_velocity
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
-    touch = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **touch})
-    return (leg, q, v, ball, touch), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    contact = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **contact})
+    return (leg, q, v, ball, contact), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
 
 
-def any_kick(rng, leg, **touch):
+def any_kick(rng, leg, **contact):
     """As `random_kick`, for legs with a floating base, supports or loops."""
     model = leg.model
     q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.7, 0.7, size=leg.nv))
     if leg.constraints:
-        q = leg.closed(q)
+        q = leg.close_loops(q)
     posture = leg.posture(q)
     v = posture.admissible(rng.normal(size=leg.nv) * 2)
     ball_velocity, ball_spin = rng.normal(size=3) * 0.3, rng.normal(size=3) * 20
     closing = posture.point_velocity(v) - ball_velocity
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.3, 0.3, size=3)
-    touch = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **touch})
-    return (leg, q, v, kd.Ball(), touch), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    contact = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **contact})
+    return (leg, q, v, kd.Ball(), contact), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
 
 
 def floating_leg(rng):
@@ -83,13 +83,13 @@ def floating_leg(rng):
     return kd.Leg.from_model(model, "toe")
 
 
-def floating_kick(rng, **touch):
+def floating_kick(rng, **contact):
     """A kick by a `floating_leg`."""
     leg = floating_leg(rng)
     q = pin.integrate(leg.model, pin.neutral(leg.model), rng.normal(size=leg.nv))
     v = rng.normal(size=leg.nv) * 3
     closing = leg.posture(q).point_velocity(v)
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
-    contact = kd.Contact(normal, rng.uniform(0, 1), **touch)
+    contact = kd.Contact(normal, rng.uniform(0, 1), **contact)
     options = {"ball_velocity": np.zeros(3), "ball_spin": 20 * rng.normal(size=3)}
     return (leg, q, v, kd.Ball(), contact), options

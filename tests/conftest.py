@@ -91,10 +91,10 @@ def kick_of(leg, speed, degrees=(5, 10, -5), attack=30.0, air=None, friction=0.4
     posture = leg.posture(np.radians(degrees))
     angle = math.radians(attack)
     way = np.array([math.cos(angle), 0.0, math.sin(angle)])
-    touch = kd.Contact(way, restitution=0.8, friction=friction)
+    contact = kd.Contact(way, restitution=0.8, friction=friction)
     ball = kd.Ball()
-    hit = kd.strike_at(posture, posture.joint_velocity(speed * way), ball, touch)
-    return hit, ball, kd.fly(hit.ball, ball, air)
+    hit = kd.strike_at(posture, posture.joint_velocity(speed * way), ball, contact)
+    return hit, ball, kd.fly(hit.ball_after, ball, air)
 
 
 @pytest.fixture(scope="session")

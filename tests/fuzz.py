@@ -183,8 +183,8 @@ def run_urdf(text: str, folder: Path) -> None:
     try:
         leg = kd.Leg.from_urdf(file)
         posture = leg.posture(leg.configuration())
-        touch = kd.Contact((2, 0.3, 1), restitution=0.8, friction=0.4)
-        hit = kd.strike_at(posture, np.ones(leg.nv), kd.Ball(), touch)
+        contact = kd.Contact((2, 0.3, 1), restitution=0.8, friction=0.4)
+        hit = kd.strike_at(posture, np.ones(leg.nv), kd.Ball(), contact)
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said, "a refusal says why"

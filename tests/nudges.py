@@ -8,10 +8,15 @@ import kickdyn as kd
 
 def nudged(kick, options, name, step):
     """The same strike with one source moved by `step`, shape `(n,)`; what holds the leg holds."""
-    (leg, q, v, ball, touch), options = kick, dict(options)
-    normal, e, mu, mass, radius = touch.normal, touch.restitution, touch.friction, *vars_of(ball)
+    (leg, q, v, ball, contact), options = kick, dict(options)
+    normal, e, mu, mass, radius = (
+        contact.normal,
+        contact.restitution,
+        contact.friction,
+        *vars_of(ball),
+    )
     if name == "q":
-        q = leg.closed(pin.integrate(leg.model, q, step))
+        q = leg.close_loops(pin.integrate(leg.model, q, step))
         v = leg.posture(q).admissible(v)
     elif name == "v":
         v = leg.posture(q).admissible(v + step)
@@ -46,7 +51,7 @@ def reweighed(leg, name, step):
     if leg.constraints and leg.constraints.loops:
         new = new.with_loops(*leg.constraints.loops)
     if leg.constraints and leg.constraints.supports:
-        new = new.standing_on(*leg.constraints.supports)
+        new = new.with_supports(*leg.constraints.supports)
     return new
 
 
@@ -55,20 +60,20 @@ def vars_of(ball):
 
 
 def margin(hit):
-    n, p, mu = hit.touch.normal, hit.impulse, hit.touch.friction
+    n, p, mu = hit.contact.normal, hit.impulse, hit.contact.friction
     if mu == 0:
         return 0.0
     if hit.sticking:
         return mu * float(n @ p) - np.linalg.norm(p - (n @ p) * n)
     foot = hit.posture.jacobian @ hit.v_after
-    after = hit.ball.velocity - hit.struck.radius * np.cross(hit.ball.spin, n) - foot
+    after = hit.ball_after.velocity - hit.ball.radius * np.cross(hit.ball_after.spin, n) - foot
     return np.linalg.norm(after - (n @ after) * n)
 
 
 RESULTS = {
     "impulse": lambda hit: hit.impulse,
-    "velocity": lambda hit: hit.ball.velocity,
-    "spin": lambda hit: hit.ball.spin,
+    "velocity": lambda hit: hit.ball_after.velocity,
+    "spin": lambda hit: hit.ball_after.spin,
     "v_after": lambda hit: hit.v_after,
     "margin_slope": lambda hit: np.array([margin(hit)]),
 }

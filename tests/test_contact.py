@@ -30,8 +30,11 @@ def test_contact_refuses(name, value, said):
 
 @pytest.mark.parametrize("restitution", [0, 1])
 def test_limits_belong_to_the_range(restitution):
-    touch = kd.Contact((0, 0, 1), restitution)
-    assert (touch.restitution, touch.friction) == (restitution, 0.0)  # frictionless if not named
+    contact = kd.Contact((0, 0, 1), restitution)
+    assert (contact.restitution, contact.friction) == (
+        restitution,
+        0.0,
+    )  # frictionless if not named
 
 
 @pytest.mark.parametrize("scale", [5e-324, 1e-300, 1e-160, 1.0, 1e160, 1e300])
@@ -43,20 +46,20 @@ def test_normal_of_any_length_becomes_a_unit_vector(scale):
 
 def test_contact_cannot_be_changed():
     given = np.array([0.0, 0.0, 1.0])
-    touch = kd.Contact(given, 0.5)
+    contact = kd.Contact(given, 0.5)
     given[0] = 9
-    assert touch.normal.tolist() == [0, 0, 1]
+    assert contact.normal.tolist() == [0, 0, 1]
     with pytest.raises(ValueError, match="read-only"):
-        touch.normal[0] = 1
+        contact.normal[0] = 1
     with pytest.raises(dataclasses.FrozenInstanceError):
-        touch.friction = 0.1
+        contact.friction = 0.1
 
 
 def test_offset_is_none_or_kept():
     assert kd.Contact(**GOOD).offset is None
     offset = np.array([0.1, 0.0, 0.02])
-    touch = kd.Contact(**GOOD, offset=offset)
+    contact = kd.Contact(**GOOD, offset=offset)
     offset[0] = 9
-    assert touch.offset.tolist() == [0.1, 0.0, 0.02]
+    assert contact.offset.tolist() == [0.1, 0.0, 0.02]
     with pytest.raises(ValueError, match="read-only"):
-        touch.offset[0] = 1
+        contact.offset[0] = 1

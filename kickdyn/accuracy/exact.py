@@ -151,7 +151,7 @@ class ExactPosture:
         ]
         self.jacobian = transposed(columns)
         self.inertia = self._inertia(values["armature"])
-        self._factor = factored(self.inertia)
+        self._factor = cholesky_with_condition(self.inertia)
 
     def _place(self, i: int, values: dict[str, Any], q: Any) -> None:
         parent = self.parents[i]
@@ -261,7 +261,7 @@ def rotation(axis: Vector, angle: Any) -> list[Vector]:
     ]
 
 
-def factored(rows: list[Vector]) -> list[Vector]:
+def cholesky_with_condition(rows: list[Vector]) -> list[Vector]:
     """Return the rows of L up to their diagonal, with L L^T the matrix.
 
     Raises:

@@ -64,14 +64,14 @@ class Quantity:
 
 def given(hit: Impact) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what a strike was given: the leg's structure, and every number of the scene."""
-    ball, touch, before = hit.struck, hit.touch, hit.ball_before
+    ball, contact, before = hit.ball, hit.contact, hit.ball_before
     structure = described(hit.posture.leg)
     scene = structure.pop("values") | {
         "q": numbers(hit.posture.q),
         "v": numbers(hit.v_before),
         "ball": numbers([ball.mass, ball.radius, ball.inertia_factor]),
-        "normal": numbers(touch.normal),
-        "coefficients": numbers([touch.restitution, touch.friction]),
+        "normal": numbers(contact.normal),
+        "coefficients": numbers([contact.restitution, contact.friction]),
         "ball_velocity": numbers(before.velocity),
         "ball_spin": numbers(before.spin),
     }
@@ -93,14 +93,16 @@ def exact_impact(structure: dict[str, Any], scene: dict[str, Any]) -> dict[str, 
     u = plus(centre, cross(scene["ball_spin"], n), -radius)
     if mu == 0:
         p = -(1 + e) * dot(n, centre) / (dot(n, turned(leg, n)) + 1 / mass)
-        impulse, rub = [p * part for part in n], [mp.zero] * 3
+        impulse, tangential_impulse = [p * part for part in n], [mp.zero] * 3
     else:
-        impulse, rub = coulomb(leg, (1 / mass + turn, 1 / mass), u, n, dot(n, centre), (e, mu))
+        impulse, tangential_impulse = coulomb(
+            leg, (1 / mass + turn, 1 / mass), u, n, dot(n, centre), (e, mu)
+        )
     weighed = [dot(column, impulse) for column in zip(*rows, strict=True)]
     jump = [-part for part in posture.unweighed(weighed)]
     give = dot(n, turned(leg, n))
-    after = plus(plus(plus(u, turned(leg, impulse)), impulse, 1 / mass), rub, turn)
-    kick = [part / (factor * mass * radius) for part in cross(n, rub)]
+    after = plus(plus(plus(u, turned(leg, impulse)), impulse, 1 / mass), tangential_impulse, turn)
+    kick = [part / (factor * mass * radius) for part in cross(n, tangential_impulse)]
     spin = plus(scene["ball_spin"], kick, -1)
     answers = {
         "impulse": impulse,
@@ -253,8 +255,8 @@ def answers(hit: Impact) -> dict[str, Any]:
         "impulse": hit.impulse,
         "effective mass": hit.effective_mass,
         "foot velocity": hit.foot_velocity,
-        "ball velocity": hit.ball.velocity,
-        "ball spin": hit.ball.spin,
+        "ball velocity": hit.ball_after.velocity,
+        "ball spin": hit.ball_after.spin,
         "joint velocity": hit.v_after,
         "energy lost": hit.energy_lost,
     }

@@ -38,14 +38,14 @@ class Kick(NamedTuple):
     q: ArrayLike
     v: ArrayLike
     ball: Ball
-    touch: Contact
+    contact: Contact
     ball_velocity: ArrayLike = (0.0, 0.0, 0.0)
     ball_spin: ArrayLike = (0.0, 0.0, 0.0)
 
     def struck(self) -> Impact:
         """Return what kickdyn says."""
         return strike(
-            self.leg, self.q, self.v, self.ball, self.touch,
+            self.leg, self.q, self.v, self.ball, self.contact,
             ball_velocity=self.ball_velocity, ball_spin=self.ball_spin,
         )  # fmt: skip
 
@@ -92,28 +92,30 @@ def postures() -> Iterator[Kick]:
     coming = {"ball_velocity": (0.3, 0.0, 4.0)}
     for mu in (0.0, 0.4):
         rubs = f", mu {mu:g}"
-        touch = Contact(DOWN, 0.8, mu)
-        yield Kick("straight leg, normal along it" + rubs, leg, still, still, ball, touch, **coming)
+        contact = Contact(DOWN, 0.8, mu)
+        yield Kick(
+            "straight leg, normal along it" + rubs, leg, still, still, ball, contact, **coming
+        )
         for bend in (1e-3, 1e-6, 1e-9, 1e-12, 1e-200):
             name = f"bent by {bend:g} rad, normal along it"
-            yield Kick(name + rubs, leg, (0.0, bend, 0.0), SPEEDS, ball, touch, **coming)
+            yield Kick(name + rubs, leg, (0.0, bend, 0.0), SPEEDS, ball, contact, **coming)
     level = (-math.pi / 2, 0.0, 0.0)
     coming = {"ball_velocity": (-4.0, 0.0, 0.3)}
-    touch = Contact(FORWARD, 0.8)
-    yield Kick("straight leg at pi/2, normal along it", leg, level, still, ball, touch, **coming)
+    contact = Contact(FORWARD, 0.8)
+    yield Kick("straight leg at pi/2, normal along it", leg, level, still, ball, contact, **coming)
 
 
 def masses() -> Iterator[Kick]:
     """Yield mass ratios of 24 decades."""
-    touch = Contact(OBLIQUE, 0.8)
+    contact = Contact(OBLIQUE, 0.8)
     for first, last in ((1.0, 1e-12), (1e-12, 1.0), (1e12, 1.0), (1.0, 1e12)):
         leg = chain(USUAL, (first, math.sqrt(first * last), last))
-        yield Kick(f"links of {first:g} to {last:g} kg", leg, BENT, SPEEDS, Ball(), touch)
+        yield Kick(f"links of {first:g} to {last:g} kg", leg, BENT, SPEEDS, Ball(), contact)
     for mass in (1e-12, 1e12):
         for mu in (0.0, 0.4):
-            touch = Contact(OBLIQUE, 0.8, mu)
+            contact = Contact(OBLIQUE, 0.8, mu)
             name = f"ball of {mass:g} kg, mu {mu:g}"
-            yield Kick(name, chain(USUAL), BENT, SPEEDS, Ball(mass), touch)
+            yield Kick(name, chain(USUAL), BENT, SPEEDS, Ball(mass), contact)
 
 
 def coefficients() -> Iterator[Kick]:
@@ -126,8 +128,8 @@ def coefficients() -> Iterator[Kick]:
                 leg, BENT, SPEEDS, Ball(), Contact(OBLIQUE, e, mu),
             )  # fmt: skip
     for mu in (1e-300, 1e-12, 1e6, 1e300):
-        touch = Contact((2.0, 0.8, 1.0), 0.8, mu)
-        yield Kick(f"mu {mu:g}", leg, BENT, SPEEDS, Ball(), touch)
+        contact = Contact((2.0, 0.8, 1.0), 0.8, mu)
+        yield Kick(f"mu {mu:g}", leg, BENT, SPEEDS, Ball(), contact)
 
 
 def grazes() -> Iterator[Kick]:
@@ -135,13 +137,13 @@ def grazes() -> Iterator[Kick]:
     leg, still = chain(USUAL), np.zeros(3)
     for speed in (1e-9, 1e-150, 1e-300, 5e-324):
         for mu in (0.0, 0.4):
-            touch, sliding = Contact(FORWARD, 0.8, mu), (-speed, 0.5, 0.2)
+            contact, sliding = Contact(FORWARD, 0.8, mu), (-speed, 0.5, 0.2)
             name = f"grazing, n.v = {speed:g} m/s, mu {mu:g}"
-            yield Kick(name, leg, BENT, still, Ball(), touch, sliding)
+            yield Kick(name, leg, BENT, still, Ball(), contact, sliding)
     for spin in (1e6, 1e12, 1e100):
-        touch = Contact(OBLIQUE, 0.8, 0.4)
+        contact = Contact(OBLIQUE, 0.8, 0.4)
         yield Kick(
-            f"spin of {spin:g} rad/s", leg, BENT, SPEEDS, Ball(), touch,
+            f"spin of {spin:g} rad/s", leg, BENT, SPEEDS, Ball(), contact,
             ball_spin=(0.3 * spin, spin, 0.0),
         )  # fmt: skip
 
@@ -160,48 +162,48 @@ def sizes(longest: int = 500) -> Iterator[Kick]:
     lengths = [(1e-6,) * 3, (1e6,) * 3, (1e-6, 1.0, 1e6), (1e6, 1.0, 1e-6)]
     for size in lengths:
         name = "links of " + ", ".join(f"{one:g}" for one in size) + " m"
-        touch = Contact(OBLIQUE, 0.8, 0.4)
-        yield Kick(name, chain(size), BENT, SPEEDS, Ball(), touch)
-    touch = Contact(OBLIQUE, 0.8, 0.4)
+        contact = Contact(OBLIQUE, 0.8, 0.4)
+        yield Kick(name, chain(size), BENT, SPEEDS, Ball(), contact)
+    contact = Contact(OBLIQUE, 0.8, 0.4)
     far = (1e9, -1e9, 1e9)
-    yield Kick("base at 1e9 m", chain(USUAL, base=far), BENT, SPEEDS, Ball(), touch)
+    yield Kick("base at 1e9 m", chain(USUAL, base=far), BENT, SPEEDS, Ball(), contact)
 
 
 def shorts() -> Iterator[Kick]:
     """Yield short links before long ones, and light ones before heavy: M loses its digits."""
-    touch = Contact((2.0, 0.3, 1.0), 0.8, 0.4)
+    contact = Contact((2.0, 0.3, 1.0), 0.8, 0.4)
     short = [(0.1, 1.0, 1.0), (0.01, 1.0, 1.0), (0.01, 100.0, 1.0), (1e-3, 1e3, 1.0)]
     for size in [*short, (0.01, 1.0, 0.01), (1.0, 1e-3, 1e3), (1e3, 1e-3, 1.0)]:
         name = "links of " + ", ".join(f"{one:g}" for one in size) + " m"
-        yield Kick(name, chain(size), BENT, SPEEDS, Ball(), touch)
+        yield Kick(name, chain(size), BENT, SPEEDS, Ball(), contact)
 
 
 def turnings() -> Iterator[Kick]:
     """Yield balls from a shell to nearly a particle, which resists turning by nothing."""
     for factor in (2 / 3, 1e-4, 1e-10, 1e-16, 1e-100, 1e-300):
         ball = Ball(inertia_factor=factor)
-        touch = Contact(OBLIQUE, 0.8, 0.4)
-        yield Kick(f"inertia factor {factor:.2g}", chain(USUAL), BENT, SPEEDS, ball, touch)
+        contact = Contact(OBLIQUE, 0.8, 0.4)
+        yield Kick(f"inertia factor {factor:.2g}", chain(USUAL), BENT, SPEEDS, ball, contact)
 
 
 def slows() -> Iterator[Kick]:
     """Yield kicks that slip, ever slower: the law knows no speed."""
-    touch = Contact((2.0, 0.8, 1.0), 0.8, 0.4)
+    contact = Contact((2.0, 0.8, 1.0), 0.8, 0.4)
     for speed in (1.0, 1e-60, 1e-100, 1e-300):
         v = speed * np.array(SPEEDS)
-        yield Kick(f"slip at {speed:g} of the speed", chain(USUAL), BENT, v, Ball(), touch)
+        yield Kick(f"slip at {speed:g} of the speed", chain(USUAL), BENT, v, Ball(), contact)
 
 
 def heavies() -> Iterator[Kick]:
     """Yield balls that are heavy beside what they stick to: the impulse loses digits, and says."""
-    touch, coming = Contact((0.0, 0.1, -1.0), 0.8, 3.0), (0.3, 0.0, 4.0)
+    contact, coming = Contact((0.0, 0.1, -1.0), 0.8, 3.0), (0.3, 0.0, 4.0)
     for mass in (1e3, 1e6, 1e12):
         for bend in (1e-3, 1e-9):
             name = f"ball of {mass:g} kg, bent by {bend:g} rad, mu 3"
             q, spin = (0.0, bend, 0.0), (300.0, 1000.0, 0.0)
-            yield Kick(name, chain(USUAL), q, SPEEDS, Ball(mass), touch, coming, spin)
-    leg, touch = chain(USUAL, (1e-8, 1e8, 1e-8)), Contact((2.0, 0.3, 1.0), 0.8, 0.4)
-    yield Kick("links of 1e-8, 1e8, 1e-8 kg", leg, BENT, SPEEDS, Ball(), touch)
+            yield Kick(name, chain(USUAL), q, SPEEDS, Ball(mass), contact, coming, spin)
+    leg, contact = chain(USUAL, (1e-8, 1e8, 1e-8)), Contact((2.0, 0.3, 1.0), 0.8, 0.4)
+    yield Kick("links of 1e-8, 1e8, 1e-8 kg", leg, BENT, SPEEDS, Ball(), contact)
 
 
 def cancellations() -> Iterator[Kick]:
@@ -211,8 +213,8 @@ def cancellations() -> Iterator[Kick]:
     way /= np.linalg.norm(way)
     aside = np.array([way[2], 0.0, -way[0]])
     for share in (1e-4, 1e-8, 1e-12, 1e-14, 1e-15, 1e-16):
-        touch = Contact(aside + share * way, 0.8, 0.4)
-        yield Kick(f"approach of {share:g} of the speed", leg, BENT, SPEEDS, Ball(), touch)
+        contact = Contact(aside + share * way, 0.8, 0.4)
+        yield Kick(f"approach of {share:g} of the speed", leg, BENT, SPEEDS, Ball(), contact)
 
 
 def centrals() -> Iterator[Kick]:
@@ -235,9 +237,9 @@ def ranks() -> Iterator[Kick]:
             leg = chain(USUAL[:joints], turn=turn)
             q, v = BENT[:joints], SPEEDS[:joints]
             way = leg.posture(q).point_velocity(v)
-            touch = Contact(way / np.linalg.norm(way) + turn @ (0.1, 0.2, 0.1), 0.8, 0.4)
+            contact = Contact(way / np.linalg.norm(way) + turn @ (0.1, 0.2, 0.1), 0.8, 0.4)
             name = f"{joints} parallel hinges, axes {''.join('xyz'[i] for i in order)}"
-            yield Kick(name, leg, q, v, Ball(), touch)
+            yield Kick(name, leg, q, v, Ball(), contact)
 
 
 FAMILIES: dict[str, Callable[[], Iterator[Kick]]] = {
@@ -283,11 +285,11 @@ def refusals() -> list[Row]:
 
 
 def _spoilt_strikes(bad: float) -> dict[str, Callable[[], object]]:
-    leg, ball, touch = chain(USUAL), Ball(), Contact(OBLIQUE, 0.8, 0.4)
+    leg, ball, contact = chain(USUAL), Ball(), Contact(OBLIQUE, 0.8, 0.4)
     good: dict[str, Any] = {"q": BENT, "v": SPEEDS, "ball_velocity": (0.0,) * 3}
     good["ball_spin"] = (0.0,) * 3
     tries: dict[str, Callable[[], object]] = {
-        name: partial(strike, leg, ball=ball, touch=touch, **(good | {name: (*value[:2], bad)}))
+        name: partial(strike, leg, ball=ball, contact=contact, **(good | {name: (*value[:2], bad)}))
         for name, value in good.items()
     }
     return tries | {

@@ -63,7 +63,7 @@ def _order() -> Gain:
     """The sparse factor of the sweeps begins at the tip; LAPACK's begins at the base."""
     hit = next(kick for kick in sizes(50) if kick.name == "chain of 50").struck()
     exact = exact_impact(*given(hit))["effective mass"]
-    row = hit.touch.normal @ hit.posture.jacobian
+    row = hit.contact.normal @ hit.posture.jacobian
 
     def mass(order: slice) -> float:
         root = np.linalg.cholesky(hit.posture.inertia[order, order])
@@ -79,15 +79,15 @@ def _order() -> Gain:
 def _two_masses() -> list[Gain]:
     """Eq. (10) as it is printed, and as an impact of two masses."""
     kicks = [
-        kick for kick in masses() if kick.name.startswith("ball of") and not kick.touch.friction
+        kick for kick in masses() if kick.name.startswith("ball of") and not kick.contact.friction
     ]
     found = []
     for kick in kicks:
         hit = kick.struck()
         exact = exact_impact(*given(hit))["impulse"]
-        n, posture, ball = hit.touch.normal, hit.posture, hit.struck
+        n, posture, ball = hit.contact.normal, hit.posture, hit.ball
         leg = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
-        speed = (1.0 + hit.touch.restitution) * float(n @ hit.foot_velocity)
+        speed = (1.0 + hit.contact.restitution) * float(n @ hit.foot_velocity)
         printed = speed / float(n @ (leg + np.eye(3) / ball.mass) @ n)
         found.append(
             Gain(
@@ -105,7 +105,7 @@ def _straight() -> Gain:
     kick = Kick("bent by 1e-5", leg, q, SPEEDS, Ball(), Contact(along, 0.8), 9.0 * -along)
     hit: Impact = kick.struck()
     exact = exact_impact(*given(hit))["effective mass"]
-    n, posture = hit.touch.normal, hit.posture
+    n, posture = hit.contact.normal, hit.posture
     give = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
     return Gain(
         "effective mass along a leg bent by 1e-5 rad", "1 / n^T (J M^-1 J^T) n, as in Eq. (10)",
@@ -116,9 +116,9 @@ def _straight() -> Gain:
 def _approach() -> Gain:
     kick = next(kick for kick in grazes() if kick.name == "spin of 1e+12 rad/s")
     hit = kick.struck()
-    n, ball = hit.touch.normal, hit.ball_before
+    n, ball = hit.contact.normal, hit.ball_before
     centre = ball.velocity - hit.foot_velocity
-    whole = centre - hit.struck.radius * cross(ball.spin, n)
+    whole = centre - hit.ball.radius * cross(ball.spin, n)
     foot = exact_impact(*given(hit))["foot velocity"].exact
     right = -sum(
         a * b for a, b in zip(numbers(n), plus(numbers(ball.velocity), foot, -1), strict=True)

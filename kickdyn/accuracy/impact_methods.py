@@ -111,24 +111,24 @@ Method = tuple[str, str, Callable[[], Array]]
 
 
 def _methods(hit: Impact) -> Iterator[Method]:
-    leg, q, v, ball, touch = hit.posture.leg, hit.posture.q, hit.v_before, hit.struck, hit.touch
-    yield "closed form, float64", "", lambda: strike(leg, q, v, ball, touch).impulse
-    yield "closed form, float32", "", lambda: in_float32(leg, q, v, ball, touch)
-    if touch.friction == 0.0:
-        yield "engine", "", lambda: engine_strike(leg, q, v, ball, touch).impulse
-    yield "stacked KKT", "", lambda: stacked(leg, q, v, ball, touch)
-    if touch.friction > 0.0:
+    leg, q, v, ball, contact = hit.posture.leg, hit.posture.q, hit.v_before, hit.ball, hit.contact
+    yield "closed form, float64", "", lambda: strike(leg, q, v, ball, contact).impulse
+    yield "closed form, float32", "", lambda: in_float32(leg, q, v, ball, contact)
+    if contact.friction == 0.0:
+        yield "engine", "", lambda: engine_strike(leg, q, v, ball, contact).impulse
+    yield "stacked KKT", "", lambda: stacked(leg, q, v, ball, contact)
+    if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
             for tol in CONE_TOLERANCES:
 
                 def cone(name: str = name, tol: float = tol) -> Array:
-                    return in_cone(leg, q, v, ball, touch, name, tol)
+                    return in_cone(leg, q, v, ball, contact, name, tol)
 
                 yield f"Pinocchio {name}", f"tol {tol:g}", cone
     for seconds in CONTACT_TIMES:
 
         def compliant(seconds: float = seconds) -> Array:
-            return collide(leg, q, v, ball, touch, contact_time=seconds).impulse
+            return collide(leg, q, v, ball, contact, contact_time=seconds).impulse
 
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
     yield from _in_mujoco(hit)
@@ -144,58 +144,58 @@ def _in_mujoco(hit: Impact) -> Iterator[Method]:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", simulation(hit, stiffness, dt)
 
 
-def in_float32(leg: Leg, q: Array, v: Array, ball: Ball, touch: Contact) -> Array:
+def in_float32(leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact) -> Array:
     """Return the impulse with the contact solved in float32; with friction, what sticks."""
     posture, single = leg.posture(q), np.float32
     inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
-    n, mass = touch.normal.astype(single), single(ball.mass)
+    n, mass = contact.normal.astype(single), single(ball.mass)
     u = -(jacobian @ v.astype(single))
     give = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    e = single(touch.restitution)
-    if touch.friction == 0.0:
+    e = single(contact.restitution)
+    if contact.friction == 0.0:
         return np.asarray(-(1 + e) * (n @ u) / (n @ give @ n + 1 / mass) * n, dtype=float)
     turn = single(ball.radius**2 / ball.inertia)
     give += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
     return np.asarray(-np.linalg.solve(give, u + e * (n @ u) * n), dtype=float)
 
 
-def stacked(leg: Leg, q: Array, v: Array, ball: Ball, touch: Contact) -> Array:
+def stacked(leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact) -> Array:
     """Return the impulse from momenta and contact rows as one linear system; friction sticks."""
-    posture, n = leg.posture(q), touch.normal
+    posture, n = leg.posture(q), contact.normal
     size = leg.nv + 6
-    rows = n[None] if touch.friction == 0.0 else np.eye(3)
+    rows = n[None] if contact.friction == 0.0 else np.eye(3)
     across = pin.skew(ball.radius * n)  # velocity at the contact per spin: -w x r n
     jacobian = rows @ np.hstack([-posture.jacobian, np.eye(3), across])
     mass = np.zeros((size, size))
     mass[: leg.nv, : leg.nv] = posture.inertia
     mass[range(leg.nv, size), range(leg.nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
-    bounce = touch.restitution * float(n @ posture.jacobian @ v) * (rows @ n)
+    bounce = contact.restitution * float(n @ posture.jacobian @ v) * (rows @ n)
     whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
     after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])
 
 
 def in_cone(
-    leg: Leg, q: Array, v: Array, ball: Ball, touch: Contact, name: str, tol: float
+    leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact, name: str, tol: float
 ) -> Array:
     """Return the impulse by one of Pinocchio's cone solvers, `ADMM` or `PGS`, at a tolerance."""
-    posture, n = leg.posture(q), touch.normal
+    posture, n = leg.posture(q), contact.normal
     foot = posture.jacobian @ v
     problem = ContactProblem(
-        normal=n, leg_rows=posture.giving(), ball=ball, centre_velocity=-foot,
-        spin=np.zeros(3), restitution=touch.restitution, friction=touch.friction,
+        normal=n, leg_rows=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
+        spin=np.zeros(3), restitution=contact.restitution, friction=contact.friction,
     )  # fmt: skip
     axes = contact_axes(n, problem.velocity)
     free = axes.T @ problem.velocity
-    free[2] *= 1.0 + touch.restitution
+    free[2] *= 1.0 + contact.restitution
     solver = getattr(pin, f"{name}ConstraintSolver")(3)
     settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
     settings.max_iterations = 10_000
     for kind in ("feasibility", "complementarity"):
         setattr(settings, f"absolute_{kind}_tol", tol)
         setattr(settings, f"relative_{kind}_tol", tol)
-    models, data = _point(touch.friction)
+    models, data = _point(contact.friction)
     operator = pin.DelassusOperatorDense(np.asfortranarray(axes.T @ problem.delassus() @ axes))
     solver.solve(operator, free, models, data, settings, result)
     return np.asarray(axes @ result.retrieveConstraintImpulses())

@@ -32,8 +32,8 @@ def simulation(hit: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
         stiffness: of the contact along the normal [N/m].
         dt: time step [s].
     """
-    n, e = hit.touch.normal, hit.touch.restitution
-    give = float(n @ hit.posture.delassus() @ n) + 1.0 / hit.struck.mass
+    n, e = hit.contact.normal, hit.contact.restitution
+    give = float(n @ hit.posture.delassus() @ n) + 1.0 / hit.ball.mass
     rate = stiffness * give  # MuJoCo's stiffness is per unit of mass
     damping = 2.0 * damping_ratio(e) * math.sqrt(rate)
     model = mujoco.MjModel.from_xml_string(scene(hit, rate, damping, dt))
@@ -46,7 +46,7 @@ def simulation(hit: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
         for step in range(round(1.0 / dt)):
             mujoco.mj_step(model, data)
             if step > 2 and data.ncon == 0:
-                return np.array(hit.struck.mass * data.qvel[n_joints : n_joints + 3])
+                return np.array(hit.ball.mass * data.qvel[n_joints : n_joints + 3])
         raise KickdynError("leg and ball did not part within a second")
 
     return run
@@ -67,7 +67,7 @@ def damping_ratio(restitution: float) -> float:
 
 def scene(hit: Impact, rate: float, damping: float, dt: float) -> str:
     """Return the leg, with a flat face at its toe, and the ball before it, as MJCF."""
-    model, touch, ball = hit.posture.leg.model, hit.touch, hit.struck
+    model, contact, ball = hit.posture.leg.model, hit.contact, hit.ball
     data = model.createData()
     zero = pin.neutral(model)
     bodies = ends = ""
@@ -81,19 +81,19 @@ def scene(hit: Impact, rate: float, damping: float, dt: float) -> str:
             f'fullinertia="{row(moments)}"/><joint type="hinge" axis="{row(axis)}"/>'
         )
         ends += "</body>"
-    normal = hit.posture.joint_rotation.T @ touch.normal
+    normal = hit.posture.joint_rotation.T @ contact.normal
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     bodies += f'<geom type="box" size="1 1 0.1" quat="{quaternion(face)}" '
     bodies += f'pos="{row(hit.posture.contact_lever - 0.1 * normal)}"/>'
     d = STIFFEST_CONSTRAINT
     friction = (
-        'condim="1"' if touch.friction == 0 else f'condim="3" friction="{touch.friction} 0 0"'
+        'condim="1"' if contact.friction == 0 else f'condim="3" friction="{contact.friction} 0 0"'
     )
     return f"""<mujoco>
   <option gravity="0 0 0" timestep="{dt!r}" cone="elliptic" impratio="100" tolerance="1e-14"/>
   <default><geom {friction} solref="{-rate!r} {-damping!r}" solimp="{d} {d} 1 0.5 1"/></default>
   <worldbody>{bodies}{ends}
-    <body pos="{row(hit.ball.position)}"><freejoint/>
+    <body pos="{row(hit.ball_after.position)}"><freejoint/>
       <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
       <geom type="sphere" size="{ball.radius!r}"/>
     </body>

@@ -49,12 +49,12 @@ def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
     tilt, side = up + rng.normal() * 0.15, rng.normal() * 0.1
     normal = [math.cos(tilt) * math.cos(side), math.cos(tilt) * math.sin(side), math.sin(tilt)]
     friction = rng.uniform(0.2, 0.6) if rng.random() < 0.8 else 0.0
-    touch = Contact(normal, rng.uniform(0.5, 0.9), friction)
+    contact = Contact(normal, rng.uniform(0.5, 0.9), friction)
     ball = Ball() if rng.random() < 0.7 else Ball(0.2, 0.07)
     ball = parts.pop("ball", ball)
     moving = rng.random() < 0.2
     ball_velocity = rng.normal(size=3) * 0.5 * moving
-    centre = posture.contact_point + ball.radius * touch.normal
+    centre = posture.contact_point + ball.radius * contact.normal
     scene: dict[str, Any] = {
         "air": _air(rng) if rng.random() < 0.9 else None,
         "ground": _ground(rng, float(centre[2]) - ball.radius),
@@ -65,7 +65,7 @@ def random_scene(rng: np.random.Generator, **parts: Any) -> Scene:
     }
     if scene["ground"] is not None and scene["ground"].surface is None and rng.random() < 0.3:
         scene["plane"] = Plane(centre + np.array([rng.uniform(0.5, 20), 0, 0]), (-1, 0, 0))
-    return Scene(leg, q, v, ball, touch, **{**scene, **parts})
+    return Scene(leg, q, v, ball, contact, **{**scene, **parts})
 
 
 def wide_scene(rng: np.random.Generator) -> Scene:

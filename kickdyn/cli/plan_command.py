@@ -156,11 +156,11 @@ def plan(
         check_name(plot)
     check_outputs(view, plot, json_file=json_file)
     place = None if offset is None else _numbers("offset", offset, ",", 3)
-    lies = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
-    if ball_height is None and lies is None:
+    ball_position = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
+    if ball_height is None and ball_position is None:
         standing = leg.posture(leg.configuration()).touched_at(place)
         ball_height = float(standing.contact_point[2]) + ball.radius
-        if leg.outward is not None:  # a robot, whose toe must point ahead
+        if leg.contact_normal_cone is not None:  # a robot, whose toe must point ahead
             ball_height -= CROUCH * float(standing.contact_point[2])
     around = _blown(AIRS[air](), wind)
     spread = None if robust is None else _spread(robust)
@@ -178,7 +178,7 @@ def plan(
         spin=(0.0, 0.0, 0.0) if spin is None else _numbers("spin", spin, ",", 3),
         offset=place,
         ball_height=ball_height,
-        ball_at=lies,
+        ball_at=ball_position,
         limits=not no_limits,
         arc="high" if arc == "high" else "low",
         surface=surface,
@@ -279,7 +279,7 @@ def _write(
         from kickdyn.view.kick_page import kick_page, write_page
         from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
-        ball, goal = planned.hit.struck, planned.goal
+        ball, goal = planned.hit.ball, planned.goal
         foot = planned.path.launch.position - np.array([0.0, 0.0, ball.radius])
         boxes = [] if wall is None else wall_boxes(foot, goal.ahead, *wall)
         boxes += goal_boxes(foot, float(goal.target[0])) if mouth else []

@@ -16,7 +16,7 @@ def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     return own
 
 
-class Sealed:
+class ReadOnly:
     """What does not change, nor do its copies: numpy's pickles forget that an array is read-only.
 
     Arrays, and mappings of such, are sealed again as a copy is made or unpickled.

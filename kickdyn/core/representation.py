@@ -21,7 +21,7 @@ ROUNDING = 1e-12
 """Of a vector's largest entry: less than that is shown as 0."""
 
 
-class Card:
+class ReprMixin:
     """Something that shows itself by the rows that `_rows` gives; all are rounded to 4 digits."""
 
     def _rows(self) -> Iterable[Row]:
@@ -33,14 +33,16 @@ class Card:
 
     def __repr__(self) -> str:
         """Return the class's name and, below it, a line for each row."""
-        rows = [(name, f"{shown(value)} {unit}".rstrip()) for name, value, unit in self._rows()]
+        rows = [
+            (name, f"{format_value(value)} {unit}".rstrip()) for name, value, unit in self._rows()
+        ]
         width = max(len(name) for name, _ in rows)
         return "\n".join([type(self).__name__, *(f"  {n:{width}}  {v}" for n, v in rows)])
 
     def _repr_html_(self) -> str:
         rows = "".join(
             f'<tr><th style="text-align:left">{escape(name)}</th>'
-            f'<td style="text-align:left">{escape(shown(value))}</td>'
+            f'<td style="text-align:left">{escape(format_value(value))}</td>'
             f'<td style="text-align:left">{escape(unit)}</td></tr>'
             for name, value, unit in self._rows()
         )
@@ -67,7 +69,7 @@ class Printed:
         return f"<pre>{escape(str(self))}</pre>"
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Return a value as a card shows it: 4 digits, vectors in brackets, their rounding as 0."""
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
@@ -76,7 +78,7 @@ def shown(value: object) -> str:
     if isinstance(value, np.ndarray):
         least = ROUNDING * float(np.abs(value).max(initial=0.0))
         parts = (0.0 if abs(part) < least else part for part in value.tolist())
-        return f"({', '.join(shown(part) for part in parts)})"
+        return f"({', '.join(format_value(part) for part in parts)})"
     return str(value)
 
 

@@ -106,7 +106,7 @@ def _all_finite(array: Array) -> bool:
     return bool(np.isfinite(array).all())
 
 
-def made_of(kind: type, *, optional: bool = False, **values: object) -> None:
+def check_type(kind: type, *, optional: bool = False, **values: object) -> None:
     """Raise `InvalidInput` for a value that is no `kind`, nor None if that is allowed."""
     for name, value in values.items():
         if not (isinstance(value, kind) or (optional and value is None)):

@@ -16,10 +16,10 @@ Triple = tuple[float, float, float]
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross product of two vectors, shape `(3,)`."""
-    return np.array(crossed(a.tolist(), b.tolist()))
+    return np.array(cross3(a.tolist(), b.tolist()))
 
 
-def crossed(a: Iterable[float], b: Iterable[float]) -> Triple:
+def cross3(a: Iterable[float], b: Iterable[float]) -> Triple:
     """Return the cross product of three floats each."""
     ax, ay, az = a
     bx, by, bz = b

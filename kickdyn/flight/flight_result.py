@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row, side_view
+from kickdyn.core.representation import ReprMixin, Row, side_view
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import brakes
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Flight(Card):
+class Flight(ReprMixin):
     """A ball's way through the air; all times count from the launch.
 
     Attributes:

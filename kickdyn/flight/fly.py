@@ -54,7 +54,7 @@ def fly(
     scipy's DOP853 does, with lift only if the ball spins, in as many states as the scene needs.
 
     Args:
-        state: the launch, as `Impact.ball` gives it; its time is not used.
+        state: the launch, as `Impact.ball_after` gives it; its time is not used.
         ball: mass and radius.
         air: None is the vacuum.
         ground: where the flight ends; None ends it back at the height of the launch.
@@ -74,7 +74,7 @@ def fly(
         KickdynError: the integrator gave up.
     """
     check_scene(state, ball, air, ground)
-    validation.made_of(Plane, plane=plane, optional=True)
+    validation.check_type(Plane, plane=plane, optional=True)
     if state.position.shape != (3,):
         raise InvalidInput(f"launch has shape {state.position.shape}: fly takes one state, (3,)")
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
@@ -118,10 +118,10 @@ def fly(
 
 def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
     """Raise `InvalidInput` for what is not of the kind a flight needs."""
-    validation.made_of(BallState, launch=state)
-    validation.made_of(Ball, ball=ball)
-    validation.made_of(Air, air=air, optional=True)
-    validation.made_of(Ground, ground=ground, optional=True)
+    validation.check_type(BallState, launch=state)
+    validation.check_type(Ball, ball=ball)
+    validation.check_type(Air, air=air, optional=True)
+    validation.check_type(Ground, ground=ground, optional=True)
 
 
 def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:

@@ -13,7 +13,7 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.bounce import bounce
 from kickdyn.flight.flight_result import Flight, profile
@@ -30,7 +30,7 @@ MOST_BOUNCES = 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Course(Card):
+class Course(ReprMixin):
     """All a ball does until it rests or meets a plane; times count from the launch.
 
     Attributes:

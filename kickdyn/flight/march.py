@@ -294,8 +294,8 @@ def _compiled() -> Any:
     )  # fmt: skip
     # numba looks for changes in this file only; the others are part of the name
     sources = [Path(str(module.__file__)).read_bytes() for module in (lanes, steps)]
-    made_of = zlib.crc32(b"".join(sources), MAX_EVALUATIONS)
-    return compiled(named(_march, f"march_{made_of:08x}"), signature, **HOW)
+    check_type = zlib.crc32(b"".join(sources), MAX_EVALUATIONS)
+    return compiled(named(_march, f"march_{check_type:08x}"), signature, **HOW)
 
 
 march = _compiled()

@@ -34,7 +34,7 @@ def approach(
     posture: Posture,
     v: ArrayLike,
     ball: Ball,
-    touch: Contact,
+    contact: Contact,
     ball_velocity: ArrayLike,
     ball_spin: ArrayLike,
 ) -> tuple[Posture, Array, Array, BallState, float]:
@@ -50,13 +50,13 @@ def approach(
         InvalidInput: a wrong kind or shape, a velocity that moves what is held, or speeds beyond
             double precision.
     """
-    validation.made_of(Posture, posture=posture)
-    validation.made_of(Ball, ball=ball)
-    validation.made_of(Contact, touch=touch)
+    validation.check_type(Posture, posture=posture)
+    validation.check_type(Ball, ball=ball)
+    validation.check_type(Contact, contact=contact)
     v = validation.vector("v", v, posture.leg.nv)
-    if posture.hold is not None:
+    if posture.constraint_projector is not None:
         posture.check_velocity(v)
-    posture = posture.touched_at(touch.offset)
+    posture = posture.touched_at(contact.offset)
     velocity, spin, moves = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
         velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")
@@ -64,25 +64,27 @@ def approach(
     if ball_spin is not AT_REST:
         spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s")
         moves = max(moves, largest(spin) * ball.radius)
-    before = BallState.computed(posture.contact_point + ball.radius * touch.normal, velocity, spin)
+    before = BallState.computed(
+        posture.contact_point + ball.radius * contact.normal, velocity, spin
+    )
     # `dot`, for `@` takes twice as long on three numbers
     if math.hypot(*v.tolist()) < MAX_SPEED:
         foot_velocity = posture.jacobian.dot(v)
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # said by `_speed`
             foot_velocity = posture.jacobian.dot(v)
-    speed = _speed(posture, v, foot_velocity, before, touch)
+    speed = _speed(posture, v, foot_velocity, before, contact)
     if not moves < MAX_SPEED:
         raise InvalidInput(f"the ball moves at {moves:g} m/s: it must be below {MAX_SPEED:g} m/s")
     return posture, v, foot_velocity, before, speed
 
 
 def _speed(
-    posture: Posture, v: Array, foot_velocity: Array, before: BallState, touch: Contact
+    posture: Posture, v: Array, foot_velocity: Array, before: BallState, contact: Contact
 ) -> float:
     fx, fy, fz = foot_velocity.tolist()
     bx, by, bz = before.velocity.tolist()
-    nx, ny, nz = touch.normal.tolist()
+    nx, ny, nz = contact.normal.tolist()
     ux, uy, uz = fx - bx, fy - by, fz - bz
     if not (abs(ux) < MAX_SPEED and abs(uy) < MAX_SPEED and abs(uz) < MAX_SPEED):  # or NaN
         fastest = float(np.abs([ux, uy, uz]).max())
@@ -99,7 +101,7 @@ def _speed(
             else f"foot and ball do not approach along the normal in {posture!r}"
         )
     if speed < FAINT * (math.sqrt(np.vdot(v, v)) + abs(ux) + abs(uy) + abs(uz)):
-        rounding = approach_rounding(posture, v, foot_velocity, before, touch.normal)
+        rounding = approach_rounding(posture, v, foot_velocity, before, contact.normal)
         if speed <= UNSURE * rounding:
             raise NoImpact(
                 f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "

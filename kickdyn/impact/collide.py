@@ -15,11 +15,11 @@ from scipy.optimize import minimize_scalar
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row, warned
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, approach
-from kickdyn.impact.compliant_contact import Squeeze
+from kickdyn.impact.compliant_contact import CompliantContact
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.hertz import (
     BRIEFEST,
@@ -60,12 +60,12 @@ class ContactSample(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Collision(Card):
+class Collision(ReprMixin):
     """What a contact of finite stiffness does, from touch to separation.
 
     Attributes:
-        leg, struck, touch: what met.
-        contact: stiffness and damping.
+        leg, ball, contact: what met.
+        hertz: stiffness and damping.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact_time: from touch to separation [s].
         peak_force: largest contact force, friction included [N].
@@ -82,9 +82,9 @@ class Collision(Card):
     """
 
     leg: Leg
-    struck: Ball
-    touch: Contact
-    contact: HertzContact
+    ball: Ball
+    contact: Contact
+    hertz: HertzContact
     impulse: Array
     contact_time: float
     peak_force: float
@@ -92,7 +92,7 @@ class Collision(Card):
     foot_displacement: Array
     energy_lost: float
     ball_before: BallState
-    ball: BallState
+    ball_after: BallState
     q_before: Array
     q_after: Array
     v_before: Array
@@ -108,8 +108,8 @@ class Collision(Card):
         yield "peak force", self.peak_force, "N"
         yield "deflection", 1e3 * self.deflection, "mm"
         yield "impulse on the ball", self.impulse, "N s"
-        yield "ball after", self.ball.velocity, "m/s"
-        yield "spin after", self.ball.spin, "rad/s"
+        yield "ball after", self.ball_after.velocity, "m/s"
+        yield "spin after", self.ball_after.spin, "rad/s"
         yield "energy lost", self.energy_lost, "J"
         yield "energy residual", self.energy_residual, ""
         yield from warned(
@@ -163,7 +163,7 @@ def collide(
     q: ArrayLike,
     v: ArrayLike,
     ball: Ball,
-    touch: Contact,
+    contact: Contact,
     *,
     contact_time: float | None = None,
     stiffness: float | None = None,
@@ -185,8 +185,8 @@ def collide(
         leg: with the frame that touches the ball.
         q: configuration at touch, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity at touch, shape `(nv,)` [rad/s].
-        ball: its centre is at `contact point + radius * normal` at touch.
-        touch: normal at touch, restitution 0.01 or more, and friction. What sticks creeps, at
+        ball: its centre is at `hertz point + radius * normal` at touch.
+        contact: normal at touch, restitution 0.01 or more, and friction. What sticks creeps, at
             about a thousandth of the approach speed.
         contact_time: for which the stiffness is chosen, exactly so where effective masses are
             constant and nothing else acts [s]; `CONTACT_TIME`, 10 ms, when neither is named.
@@ -205,19 +205,19 @@ def collide(
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
-    validation.made_of(Leg, leg=leg)
+    validation.check_type(Leg, leg=leg)
     check_free(leg, "a contact that takes time is")
     torque = own_torque(torque, leg.nv)
-    met = approach(leg.posture(q), v, ball, touch, ball_velocity, ball_spin)
+    met = approach(leg.posture(q), v, ball, contact, ball_velocity, ball_spin)
     posture, v, _, before, speed = met
     validation.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
-    mass = 1.0 / (1.0 / posture.mass_along(touch.normal) + 1.0 / ball.mass)
-    contact = _contact(contact_time, stiffness, mass, speed, touch.restitution)
-    expected = expected_contact_time(contact.stiffness, mass, speed, touch.restitution)
+    mass = 1.0 / (1.0 / posture.mass_along(contact.normal) + 1.0 / ball.mass)
+    hertz = _contact(contact_time, stiffness, mass, speed, contact.restitution)
+    expected = expected_contact_time(hertz.stiffness, mass, speed, contact.restitution)
 
     validation.number("contact time", expected, at_least=BRIEFEST, unit="s")
 
-    squeeze = Squeeze(posture, ball, touch, contact, before, speed, acting(torque, leg.nv))
+    squeeze = CompliantContact(posture, ball, contact, hertz, before, speed, acting(torque, leg.nv))
     start = squeeze.start(v)
     scale = squeeze.scales(start, expected, speed, mass)
     step, limit = expected / 20.0, PATIENCE * expected
@@ -238,11 +238,11 @@ def collide(
     peak_force, deflection = _peaks(sample, found.t)
     if deflection >= ball.radius * (1.0 - 1e-9):
         raise InvalidInput(
-            f"stiffness is {contact.stiffness:g} N/m^1.5: too low, the ball would be pressed by "
+            f"stiffness is {hertz.stiffness:g} N/m^1.5: too low, the ball would be pressed by "
             f"{deflection:g} m, beyond its radius of {ball.radius:g} m"
         )
     again = partial(
-        collide, leg, posture.q, v, ball, touch, stiffness=contact.stiffness, torque=torque,
+        collide, leg, posture.q, v, ball, contact, stiffness=hertz.stiffness, torque=torque,
         ball_velocity=before.velocity, ball_spin=before.spin,
     )  # fmt: skip
 
@@ -255,9 +255,9 @@ def collide(
         array.setflags(write=False)
     return Collision(
         leg=leg,
-        struck=ball,
-        touch=touch,
+        ball=ball,
         contact=contact,
+        hertz=hertz,
         impulse=impulse,
         contact_time=end,
         peak_force=peak_force,
@@ -265,7 +265,7 @@ def collide(
         foot_displacement=foot,
         energy_lost=state.lost,
         ball_before=before,
-        ball=after,
+        ball_after=after,
         q_before=posture.q,
         q_after=state.q,
         v_before=v,

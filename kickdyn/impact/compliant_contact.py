@@ -46,7 +46,7 @@ class State(NamedTuple):
     work: float
 
 
-class Touch(NamedTuple):
+class ContactKinematics(NamedTuple):
     """Where ball and foot press.
 
     Attributes:
@@ -64,7 +64,7 @@ class Touch(NamedTuple):
     sliding: Array
 
 
-class Squeeze:
+class CompliantContact:
     """Leg and ball from touch to separation, as a system of first order.
 
     The columns are the leg's displacement since the touch in the tangent space, its velocity, the
@@ -75,8 +75,8 @@ class Squeeze:
         self,
         posture: Posture,
         ball: Ball,
-        touch: Contact,
-        contact: HertzContact,
+        contact: Contact,
+        hertz: HertzContact,
         before: BallState,
         speed: float,
         torque: Callable[[float, Array, Array], Array],
@@ -85,16 +85,16 @@ class Squeeze:
         self.model = leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
-        self.leg, self.q, self.ball, self.contact = leg, q, ball, contact
+        self.leg, self.q, self.ball, self.hertz = leg, q, ball, hertz
         self.before, self.torque = before, torque
-        self.friction, self.creep = touch.friction, CREEP * speed * max(touch.friction, 1.0)
+        self.friction, self.creep = contact.friction, CREEP * speed * max(contact.friction, 1.0)
         self.evaluations = 0
         pin.forwardKinematics(self.model, self.data, q)
         joint = self.data.oMi[leg.contact_joint]
         self.foot = posture.contact_point
         self.arm = joint.actInv(posture.contact_point)
-        self.normal = joint.rotation.T @ touch.normal
-        self.lever = ball.radius * touch.normal
+        self.normal = joint.rotation.T @ contact.normal
+        self.lever = ball.radius * contact.normal
 
     @property
     def data(self) -> Any:
@@ -132,7 +132,7 @@ class Squeeze:
             float(ball[10]),
         )
 
-    def touching(self, state: State) -> Touch:
+    def touching(self, state: State) -> ContactKinematics:
         """Return the contact's kinematics; runs the leg's."""
         model, data = self.model, self.data
         pin.forwardKinematics(model, data, state.q, state.v)
@@ -145,14 +145,16 @@ class Squeeze:
         foot_point = turn @ motion.linear + cross(spin, point)
         apart = state.velocity - height * cross(state.spin, normal) - foot_point
         rate = -float(normal @ apart)
-        return Touch(normal, point, self.ball.radius - height, rate, apart + rate * normal)
+        return ContactKinematics(
+            normal, point, self.ball.radius - height, rate, apart + rate * normal
+        )
 
-    def rubbing(self, touch: Touch, size: float) -> Array:
+    def rubbing(self, contact: ContactKinematics, size: float) -> Array:
         """Return the friction on the ball [N], given the normal force: Coulomb's, made smooth."""
         if self.friction == 0.0:
             return np.zeros(3)
-        fast = math.hypot(*touch.sliding, self.creep)
-        return np.asarray(-self.friction / fast * size * touch.sliding)
+        fast = math.hypot(*contact.sliding, self.creep)
+        return np.asarray(-self.friction / fast * size * contact.sliding)
 
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
@@ -163,17 +165,17 @@ class Squeeze:
                 "acts is too stiff to be integrated"
             )
         state, ball = self.state(y), self.ball
-        touch = self.touching(state)
-        spring = self.contact.spring(touch.deflection)
-        size = self.contact.force(touch.deflection, touch.rate)
-        rubbing = self.rubbing(touch, size)
-        push = size * touch.normal + rubbing
-        moment_on_ball = cross((touch.deflection - ball.radius) * touch.normal, rubbing)
+        contact = self.touching(state)
+        spring = self.hertz.spring(contact.deflection)
+        size = self.hertz.force(contact.deflection, contact.rate)
+        rubbing = self.rubbing(contact, size)
+        push = size * contact.normal + rubbing
+        moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, rubbing)
 
         turn = self.data.oMi[self.leg.contact_joint].rotation.T
-        moment = turn @ cross(touch.point, -push)
+        moment = turn @ cross(contact.point, -push)
         self._space.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
-        lost = (size - spring) * touch.rate - float(rubbing @ touch.sliding)
+        lost = (size - spring) * contact.rate - float(rubbing @ contact.sliding)
         torque = self.torque(t, state.q, state.v)
         power = float(torque @ state.v)
         if ball.inertia == math.inf:  # an endless store of energy, whose spin it does not change
@@ -205,10 +207,10 @@ class Squeeze:
 
     def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
-        touch = self.touching(self.state(y))
-        size = self.contact.force(touch.deflection, touch.rate)
-        push = size * touch.normal + self.rubbing(touch, size)
-        return push, self.impulse(t, y), touch.deflection
+        contact = self.touching(self.state(y))
+        size = self.hertz.force(contact.deflection, contact.rate)
+        push = size * contact.normal + self.rubbing(contact, size)
+        return push, self.impulse(t, y), contact.deflection
 
     def foot_at(self, state: State) -> Array:
         """Return where the contact point of the foot is [m, world frame]."""
@@ -232,5 +234,5 @@ class Squeeze:
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
         deflection = max(self.touching(state).deflection, 0.0)
-        stored = 0.4 * self.contact.spring(deflection) * deflection
+        stored = 0.4 * self.hertz.spring(deflection) * deflection
         return leg + moving + height + stored

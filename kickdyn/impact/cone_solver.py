@@ -103,13 +103,13 @@ def cone_residual(delassus: Array, free: Array, frictions: Array, impulses: Arra
         aim = p[:2] - u[:2] / across
         size = math.hypot(*aim)
         held = aim if size <= mu * pressing else mu * pressing / size * aim
-        for missed, mobility in (
+        for missed, whitened_jacobian in (
             (abs(p[2] - pressing), along),
             (float(np.abs(p[:2] - held).max()), across),
         ):
             if not math.isfinite(missed):
                 return math.inf
-            farthest = max(farthest, missed / largest, missed * mobility / fastest)
+            farthest = max(farthest, missed / largest, missed * whitened_jacobian / fastest)
     return farthest
 
 

@@ -1,4 +1,4 @@
-"""What supports and loops carry in an impact, by name, and how well they hold."""
+"""What supports and loops carry in an impact, by name, and how well they constraint_projector."""
 
 from __future__ import annotations
 
@@ -6,30 +6,31 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraint_projector import Hold
+from kickdyn.robot.constraint_projector import ConstraintProjector
 from kickdyn.robot.leg import Leg
 
 
 def named_impulses(
-    hold: Hold | None, impulses: Array
+    constraint_projector: ConstraintProjector | None, impulses: Array
 ) -> tuple[dict[str, Array], dict[tuple[str, str], Array]]:
     """Return the stacked impulses by support and by loop."""
-    if hold is None:
+    if constraint_projector is None:
         return {}, {}
-    supports, loops = hold.constraints.supports, hold.constraints.loops
-    parts = [impulses[block.at] for block in hold.blocks]
+    constraints = constraint_projector.constraints
+    supports, loops = constraints.supports, constraints.loops
+    parts = [impulses[block.at] for block in constraint_projector.blocks]
     by_support = {
         support.frame: part for support, part in zip(supports, parts[: len(supports)], strict=True)
     }
     return by_support, dict(zip(loops, parts[len(supports) :], strict=True))
 
 
-def residuals(hold: Hold | None, v: Array) -> tuple[float, float]:
+def residuals(constraint_projector: ConstraintProjector | None, v: Array) -> tuple[float, float]:
     """Return the largest velocity of a support [m/s, rad/s] and of a loop [m/s]."""
-    if hold is None:
+    if constraint_projector is None:
         return 0.0, 0.0
-    speeds = np.abs(hold.rows @ v)
-    split = sum(support.size for support in hold.constraints.supports)
+    speeds = np.abs(constraint_projector.rows @ v)
+    split = sum(support.size for support in constraint_projector.constraints.supports)
     return float(speeds[:split].max(initial=0.0)), float(speeds[split:].max(initial=0.0))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import crossed
+from kickdyn.core.vectors import cross3
 
 if TYPE_CHECKING:
     from kickdyn.impact.impact_result import Impact
@@ -21,7 +21,8 @@ class ContactProblem(NamedTuple):
 
     Attributes:
         normal: unit vector from the foot into the ball, shape `(3,)`.
-        leg_rows: whose products are the leg's J M^-1 J^T, shape `(3, n)`, see `Posture.giving`.
+        leg_rows: whose products are the leg's J M^-1 J^T, shape `(3, n)`, see
+        `Posture.delassus_factor`.
         ball: the ball, rigid.
         centre_velocity: of the ball's centre relative to the foot's contact point [m/s].
         spin: of the ball [rad/s].
@@ -41,19 +42,19 @@ class ContactProblem(NamedTuple):
     def of(cls, hit: Impact) -> ContactProblem:
         """Return what the law of a strike was given."""
         return cls(
-            normal=hit.touch.normal,
-            leg_rows=hit.posture.giving(),
-            ball=hit.struck,
+            normal=hit.contact.normal,
+            leg_rows=hit.posture.delassus_factor(),
+            ball=hit.ball,
             centre_velocity=hit.ball_before.velocity - hit.foot_velocity,
             spin=hit.ball_before.spin,
-            restitution=hit.touch.restitution,
-            friction=hit.touch.friction,
+            restitution=hit.contact.restitution,
+            friction=hit.contact.friction,
         )
 
     @property
     def velocity(self) -> Array:
         """Velocity of the ball's contact point relative to the foot's, shape `(3,)` [m/s]."""
-        x, y, z = crossed(self.spin.tolist(), self.normal.tolist())
+        x, y, z = cross3(self.spin.tolist(), self.normal.tolist())
         u, v, w = self.centre_velocity.tolist()
         r = self.ball.radius
         return np.array((u - r * x, v - r * y, w - r * z))
@@ -115,18 +116,19 @@ class Solution(NamedTuple):
         impulse: on the ball, shape `(3,)` [N s, world frame].
         sticking: whether friction could hold the contact points together; False without any.
         energy_lost: kinetic energy that leaves leg and ball [J].
-        rub: the impulse's part across the normal, with its own digits, shape `(3,)` [N s].
+        tangential_impulse: the impulse's part across the normal, with its own digits, shape `(3,)`
+        [N s].
     """
 
     impulse: Array
     sticking: bool
     energy_lost: float
-    rub: Array
+    tangential_impulse: Array
 
 
 Law = Callable[[ContactProblem], Solution]
 
-NO_RUB: Array = np.frombuffer(bytes(24))
+NO_TANGENTIAL_IMPULSE: Array = np.frombuffer(bytes(24))
 """What a contact without friction does across the normal."""
 
 
@@ -135,7 +137,7 @@ def frictionless(problem: ContactProblem) -> Solution:
     n, e = problem.normal, problem.restitution
     approach, give = problem.along_normal()
     p = (1.0 + e) * approach / give
-    return Solution(p * n, False, 0.5 * p * (1.0 - e) * approach, NO_RUB)
+    return Solution(p * n, False, 0.5 * p * (1.0 - e) * approach, NO_TANGENTIAL_IMPULSE)
 
 
 def contact_axes(n: Array, u: Array) -> Array:
@@ -156,5 +158,5 @@ def contact_axes(n: Array, u: Array) -> Array:
         x, y, z = x - along * nx, y - along * ny, z - along * nz
     length = math.hypot(x, y, z)
     x, y, z = first = x / length, y / length, z / length
-    a, b, c = crossed(normal, first)
+    a, b, c = cross3(normal, first)
     return np.array((x, a, nx, y, b, ny, z, c, nz)).reshape(3, 3)

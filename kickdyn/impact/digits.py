@@ -36,15 +36,15 @@ def impulse_rounding(hit: Impact) -> float:
     beside the leg that it sticks to (its condition, scaled to unit diagonal), and, where supports
     or loops hold the leg, its joint-space inertia.
     """
-    posture, touch, before = hit.posture, hit.touch, hit.ball_before
-    lost = approach_rounding(posture, hit.v_before, hit.foot_velocity, before, touch.normal)
+    posture, contact, before = hit.posture, hit.contact, hit.ball_before
+    lost = approach_rounding(posture, hit.v_before, hit.foot_velocity, before, contact.normal)
     share = lost / hit.approach_speed
-    if touch.friction > 0.0:
+    if contact.friction > 0.0:
         problem = ContactProblem.of(hit)
-        matrix = problem.delassus_in(contact_axes(touch.normal, problem.velocity))
+        matrix = problem.delassus_in(contact_axes(contact.normal, problem.velocity))
         scale = 1.0 / np.sqrt(matrix.diagonal())
         share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
-    if posture.hold is not None:
+    if posture.constraint_projector is not None:
         share += EPS * posture.rounding
     return 2.0 * share
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kickdyn.core.validation import Array
-from kickdyn.robot.constraint_projector import Hold
+from kickdyn.robot.constraint_projector import ConstraintProjector
 from kickdyn.robot.constraints import Support
 
 ROUNDING = 1e-12
@@ -18,7 +18,7 @@ STANDS, LIFTS, SLIPS, TIPS = "stands", "lifts off", "slips", "tips"
 TILTED = "is tilted"
 
 
-def judged(hold: Hold | None, impulses: Array, scale: float) -> dict[str, str]:
+def judged(hold: ConstraintProjector | None, impulses: Array, scale: float) -> dict[str, str]:
     """Return `footing` of every support by name, from the stacked constraint impulses."""
     if hold is None:
         return {}

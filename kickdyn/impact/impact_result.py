@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core.read_only import Sealed
-from kickdyn.core.representation import Card, Row, warned
+from kickdyn.core.read_only import ReadOnly
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.impact.constraint_impulses import named_impulses, residuals
@@ -33,15 +33,15 @@ RESIDUAL_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impact(Sealed, Card):
+class Impact(ReadOnly, ReprMixin):
     """What a strike does, with the residuals that prove it.
 
     What the leg does after the impulse is computed when it is first read, and kept.
 
     Attributes:
         posture: the leg, as it struck; its contact point is that of the contact.
-        struck: the ball.
-        touch: the contact.
+        ball: the ball.
+        contact: the contact.
         law: name of the impact law.
         impulse: on the ball, shape `(3,)` [N s, world frame]; the leg takes the opposite.
         effective_mass: of the leg along the normal [kg]; inf where it is immovable.
@@ -58,7 +58,8 @@ class Impact(Sealed, Card):
         restitution_residual: |u_n+ + e u_n-| / |u_n-|, from the velocities after. Law `paper`
             restitutes along the attack direction and law `stronge` restitutes work: where that
             makes a difference, this shows it.
-        constraint_impulses: of supports and loops, stacked as in `posture.hold.rows` [N s, N m s,
+        constraint_impulses: of supports and loops, stacked as in
+        `posture.constraint_projector.rows` [N s, N m s,
             world axes], empty without; `support_impulses` and `loop_impulses` give them by name.
         momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
             the impulse times the Jacobian's norm.
@@ -66,15 +67,15 @@ class Impact(Sealed, Card):
     """
 
     posture: Posture
-    struck: Ball
-    touch: Contact
+    ball: Ball
+    contact: Contact
     law: str
     impulse: Array
     effective_mass: float
     foot_velocity: Array
     approach_speed: float
     ball_before: BallState
-    ball: BallState
+    ball_after: BallState
     v_before: Array
     v_after: Array
     joint_impulses: Array
@@ -99,7 +100,7 @@ class Impact(Sealed, Card):
             if name in LEG_AFTER:
                 self.__dict__.update(_leg_after(self))
             elif name == "effective_mass":
-                self.__dict__[name] = self.posture.mass_along(self.touch.normal)
+                self.__dict__[name] = self.posture.mass_along(self.contact.normal)
             elif name == "condition":
                 self.__dict__[name] = self.posture.condition
             else:
@@ -116,8 +117,8 @@ class Impact(Sealed, Card):
         yield "impulse on the ball", self.impulse, "N s"
         yield "effective mass", self.effective_mass, "kg"
         yield "foot before", self.foot_velocity, "m/s"
-        yield "ball after", self.ball.velocity, "m/s"
-        yield "spin after", self.ball.spin, "rad/s"
+        yield "ball after", self.ball_after.velocity, "m/s"
+        yield "spin after", self.ball_after.spin, "rad/s"
         yield "ball over foot speed", self.speed_ratio, ""
         yield f"worst joint, {joint}", most, "N s"
         yield "energy lost", self.energy_lost, "J"
@@ -137,7 +138,7 @@ class Impact(Sealed, Card):
     def speed_ratio(self) -> float:
         """Ball speed just after over foot speed just before; inf where the foot was at rest."""
         foot = math.hypot(*self.foot_velocity)
-        return float(self.ball.speed) / foot if foot else math.inf
+        return float(self.ball_after.speed) / foot if foot else math.inf
 
     @property
     def creates_energy(self) -> bool:
@@ -157,7 +158,7 @@ class Impact(Sealed, Card):
 
         Shape `(6,)`, of a point foot `(3,)` [N s, N m s].
         """
-        return named_impulses(self.posture.hold, self.constraint_impulses)[0]
+        return named_impulses(self.posture.constraint_projector, self.constraint_impulses)[0]
 
     @property
     def loop_impulses(self) -> dict[tuple[str, str], Array]:
@@ -165,7 +166,7 @@ class Impact(Sealed, Card):
 
         The first frame takes the opposite.
         """
-        return named_impulses(self.posture.hold, self.constraint_impulses)[1]
+        return named_impulses(self.posture.constraint_projector, self.constraint_impulses)[1]
 
     @property
     def footing(self) -> dict[str, str]:
@@ -174,17 +175,19 @@ class Impact(Sealed, Card):
         `stands`, or `lifts off`, `slips`, `tips`: then `unilateral_strike` says what happens; or
         `is tilted`, of a sole that is not level.
         """
-        return judged(self.posture.hold, self.constraint_impulses, math.hypot(*self.impulse))
+        return judged(
+            self.posture.constraint_projector, self.constraint_impulses, math.hypot(*self.impulse)
+        )
 
     @property
     def support_residual(self) -> float:
         """The largest velocity of a held frame just after [m/s, rad/s]: 0 but for rounding."""
-        return residuals(self.posture.hold, self.v_after)[0]
+        return residuals(self.posture.constraint_projector, self.v_after)[0]
 
     @property
     def loop_residual(self) -> float:
         """The largest velocity at which a loop opens just after [m/s]: 0 but for rounding."""
-        return residuals(self.posture.hold, self.v_after)[1]
+        return residuals(self.posture.constraint_projector, self.v_after)[1]
 
     @property
     def worst_joint(self) -> tuple[str, float]:
@@ -227,9 +230,9 @@ LEG_AFTER = (
 
 def _leg_after(hit: Impact) -> dict[str, Any]:
     """Return the fields named above, from the posture and the impulse alone."""
-    posture, touch, push = hit.posture, hit.touch, -hit.impulse
+    posture, contact, push = hit.posture, hit.contact, -hit.impulse
     jacobian = posture.jacobian
-    if posture.hold is None:
+    if posture.constraint_projector is None:
         held = NOTHING_HELD
         jump, transmitted, left_over = struck(posture, push)
     else:
@@ -238,14 +241,14 @@ def _leg_after(hit: Impact) -> dict[str, Any]:
     v_after = hit.v_before + jump
     for array in (v_after, transmitted, held):
         array.setflags(write=False)
-    parting = float(touch.normal.dot(hit.ball.velocity - jacobian.dot(v_after)))
+    parting = float(contact.normal.dot(hit.ball_after.velocity - jacobian.dot(v_after)))
     lever = math.sqrt(np.vdot(jacobian, jacobian)) * math.hypot(*push.tolist())
     approach = hit.approach_speed
     return {
         "v_after": v_after,
         "joint_impulses": transmitted,
         "constraint_impulses": held,
-        "restitution_residual": abs(parting - touch.restitution * approach) / approach,
+        "restitution_residual": abs(parting - contact.restitution * approach) / approach,
         "momentum_residual": largest(left_over) / lever if lever else 0.0,
     }
 

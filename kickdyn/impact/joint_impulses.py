@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import crossed
+from kickdyn.core.vectors import cross3
 from kickdyn.robot.posture import Posture
 
 
@@ -30,8 +30,8 @@ def joint_impulses(
     pushes = space.pushes
     pushes.fill(0.0)  # of the impact before
     pushes[leg.contact_joint] = on_foot(posture, impulse)
-    if posture.hold is not None and held is not None:
-        for block in posture.hold.blocks:
+    if posture.constraint_projector is not None and held is not None:
+        for block in posture.constraint_projector.blocks:
             given = held[block.at]
             pushes[block.joint] += at_joint(block.turns[0], block.levers[0], given)
             if block.other:
@@ -47,7 +47,7 @@ def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
     Cholesky factor of M loses digits with M's condition, five of them at 500 joints.
     """
     leg, space = posture.leg, posture.leg.workspace
-    if posture.doubtful:
+    if posture.is_ill_conditioned:
         return posture.articulated.respond(leg.contact_joint, np.array(on_foot(posture, impulse)))
     model, data, still = space.model, space.data, space.still
     space.pushes.fill(0.0)  # of the impact before
@@ -60,7 +60,7 @@ def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
 def on_foot(posture: Posture, impulse: Array) -> tuple[float, ...]:
     """Return what `at_joint` does, of an impulse at the contact point, shape `(3,)` [N s]."""
     push = impulse.dot(posture.joint_rotation).tolist()
-    return (*push, *crossed(posture.contact_lever.tolist(), push))
+    return (*push, *cross3(posture.contact_lever.tolist(), push))
 
 
 def at_joint(turn: Array, lever: Array, impulse: Array) -> Array:
@@ -75,7 +75,7 @@ def at_joint(turn: Array, lever: Array, impulse: Array) -> Array:
         Linear, then angular, shape `(6,)`.
     """
     push = turn.dot(impulse[:3]).tolist()
-    there = np.array((*push, *crossed(lever.tolist(), push)))
+    there = np.array((*push, *cross3(lever.tolist(), push)))
     if len(impulse) == 6:
         there[3:] += turn.dot(impulse[3:])
     return there

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ROUNDING, Card, Row, shown
+from kickdyn.core.representation import ROUNDING, ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.hertz import BRIEFEST
@@ -18,7 +18,7 @@ from kickdyn.impact.impact_result import Impact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class JointLoad(Card):
+class JointLoad(ReprMixin):
     """Of one joint; impulses by the parent on the child, about its origin and in its axes.
 
     Attributes:
@@ -45,11 +45,11 @@ class JointLoad(Card):
     def line(self) -> str:
         """Return sizes of what is linear: carried, along the axis if there is any, and the peak."""
         carried, along = (float(np.linalg.norm(part[:3])) for part in (self.structure, self.axis))
-        said = [f"{shown(carried)} N s"]
+        said = [f"{format_value(carried)} N s"]
         if along > ROUNDING * carried:
-            said.append(f"{shown(along)} N s along the axis")
+            said.append(f"{format_value(along)} N s along the axis")
         if self.peak_force is not None:
-            said.append(f"peak {shown(self.peak_force)} N")
+            said.append(f"peak {format_value(self.peak_force)} N")
         if self.ratio is not None:
             said.append(f"{100 * self.ratio:.3g} % of the limit")
         return ", ".join(said)
@@ -70,7 +70,7 @@ class JointLoad(Card):
                 yield name, value if value > ROUNDING * (self.peak_force or 0.0) else 0.0, unit
 
 
-class JointLoads(Card, dict[str, JointLoad]):
+class JointLoads(ReprMixin, dict[str, JointLoad]):
     """The loads of all joints by name, in the model's order: a dictionary that shows itself."""
 
     def _rows(self) -> Iterable[Row]:
@@ -96,7 +96,7 @@ def joint_loads(
         InvalidInput: a contact time below 1e-9 s, a limit that is not above 0, limits without a
             contact time, or no such joint.
     """
-    validation.made_of(Impact, hit=hit)
+    validation.check_type(Impact, hit=hit)
     leg, sharpness = hit.posture.leg, None
     limits = validation.mapping("force limits", force_limits)
     if contact_time is not None:

@@ -61,11 +61,11 @@ def paper(problem: ContactProblem) -> Solution:
     across = full - normal * n
     size = math.hypot(*across)
     sticking = size <= mu * normal
-    rub = across if sticking else mu * normal / size * across
-    impulse = full if sticking else normal * n + rub
+    tangential_impulse = across if sticking else mu * normal / size * across
+    impulse = full if sticking else normal * n + tangential_impulse
     change = problem.leg_rows @ (impulse @ problem.leg_rows) + impulse / problem.ball.mass
-    mean = problem.velocity + 0.5 * (change + problem.ball.turning * rub)
-    return Solution(impulse, sticking, -float(impulse @ mean), rub)
+    mean = problem.velocity + 0.5 * (change + problem.ball.turning * tangential_impulse)
+    return Solution(impulse, sticking, -float(impulse @ mean), tangential_impulse)
 
 
 LAWS: dict[str, Law] = {"newton": newton, "stronge": stronge, "paper": paper}

@@ -138,7 +138,7 @@ def check_steady(leg: Leg) -> None:
 def response(posture: Posture) -> Array:
     """Return M^-1, less what supports and loops block of it, shape `(nv, nv)`."""
     units = np.eye(posture.leg.nv)
-    if posture.hold is None:
+    if posture.constraint_projector is None:
         return posture.solve(units)
     return np.column_stack([posture.solve(unit) for unit in units])
 
@@ -156,7 +156,7 @@ def per_mass(posture: Posture) -> Array:
 def _carried(posture: Posture, held: Array) -> list[tuple[slice, _Load]]:
     """Return what supports and loops give to the bodies at their ends, with its rows of A."""
     loads = []
-    for block in posture.hold.blocks if posture.hold else ():
+    for block in posture.constraint_projector.blocks if posture.constraint_projector else ():
         for end, joint in enumerate((block.joint, block.other)):
             if joint:
                 given = np.zeros(6)
@@ -192,7 +192,7 @@ def _moved(posture: Posture, load: _Load, jacobian: Array, velocity: Array) -> A
 
 def _followed(posture: Posture, velocity: Array, let: Array) -> Array:
     """Return the least change of a velocity that keeps A v = 0 while q changes, `(nv, nv)`."""
-    hold, nv = posture.hold, posture.leg.nv
+    hold, nv = posture.constraint_projector, posture.leg.nv
     if hold is None:
         return np.zeros((nv, nv))
     rows_q = np.zeros((len(hold.rows), nv))
@@ -207,14 +207,14 @@ def _followed(posture: Posture, velocity: Array, let: Array) -> Array:
 def _let(posture: Posture) -> Array:
     """Return the projector on what supports and loops let, by kinetic energy, `(nv, nv)`."""
     units = np.eye(posture.leg.nv)
-    if posture.hold is None:
+    if posture.constraint_projector is None:
         return units
     return np.column_stack([posture.admissible(unit) for unit in units])
 
 
 def _closed(posture: Posture) -> Array:
     """Return the projector on the changes of q that leave the loops closed, `(nv, nv)`."""
-    hold, nv = posture.hold, posture.leg.nv
+    hold, nv = posture.constraint_projector, posture.leg.nv
     if hold is None or not hold.constraints.loops:
         return np.eye(nv)
     rows = hold.rows[sum(support.size for support in hold.constraints.supports) :]

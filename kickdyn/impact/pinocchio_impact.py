@@ -28,7 +28,7 @@ class EngineImpact:
     """
 
     impulse: Array
-    ball: BallState
+    ball_after: BallState
     v_after: Array
 
 
@@ -37,22 +37,22 @@ def engine_strike(
     q: ArrayLike,
     v: ArrayLike,
     ball: Ball,
-    touch: Contact,
+    contact: Contact,
     *,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> EngineImpact:
     """Strike a ball by `pin.impulseDynamics`; arguments and errors as for `strike`.
 
-    The solver knows no friction: `touch.friction` must be 0. It gets one row, n^T (J_ball -
+    The solver knows no friction: `contact.friction` must be 0. It gets one row, n^T (J_ball -
     J_foot), which always has rank one thanks to the ball, and those rows of supports and loops
     that are independent; with rows of lower rank it would answer wrongly without a word.
     """
-    validation.made_of(Leg, leg=leg)
-    posture, v, _, before, _ = approach(leg.posture(q), v, ball, touch, ball_velocity, ball_spin)
-    if touch.friction != 0.0:
+    validation.check_type(Leg, leg=leg)
+    posture, v, _, before, _ = approach(leg.posture(q), v, ball, contact, ball_velocity, ball_spin)
+    if contact.friction != 0.0:
         raise InvalidInput(
-            f"friction is {touch.friction:g}: Pinocchio's impulseDynamics knows only 0"
+            f"friction is {contact.friction:g}: Pinocchio's impulseDynamics knows only 0"
         )
 
     model = leg.workspace.model.copy()
@@ -60,10 +60,10 @@ def engine_strike(
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # it will not turn, a particle neither
     rigid = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
     model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
-    lever = pin.SE3(np.eye(3), -ball.radius * touch.normal)
+    lever = pin.SE3(np.eye(3), -ball.radius * contact.normal)
     frame = pin.Frame("kickdyn_contact", joint, 0, lever, pin.FrameType.OP_FRAME)
     ball_frame = model.addFrame(frame)
-    patch = pin.SE3(np.eye(3), np.zeros(3) if touch.offset is None else touch.offset.copy())
+    patch = pin.SE3(np.eye(3), np.zeros(3) if contact.offset is None else contact.offset.copy())
     foot = model.frames[leg.frame_id].placement * patch
     frame = pin.Frame("kickdyn_patch", leg.contact_joint, 0, foot, pin.FrameType.OP_FRAME)
     foot_frame = model.addFrame(frame)
@@ -73,14 +73,14 @@ def engine_strike(
     both_v = np.concatenate([v, before.velocity, before.spin])
     pin.computeJointJacobians(model, data, both_q)
     foot_row, ball_row = (
-        touch.normal @ pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)[:3]
+        contact.normal @ pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)[:3]
         for frame_id in (foot_frame, ball_frame)
     )
     rows = (ball_row - foot_row).reshape(1, model.nv)
-    if posture.hold is not None:  # as many as their rank; before, they are at rest
-        held = posture.hold.rows[posture.hold.independent]
+    if posture.constraint_projector is not None:  # as many as their rank; before, they are at rest
+        held = posture.constraint_projector.rows[posture.constraint_projector.independent]
         rows = np.vstack([rows, np.hstack([held, np.zeros((len(held), 6))])])
-    after = pin.impulseDynamics(model, data, both_q, both_v, rows, touch.restitution, 0.0)
-    impulse = float(data.impulse_c[0]) * touch.normal
+    after = pin.impulseDynamics(model, data, both_q, both_v, rows, contact.restitution, 0.0)
+    impulse = float(data.impulse_c[0]) * contact.normal
     kicked = BallState(before.position, after[leg.nv : leg.nv + 3], after[leg.nv + 3 :])
     return EngineImpact(impulse, kicked, after[: leg.nv])

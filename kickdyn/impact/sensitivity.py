@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.read_only import Sealed
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.read_only import ReadOnly
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.contact_problem import ball_delassus
@@ -29,7 +29,7 @@ Jacobians = Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Sealed, Card):
+class Sensitivity(ReadOnly, ReprMixin):
     """Derivatives of a strike's results, one Jacobian per source.
 
     Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
@@ -100,13 +100,13 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
     answer = _at_fixed_impulse(hit, at)
     residual_p, residual_x, tangent = _residual(hit, answer, at)
     impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
-    smooth = hit.touch.friction == 0.0
+    smooth = hit.contact.friction == 0.0
     if smooth:  # how it turns does not matter: what stands here is rounding
         impulse[:, at["ball_radius"]] = impulse[:, at["ball_spin"]] = 0.0
 
-    ball, posture = hit.struck, hit.posture
+    ball, posture = hit.ball, hit.posture
     velocity = answer.velocity + impulse / ball.mass
-    spin = answer.spin - ball.radius / ball.inertia * pin.skew(hit.touch.normal) @ impulse
+    spin = answer.spin - ball.radius / ball.inertia * pin.skew(hit.contact.normal) @ impulse
     if smooth:  # it goes on turning as it did; only friction that sets in would turn it
         setting_in = spin[:, at["friction"]].copy()
         spin[:] = 0.0
@@ -133,7 +133,7 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
 
 def _check_stays(hit: Impact) -> None:
     """Raise `InvalidInput` if what the supports hold moves after the impact."""
-    hold = hit.posture.hold
+    hold = hit.posture.constraint_projector
     if hold is not None and hold.moved(hit.v_after) is not None:
         raise InvalidInput(
             f"a support moves at {hit.support_residual:.3g} after the impact (footing "
@@ -163,7 +163,7 @@ class _Answer:
 
 
 def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
-    posture, ball, n, p = hit.posture, hit.struck, hit.touch.normal, hit.impulse
+    posture, ball, n, p = hit.posture, hit.ball, hit.contact.normal, hit.impulse
     kic, turned = posture.jacobian, pin.skew(n)
     r, gain = ball.radius, ball.radius / ball.inertia  # of a shell, 3 / (2 m r)
     width = max(place.stop for place in at.values())
@@ -181,7 +181,7 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     spin[:, at["ball_radius"]] = moment / r
     spin[:, at["normal"]] = gain * pin.skew(p) @ across
 
-    omega, omega_after = hit.ball_before.spin, hit.ball.spin
+    omega, omega_after = hit.ball_before.spin, hit.ball_after.spin
     before[:, at["ball_velocity"]] = np.eye(3)
     before[:, at["ball_spin"]] = r * turned
     before[:, at["ball_radius"]] = (turned @ omega)[:, None]
@@ -203,13 +203,13 @@ def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
     after[:, at["normal"]] -= r * pin.skew(omega_after) @ across
 
     u_before = hit.ball_before.velocity - kic @ hit.v_before + r * turned @ omega
-    u_after = hit.ball.velocity - kic @ hit.v_after + r * turned @ omega_after
+    u_after = hit.ball_after.velocity - kic @ hit.v_after + r * turned @ omega_after
     return _Answer(velocity, spin, v_after, before, after, normal, u_before, u_after)
 
 
 def _residual(hit: Impact, answer: _Answer, at: Mapping[str, slice]) -> tuple[Array, Array, Array]:
     """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
-    n, p, e, mu = hit.touch.normal, hit.impulse, hit.touch.restitution, hit.touch.friction
+    n, p, e, mu = hit.contact.normal, hit.impulse, hit.contact.restitution, hit.contact.friction
     u_before, u_after, give = answer.u_before, answer.u_after, _give(hit)
     if hit.sticking:  # R = u+ + e n (n . u-)
         by_x = answer.after + e * np.outer(n, n @ answer.before + u_before @ answer.normal)
@@ -258,7 +258,7 @@ def _margin(
     at: Mapping[str, slice],
 ) -> tuple[str, float, Array, float]:
     """Return the branch, its margin, the margin's derivative, and what the margin is small to."""
-    n, p, mu = hit.touch.normal, hit.impulse, hit.touch.friction
+    n, p, mu = hit.contact.normal, hit.impulse, hit.contact.friction
     if mu == 0.0:
         return "frictionless", math.inf, np.zeros(impulse.shape[1]), 1.0
     pressing = float(n @ p)
@@ -277,4 +277,4 @@ def _margin(
 
 def _give(hit: Impact) -> Array:
     """Return the Delassus matrix of leg and ball, shape `(3, 3)` [1/kg]."""
-    return hit.posture.delassus() + ball_delassus(hit.struck, hit.touch.normal)
+    return hit.posture.delassus() + ball_delassus(hit.ball, hit.contact.normal)

@@ -11,7 +11,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import crossed
+from kickdyn.core.vectors import cross3
 from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, approach
 from kickdyn.impact.impact_result import Impact
@@ -25,7 +25,7 @@ def strike(
     q: ArrayLike,
     v: ArrayLike,
     ball: Ball,
-    touch: Contact,
+    contact: Contact,
     law: str = "newton",
     *,
     ball_velocity: ArrayLike = AT_REST,
@@ -39,7 +39,7 @@ def strike(
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity just before, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal`.
-        touch: normal, restitution and friction, and where on the foot.
+        contact: normal, restitution and friction, and where on the foot.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
             the sliding followed through the contact) or `paper`.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
@@ -52,9 +52,9 @@ def strike(
         EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
-    validation.made_of(Leg, leg=leg)
+    validation.check_type(Leg, leg=leg)
     return strike_at(
-        leg.posture(q), v, ball, touch, law,
+        leg.posture(q), v, ball, contact, law,
         ball_velocity=ball_velocity, ball_spin=ball_spin, strict=strict,
     )  # fmt: skip
 
@@ -63,7 +63,7 @@ def strike_at(
     posture: Posture,
     v: ArrayLike,
     ball: Ball,
-    touch: Contact,
+    contact: Contact,
     law: str = "newton",
     *,
     ball_velocity: ArrayLike = AT_REST,
@@ -74,39 +74,39 @@ def strike_at(
     validation.flag("strict", strict)
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
-    met = approach(posture, v, ball, touch, ball_velocity, ball_spin)
+    met = approach(posture, v, ball, contact, ball_velocity, ball_spin)
     posture, v, foot_velocity, before, approach_speed = met
     try:
-        impulse, sticking, energy_lost, rub = LAWS[law](
+        impulse, sticking, energy_lost, tangential_impulse = LAWS[law](
             ContactProblem(
-                normal=touch.normal,
-                leg_rows=posture.giving(),
+                normal=contact.normal,
+                leg_rows=posture.delassus_factor(),
                 ball=ball,
                 centre_velocity=before.velocity - foot_velocity,
                 spin=before.spin,
-                restitution=touch.restitution,
-                friction=touch.friction,
+                restitution=contact.restitution,
+                friction=contact.friction,
             )
         )
     except np.linalg.LinAlgError:  # leg and ball too unlike for one matrix
         energy_lost = math.nan
     if not math.isfinite(energy_lost):
         raise KickdynError(
-            f"law {law!r} finds no impulse in {posture!r} (restitution {touch.restitution:g}, "
-            f"friction {touch.friction:g})"
+            f"law {law!r} finds no impulse in {posture!r} (restitution {contact.restitution:g}, "
+            f"friction {contact.friction:g})"
         )
     for array in (impulse, v, foot_velocity):
         array.setflags(write=False)
     hit = Impact.known(
         posture=posture,
-        struck=ball,
-        touch=touch,
+        ball=ball,
+        contact=contact,
         law=law,
         impulse=impulse,
         foot_velocity=foot_velocity,
         approach_speed=approach_speed,
         ball_before=before,
-        ball=_kicked(ball, before, touch.normal, impulse, rub),
+        ball_after=_kicked(ball, before, contact.normal, impulse, tangential_impulse),
         v_before=v,
         energy_lost=energy_lost,
         sticking=sticking,
@@ -121,16 +121,19 @@ def check_energy(hit: Impact) -> None:
     if hit.creates_energy:
         raise EnergyCreated(
             f"law {hit.law!r} creates {-hit.energy_lost:.3g} J in {hit.posture!r} (restitution "
-            f"{hit.touch.restitution:g}, friction {hit.touch.friction:g}): law 'stronge' never does"
+            f"{hit.contact.restitution:g}, friction {hit.contact.friction:g}): law 'stronge' "
+            "never does"
         )
 
 
-def _kicked(ball: Ball, before: BallState, normal: Array, impulse: Array, rub: Array) -> BallState:
+def _kicked(
+    ball: Ball, before: BallState, normal: Array, impulse: Array, tangential_impulse: Array
+) -> BallState:
     """Return the ball just after an impulse at the foot's end of the normal; only rub turns it."""
     px, py, pz = impulse.tolist()
     vx, vy, vz = before.velocity.tolist()
     wx, wy, wz = before.spin.tolist()
-    tx, ty, tz = crossed(normal.tolist(), rub.tolist())
+    tx, ty, tz = cross3(normal.tolist(), tangential_impulse.tolist())
     mass, gain = ball.mass, ball.radius / ball.inertia
     return BallState.computed(
         before.position,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import Sealed
+from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ROUNDING, Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -40,7 +40,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uncertainty(Sealed, Printed):
+class Uncertainty(ReadOnly, Printed):
     """Covariances of a strike's results, and the budget: which source makes which part.
 
     `print` shows the budget as a table.
@@ -158,7 +158,7 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
     )
     for array in (impulse, velocity, spin):
         array.setflags(write=False)
-    ways = {"impulse_size": _way(hit.impulse), "speed": _way(hit.ball.velocity)}
+    ways = {"impulse_size": _way(hit.impulse), "speed": _way(hit.ball_after.velocity)}
     return Uncertainty(
         impulse=impulse,
         velocity=velocity,

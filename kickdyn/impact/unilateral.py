@@ -84,7 +84,7 @@ def unilateral_strike(
     q: ArrayLike,
     v: ArrayLike,
     ball: Ball,
-    touch: Contact,
+    contact: Contact,
     law: str = "newton",
     *,
     ball_velocity: ArrayLike = AT_REST,
@@ -113,14 +113,14 @@ def unilateral_strike(
     if law != "newton":
         raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
     validation.flag("strict", strict)
-    held = strike(leg, q, v, ball, touch, ball_velocity=ball_velocity, ball_spin=ball_spin)
+    held = strike(leg, q, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
     supports = _checked(leg)
-    free = leg.standing_on().posture(held.posture.q).touched_at(touch.offset)
+    free = leg.with_supports().posture(held.posture.q).touched_at(contact.offset)
     feet = _feet(held, supports)
     contacts = _contacts(held, free, feet)
     bounced = contacts.before.copy()
-    bounced[2] *= 1.0 + touch.restitution
-    frictions = [touch.friction]
+    bounced[2] *= 1.0 + contact.restitution
+    frictions = [contact.friction]
     for support, foot in zip(supports, feet, strict=True):
         frictions += [support.friction or 0.0] * len(foot.levers)
     impulses, residual = solve_cones(contacts.delassus, bounced, np.array(frictions))
@@ -149,7 +149,7 @@ class _Contacts(NamedTuple):
 
 
 def _contacts(held: Impact, free: Posture, feet: list[_Foot]) -> _Contacts:
-    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), held.touch.normal).matrix()
+    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), held.contact.normal).matrix()
     jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
     delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
     alone = ContactProblem.of(held)._replace(leg_rows=np.zeros((3, 0)))
@@ -169,7 +169,7 @@ def _outcome(
     impulses: Array,
     residual: float,
 ) -> UnilateralImpact:
-    impulse, before, normal = contacts.axes @ impulses[:3], held.ball_before, held.touch.normal
+    impulse, before, normal = contacts.axes @ impulses[:3], held.ball_before, held.contact.normal
     jump, loops = free.respond(contacts.jacobian.T @ impulses)
     after = contacts.before + contacts.delassus @ impulses
     ends = np.cumsum([3, *(len(foot.rows) for foot in feet)])[:-1]
@@ -185,8 +185,8 @@ def _outcome(
         array.setflags(write=False)
     names = [support.frame for support in supports]
     lever = float(np.linalg.norm(free.jacobian) * np.linalg.norm(impulse))
-    rub = contacts.axes[:, :2] @ impulses[:2]
-    spin = before.spin - cross(normal, rub) * (ball.radius / ball.inertia)
+    tangential_impulse = contacts.axes[:, :2] @ impulses[:2]
+    spin = before.spin - cross(normal, tangential_impulse) * (ball.radius / ball.inertia)
     same = {field.name: getattr(held, field.name) for field in dataclasses.fields(Impact)}
     changed = {
         "impulse": impulse,
@@ -197,7 +197,9 @@ def _outcome(
         "constraint_impulses": stacked,
         "energy_lost": -0.5 * float(impulses @ (contacts.before + after)),
         "sticking": bool(np.hypot(after[0], after[1]) <= STILL * held.approach_speed),
-        "restitution_residual": abs(float(after[2]) / held.approach_speed - held.touch.restitution),
+        "restitution_residual": abs(
+            float(after[2]) / held.approach_speed - held.contact.restitution
+        ),
         "momentum_residual": float(np.abs(left_over).max()) / lever,
         "point_impulses": dict(zip(names, shares, strict=True)),
         "point_velocities": dict(zip(names, velocities, strict=True)),
@@ -219,7 +221,7 @@ def _checked(leg: Leg) -> tuple[Support, ...]:
 
 
 def _feet(held: Impact, supports: tuple[Support, ...]) -> list[_Foot]:
-    feet, hold = [], held.posture.hold
+    feet, hold = [], held.posture.constraint_projector
     for support, block in zip(supports, hold.blocks if hold else (), strict=False):
         rows = hold.rows[block.at] if hold else np.zeros((0, 0))
         if support.sole is None:

@@ -48,10 +48,10 @@ def items() -> list[Item]:
 def kicks() -> list[Impact]:
     """Return the same kick from every posture of the self-motion, in order."""
     leg, attack = Leg.human(), direction(ATTACK_DEG)
-    touch = Contact(attack, RESTITUTION)
+    contact = Contact(attack, RESTITUTION)
 
     def kick(posture: Posture) -> Impact:
-        return strike_at(posture, posture.joint_velocity(SPEED * attack), BALL, touch)
+        return strike_at(posture, posture.joint_velocity(SPEED * attack), BALL, contact)
 
     return [kick(posture) for posture in self_motion(leg, np.radians(START_DEG))]
 

@@ -13,7 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_derivatives import leg_slopes
 from kickdyn.planning.heading import heading_for, turned
-from kickdyn.planning.impact_target import Touch
+from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.posture import Posture
 
@@ -59,8 +59,9 @@ class Equations:
 
     Args:
         leg: on a fixed base, all of its joints that move the foot of one degree of freedom.
-        touch: what the foot must do.
-        lies: height of the ball's centre, or where it is, shape `(3,)` [m, world frame]; None
+        impact_target: what the foot must do.
+        ball_position: height of the ball's centre, or where it is, shape `(3,)` [m, world frame];
+        None
             leaves it free.
         limits: whether limits of speed and torque hold.
         turn: whether a leg whose foot moves in a plane may be turned towards the launch.
@@ -68,14 +69,20 @@ class Equations:
     Attributes:
         leg: the leg, turned by `heading` [rad].
         basis: directions that its foot can move in at all, orthonormal rows.
-        outward: of the leg, no rows where that is unknown or the contact is elsewhere on the foot:
+        contact_normal_cone: of the leg, no rows where that is unknown or the contact is elsewhere
+        on the foot:
             any side of it may then turn to the ball.
     """
 
     def __init__(
-        self, leg: Leg, touch: Touch, lies: float | Array | None, limits: bool, turn: bool = True
+        self,
+        leg: Leg,
+        impact_target: ImpactTarget,
+        ball_position: float | Array | None,
+        limits: bool,
+        turn: bool = True,
     ) -> None:
-        self.leg, self.touch, self.limits = leg, touch, limits
+        self.leg, self.impact_target, self.limits = leg, impact_target, limits
         self.heading = 0.0
         model = leg.model
         self._model, self._data = model, model.createData()
@@ -91,19 +98,23 @@ class Equations:
         self.high = np.minimum(leg.upper[self.qs], math.pi)
         self.fastest, self.effort = self._limits()
         self.speed = np.where(np.isfinite(self.fastest), self.fastest, UNLIMITED)
-        known = leg.outward is not None and touch.contact.offset is None
-        self.outward = leg.outward if known and leg.outward is not None else np.zeros((0, 3))
+        known = leg.contact_normal_cone is not None and impact_target.contact.offset is None
+        self.contact_normal_cone = (
+            leg.contact_normal_cone
+            if known and leg.contact_normal_cone is not None
+            else np.zeros((0, 3))
+        )
         self._draw = np.random.default_rng(0)
         self.basis = self._directions()
-        if turn and self._leaves(touch.impulse):
-            heading = heading_for(self.basis, touch.impulse)
+        if turn and self._leaves(impact_target.impulse):
+            heading = heading_for(self.basis, impact_target.impulse)
             if heading is not None:
                 self.leg, self.heading = turned(leg, heading), heading
                 self._model = self.leg.model
                 self._data = self._model.createData()
                 self.basis = self._directions()
         self._check_directions()
-        self._hold_ball(lies)
+        self._hold_ball(ball_position)
 
     def _limits(self) -> tuple[Array, Array]:
         """Return limits of speed and torque; where they are lifted, one of 0 is none."""
@@ -133,11 +144,11 @@ class Equations:
         return bool(np.linalg.norm(lost) > 1e-6 * np.linalg.norm(wish))
 
     def _check_directions(self) -> None:
-        wish, normal = self.touch.impulse, self.touch.contact.normal
+        wish, normal = self.impact_target.impulse, self.impact_target.contact.normal
         if self._leaves(wish):
             raise InvalidInput(
                 f"{self.leg.name} cannot kick so: its foot moves in a plane only, and the launch "
-                f"{(wish / self.touch.ball.mass).round(4).tolist()} m/s leaves that"
+                f"{(wish / self.impact_target.ball.mass).round(4).tolist()} m/s leaves that"
             )
         if self._leaves(normal):
             raise InvalidInput(
@@ -152,7 +163,7 @@ class Equations:
         """Return the posture for the angles of the joints that move the foot."""
         whole = self.rest.copy()
         whole[self.qs] = q
-        return self.leg.posture(whole).touched_at(self.touch.contact.offset)
+        return self.leg.posture(whole).touched_at(self.impact_target.contact.offset)
 
     def whole(self, v: Array) -> Array:
         """Return the joint velocity of the whole leg."""
@@ -165,41 +176,42 @@ class Equations:
         zero = np.zeros(self.leg.nv)
         return np.asarray(pin.rnea(self._model, self._data, q, v, zero)[self.vs])
 
-    def _hold_ball(self, lies: float | Array | None) -> None:
-        self.lies, self.held = np.zeros(3), np.zeros((0, 3))
-        if isinstance(lies, float | int):
-            self.lies[2], self.held = lies, np.array([[0.0, 0.0, 1.0]])
-        elif lies is not None:
-            self.lies, self.held = lies, self.basis
+    def _hold_ball(self, ball_position: float | Array | None) -> None:
+        self.ball_position, self.held = np.zeros(3), np.zeros((0, 3))
+        if isinstance(ball_position, float | int):
+            self.ball_position[2], self.held = ball_position, np.array([[0.0, 0.0, 1.0]])
+        elif ball_position is not None:
+            self.ball_position, self.held = ball_position, self.basis
             off = self._apart(self.posture(self._any()))
             beside = float(np.linalg.norm(off - self.basis.T @ (self.basis @ off)))
-            if beside > FEASIBLE * self.touch.ball.radius:
+            if beside > FEASIBLE * self.impact_target.ball.radius:
                 raise InvalidInput(
-                    f"the ball at {lies.tolist()} m is {beside:.4g} m beside the plane that the "
-                    f"foot of {self.leg.name} moves in"
+                    f"the ball at {ball_position.tolist()} m is {beside:.4g} m beside the plane "
+                    f"that the foot of {self.leg.name} moves in"
                 )
 
     def _apart(self, posture: Posture) -> Array:
         """Return how far the ball would be from where it lies [m]."""
-        contact = self.touch.contact
-        centre = posture.contact_point + self.touch.ball.radius * contact.normal
-        return np.asarray(centre - self.lies)
+        contact = self.impact_target.contact
+        centre = posture.contact_point + self.impact_target.ball.radius * contact.normal
+        return np.asarray(centre - self.ball_position)
 
     def astray(self, posture: Posture) -> Array:
         """Return how far the ball would be from where it is held, in its radii."""
-        return np.asarray(self.held @ self._apart(posture) / self.touch.ball.radius)
+        return np.asarray(self.held @ self._apart(posture) / self.impact_target.ball.radius)
 
     def facing(self, posture: Posture) -> Array:
         """Return by how much the foot turns its front to the ball: 0 or more where it does."""
         ways = [
-            posture.touched_at(row).contact_point - posture.contact_point for row in self.outward
+            posture.touched_at(row).contact_point - posture.contact_point
+            for row in self.contact_normal_cone
         ]
-        return np.reshape(ways, (-1, 3)) @ self.touch.contact.normal
+        return np.reshape(ways, (-1, 3)) @ self.impact_target.contact.normal
 
     def at(self, x: Array) -> tuple[Posture, Array]:
         """Return the posture and the foot velocity that is asked for there."""
         posture = self.posture(x[: self.n])
-        return posture, self.touch.foot_velocity(posture)
+        return posture, self.impact_target.foot_velocity(posture)
 
     def _velocity(self, x: Array) -> Array:
         return self.whole(x[self.n : 2 * self.n] * self.speed)
@@ -207,7 +219,7 @@ class Equations:
     @property
     def asked(self) -> Array:
         """Directions in which the foot's velocity is given, as rows."""
-        contact = self.touch.contact
+        contact = self.impact_target.contact
         return self.basis if contact.friction > 0.0 else contact.normal[None]
 
     def values(
@@ -232,18 +244,18 @@ class Equations:
         """Return the derivatives of `values` by the unknowns, one row each."""
         posture, wish = at
         v, share, n, at_v = self._velocity(x), float(x[-1]), self.n, slice(self.n, 2 * self.n)
-        impulse, kic = self.touch.impulse, posture.jacobian
+        impulse, kic = self.impact_target.impulse, posture.jacobian
         v_after = v + posture.solve(-impulse.dot(kic))
         leg = leg_slopes(posture, v, v_after, impulse, NOTHING_HELD)
         given = leg.foot_q - leg.foot_q_after - kic @ leg.v_after_q  # of J M^-1 J^T p by q
-        wish_q = self.touch.foot_gain @ given
+        wish_q = self.impact_target.foot_gain @ given
         fast = math.sqrt(wish @ wish)
         missed = np.zeros((3, len(x)))
         off = np.outer(kic @ v - share * wish, wish @ wish_q) / fast**2
         missed[:, :n] = ((leg.foot_q - share * wish_q - off) / fast)[:, self.vs]
         missed[:, at_v], missed[:, -1] = kic[:, self.vs] * (self.speed / fast), -wish / fast
         rows = [self._cost_slope(posture, v, x, float(here[0]), cost, size), *self.asked @ missed]
-        for row in self.held @ kic[:, self.vs] / self.touch.ball.radius:
+        for row in self.held @ kic[:, self.vs] / self.impact_target.ball.radius:
             rows.append(np.append(row, np.zeros(n + 1)))
         if self.limits:
             zero = np.zeros(self.leg.nv)
@@ -254,8 +266,8 @@ class Equations:
             room[:, :n] = -2 * used * np.reshape(by_q, (zero.size, -1))[both]
             room[:, at_v] = -2 * used * np.reshape(by_v, (zero.size, -1))[both] * self.speed
             rows += list(room)
-        for row in self.outward:
-            turning = self.touch.contact.normal @ (posture.touched_at(row).jacobian - kic)
+        for row in self.contact_normal_cone:
+            turning = self.impact_target.contact.normal @ (posture.touched_at(row).jacobian - kic)
             rows.append(np.append(turning[self.vs], np.zeros(n + 1)))
         return np.array(rows)
 
@@ -280,10 +292,10 @@ class Equations:
 
     def exact(self, posture: Posture, v: Array, share: float) -> Array:
         """Return v with the last digits of the foot's velocity put right."""
-        wish = share * self.touch.foot_velocity(posture)
+        wish = share * self.impact_target.foot_velocity(posture)
         rows = posture.jacobian[:, self.vs]
         missed = wish - rows @ v[self.vs]
-        if self.touch.contact.friction == 0.0:
-            rows = (self.touch.contact.normal @ rows)[None]
-            missed = np.array([self.touch.contact.normal @ missed])
+        if self.impact_target.contact.friction == 0.0:
+            rows = (self.impact_target.contact.normal @ rows)[None]
+            missed = np.array([self.impact_target.contact.normal @ missed])
         return v + self.whole(np.linalg.pinv(rows * self.speed, rcond=1e-9) @ missed * self.speed)

@@ -6,36 +6,41 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.planning.equations import Objective
-from kickdyn.planning.impact_target import Touch
+from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.search import Search
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.posture import Posture
 
 
 def why_none(
-    leg: Leg, touch: Touch, lies: float | Array | None, limits: bool, turn: bool, starts: int
+    leg: Leg,
+    impact_target: ImpactTarget,
+    ball_position: float | Array | None,
+    limits: bool,
+    turn: bool,
+    starts: int,
 ) -> str:
     """Return what a search that found nothing is to be told of.
 
     Args:
         leg: as for `Search`.
-        touch: likewise.
-        lies: likewise.
+        impact_target: likewise.
+        ball_position: likewise.
         limits: likewise.
         turn: likewise.
         starts: of the searches for a reason.
     """
     if limits:
-        lifted = Search(leg, touch, lies, False, turn)
+        lifted = Search(leg, impact_target, ball_position, False, turn)
         found = lifted.run(Objective(lambda posture, v: float(v @ v)), starts)
         if found is not None:
             return _too_weak(lifted, found.posture)
-    if lies is not None:
-        anywhere = Search(leg, touch, None, limits, turn)
-        held = [2] if isinstance(lies, float) else [0, 1, 2]
+    if ball_position is not None:
+        anywhere = Search(leg, impact_target, None, limits, turn)
+        held = [2] if isinstance(ball_position, float) else [0, 1, 2]
 
         def off(posture: Posture, v: Array) -> float:
-            return float(np.sum((_centre(anywhere, posture)[held] - lies) ** 2))
+            return float(np.sum((_centre(anywhere, posture)[held] - ball_position) ** 2))
 
         found = anywhere.run(Objective(off), starts)
         if found is not None:
@@ -47,8 +52,8 @@ def why_none(
 
 def _centre(search: Search, posture: Posture) -> Array:
     """Return where the centre of the ball that is touched would be [m, world frame]."""
-    contact = search.touch.contact
-    return np.asarray(posture.contact_point + search.touch.ball.radius * contact.normal)
+    contact = search.impact_target.contact
+    return np.asarray(posture.contact_point + search.impact_target.ball.radius * contact.normal)
 
 
 def _too_weak(search: Search, posture: Posture) -> str:

@@ -64,7 +64,7 @@ class Wall(NamedTuple):
         By how much its lower edge is above the wall, and its side beside it, both below 0 where it
         is not, and where its centre is to the left of the wall's middle.
         """
-        goal, path, radius = planned.goal, planned.path, planned.hit.struck.radius
+        goal, path, radius = planned.goal, planned.path, planned.hit.ball.radius
         start = path.launch.position
 
         def short(time: float) -> float:
@@ -106,7 +106,7 @@ class Wall(NamedTuple):
         """Return which of a higher and a curved kick to the same target the leg has."""
         if isinstance(planned.path, Course):
             return "along the ground there is no way round it"
-        goal, radius = planned.goal, planned.hit.struck.radius
+        goal, radius = planned.goal, planned.hit.ball.radius
         over = (self.distance, round(self.height + OVER, 6))
         room = math.ceil(1e3 * (self.width / 2 + radius + OVER)) / 1e3
         beside = (self.distance, -room if aside < -1e-6 else room)
@@ -153,7 +153,7 @@ class Score(NamedTuple):
 
 def score(planned: KickPlan) -> Score:
     """Return how a kick meets the goal."""
-    radius = planned.hit.struck.radius
+    radius = planned.hit.ball.radius
     start, end = planned.path.launch.position, planned.path.sample(planned.path.duration).position
     _, left, up = end - start
     short = planned.goal.target[0] - (end - start)[0] > 1e-3 or up <= -radius

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import GRAVITY
@@ -20,7 +20,7 @@ FARTHEST = 1e4
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Goal(Card):
+class Goal(ReprMixin):
     """A target, and how the ball is to come there.
 
     The target alone leaves a family of launches, one for each time of flight: name one thing more.
@@ -106,7 +106,11 @@ class Goal(Card):
         for name, unit in {**units, "beside": "m"}.items():
             value = getattr(self, name)
             if value is not None:
-                yield name, shown(np.array(value) if isinstance(value, tuple) else value), unit
+                yield (
+                    name,
+                    format_value(np.array(value) if isinstance(value, tuple) else value),
+                    unit,
+                )
 
     @property
     def distance(self) -> float:

@@ -28,7 +28,7 @@ def turned(leg: Leg, heading: float) -> Leg:
     for number, frame in enumerate(model.frames):
         if number and frame.parentJoint == 0:
             frame.placement = turn * frame.placement
-    return Leg(model, leg.frame, leg.urdf, outward=leg.outward)
+    return Leg(model, leg.frame, leg.urdf, contact_normal_cone=leg.contact_normal_cone)
 
 
 def heading_for(directions: Array, wish: Array) -> float | None:

@@ -17,7 +17,7 @@ from kickdyn.robot.posture import Posture
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class ImpactTarget:
     """What the foot must do to a ball at rest.
 
     Attributes:
@@ -44,15 +44,15 @@ class Touch:
         From Eq. (1) along the normal and no sliding after across it. Without friction the part
         across the normal is free: what is returned is along the normal.
         """
-        n, touch, zero = self.contact.normal, self.contact, np.zeros(3)
+        n, impact_target, zero = self.contact.normal, self.contact, np.zeros(3)
         problem = ContactProblem(
             normal=n,
-            leg_rows=posture.giving(),
+            leg_rows=posture.delassus_factor(),
             ball=self.ball,
             centre_velocity=zero,
             spin=zero,
-            restitution=touch.restitution,
-            friction=touch.friction,
+            restitution=impact_target.restitution,
+            friction=impact_target.friction,
         )
         return np.asarray(self.foot_gain @ (problem.delassus() @ self.impulse))
 
@@ -64,14 +64,14 @@ class Touch:
         return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
 
 
-def touch_for(
+def impact_target_for(
     velocity: Array,
     spin: Array,
     ball: Ball,
     restitution: float,
     friction: float,
     offset: Array | None = None,
-) -> Touch:
+) -> ImpactTarget:
     """Return the touch that gives a ball at rest a velocity and a spin across it.
 
     Args:
@@ -98,4 +98,4 @@ def touch_for(
                 f"{most * ball.radius * size / ball.inertia:g} rad/s"
             )
         normal = math.sqrt(1.0 - sine * sine) * along + sine * np.cross(spin / turn, along)
-    return Touch(impulse, Contact(normal, restitution, friction, offset), ball)
+    return ImpactTarget(impulse, Contact(normal, restitution, friction, offset), ball)

@@ -11,7 +11,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.stop_problem import Solved, Stopper
 from kickdyn.planning.swing_joints import Joints
-from kickdyn.planning.swing_phase import Part, part_of
+from kickdyn.planning.swing_phase import SwingPhase, part_of
 
 SLACK = 0.005
 """Share of the torque limits left over at first, for torques between the points of the solver."""
@@ -40,8 +40,8 @@ def kept_stop(
     ask: Ask,
     longest: float,
     most: float,
-    known: Part | None,
-) -> tuple[Part, Solved]:
+    known: SwingPhase | None,
+) -> tuple[SwingPhase, Solved]:
     """Return a stop from the largest share, up to `most`, of the velocity that is asked for.
 
     Torques are bounded at nodes and half-way; where they leave their limits between those, it is
@@ -85,7 +85,7 @@ def kept_stop(
     )
 
 
-def _keeps(known: Part, joints: Joints, longest: float) -> bool:
+def _keeps(known: SwingPhase, joints: Joints, longest: float) -> bool:
     """Return whether a stop keeps limits, which may differ from those it was found with."""
     way = known.fine()
     return bool(

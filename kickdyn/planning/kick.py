@@ -25,7 +25,7 @@ from kickdyn.plane import Plane
 from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.heading import turned
-from kickdyn.planning.impact_target import touch_for
+from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch_family_solver import SPEED_LIMIT, plan_launches
 from kickdyn.planning.launch_result import Launch, Launches, to_target
@@ -38,7 +38,7 @@ from kickdyn.robot.leg import Leg
 
 if TYPE_CHECKING:
     from kickdyn.planning.swing_kick import SwungKick
-    from kickdyn.planning.swing_phase import Part
+    from kickdyn.planning.swing_phase import SwingPhase
 
 
 class OutOfReach(InvalidInput):
@@ -135,7 +135,9 @@ def plan_kick(
         ball_height = validation.number("ball height", ball_height, unit="m")
     if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height:g} beside ball_at: name one of the two")
-    lies = ball_height if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
+    ball_position = (
+        ball_height if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
+    )
     place = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     turning = validation.vector("spin", spin, 3, unit="rad/s")
     ground = None if surface is None else Ground(surface=surface)
@@ -143,29 +145,35 @@ def plan_kick(
         launch = _launch(goal, ball, air, turning, arc)
     else:
         launch = _pass(goal, ball, air, turning, ground)
-    touch = touch_for(launch.velocity, launch.spin, ball, restitution, friction, place)
+    impact_target = impact_target_for(
+        launch.velocity, launch.spin, ball, restitution, friction, place
+    )
     limb = limb_of(leg)
-    search = Search(limb.leg, touch, lies, limits, turn)
-    cost = OBJECTIVES["joint speed" if spread is not None else objective](search, touch)
+    search = Search(limb.leg, impact_target, ball_position, limits, turn)
+    cost = OBJECTIVES["joint speed" if spread is not None else objective](search, impact_target)
     found = search.run(cost, STARTS)
     if found is not None and spread is not None:
-        cost = least_scatter(touch, launch, air, spread)
+        cost = least_scatter(impact_target, launch, air, spread)
         known = [found]
         if found.share == 1.0:  # what is least for others may scatter less, or lead to what does
             for one in list(OBJECTIVES.values())[1:]:
-                other = Search(limb.leg, touch, lies, limits, turn)
-                run = other.run(one(other, touch), STARTS)
+                other = Search(limb.leg, impact_target, ball_position, limits, turn)
+                run = other.run(one(other, impact_target), STARTS)
                 known += [run] if run is not None and run.share == 1.0 else []
         found = min((search.improve(one, cost) for one in known), key=lambda one: one.value)
     if found is None:
-        there = f"{lies:g}" if isinstance(lies, float) else np.asarray(lies).tolist()
-        where = "" if lies is None else f" that touches a ball at {there} m"
+        there = (
+            f"{ball_position:g}"
+            if isinstance(ball_position, float)
+            else np.asarray(ball_position).tolist()
+        )
+        where = "" if ball_position is None else f" that touches a ball at {there} m"
         from kickdyn.planning.excluded import why_none
 
-        why = why_none(limb.leg, touch, lies, limits, turn, STARTS)
+        why = why_none(limb.leg, impact_target, ball_position, limits, turn, STARTS)
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so: {why}")
     binding: tuple[str, ...] = ()
-    parts: tuple[Part, Part] | None = None
+    parts: tuple[SwingPhase, SwingPhase] | None = None
     if swing:
         bare = found.share
         found, parts = _swung(search, found, objective)
@@ -226,7 +234,7 @@ def _pass(goal: Goal, ball: Ball, air: Air | None, spin: Array, ground: Ground) 
 
 def _struck(robot: Leg, limb: Limb, search: Search, found: Found) -> Impact:
     q, v = limb.whole(robot, found.posture.q, found.v)
-    return strike_at(robot.posture(q), v, search.touch.ball, search.touch.contact)
+    return strike_at(robot.posture(q), v, search.impact_target.ball, search.impact_target.contact)
 
 
 def _carried_out(
@@ -241,17 +249,17 @@ def _carried_out(
     ground: Ground | None,
     binding: tuple[str, ...],
 ) -> KickPlan:
-    touch = search.touch
-    start = hit.ball
+    impact_target = search.impact_target
+    start = hit.ball_after
     path: Flight | Course
     if ground is None:
         time = launch.time if found.share == 1.0 else None
-        path = to_target(start, goal, touch.ball, air, time, orientation=True)
+        path = to_target(start, goal, impact_target.ball, air, time, orientation=True)
         end = path.landing
     else:
-        ground = Ground(float(start.position[2]) - touch.ball.radius, ground.surface)
+        ground = Ground(float(start.position[2]) - impact_target.ball.radius, ground.surface)
         plane = Plane(start.position + goal.target, -goal.ahead, "centre")
-        path = follow(start, touch.ball, air, ground, plane=plane)
+        path = follow(start, impact_target.ball, air, ground, plane=plane)
         end = path.rest
     error = float(np.linalg.norm(end.position - start.position - goal.target))
     fast = np.abs(found.v[search.vs]) / search.fastest
@@ -264,7 +272,7 @@ def _carried_out(
         objective=objective,
         value=cost(found.posture, found.v),
         share=found.share,
-        touch=touch,
+        impact_target=impact_target,
         hit=hit,
         path=path,
         landing_error=error,

@@ -9,16 +9,16 @@ from typing import Literal
 
 import numpy as np
 
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.impact_target import Touch
+from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch_result import Launch
 from kickdyn.planning.objectives import SAID, UNITS
-from kickdyn.planning.swing_phase import Part
+from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.robot.leg import Leg
 
 AT_END = 1e-6
@@ -29,7 +29,7 @@ STILL = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KickPlan(Card):
+class KickPlan(ReprMixin):
     """A kick, planned and then carried out by `strike` and `fly`.
 
     Attributes:
@@ -39,7 +39,7 @@ class KickPlan(Card):
         launch: that meets it.
         objective: that was made least; `value` is its value.
         share: of the launch speed that is reached; 1 where `status` is `met`.
-        touch: impulse, normal and place on the ball.
+        impact_target: impulse, normal and place on the ball.
         hit: the strike, from the planned posture and joint velocity.
         path: the flight from there, to the target's plane or to the ground before it; of a pass,
             the course.
@@ -61,7 +61,7 @@ class KickPlan(Card):
     objective: str
     value: float
     share: float
-    touch: Touch
+    impact_target: ImpactTarget
     hit: Impact
     path: Flight | Course
     landing_error: float
@@ -70,7 +70,7 @@ class KickPlan(Card):
     effort_use: float
     binding: tuple[str, ...]
     heading: float
-    parts: tuple[Part, Part] | None = None
+    parts: tuple[SwingPhase, SwingPhase] | None = None
 
     @property
     def leg(self) -> Leg:
@@ -82,7 +82,7 @@ class KickPlan(Card):
         yield "posture", self.q, "rad"
         yield "joint velocity", self.v, "rad/s"
         yield "impulse on the ball", self.hit.impulse, "N s"
-        yield "launch", self.hit.ball.velocity, "m/s"
+        yield "launch", self.hit.ball_after.velocity, "m/s"
         yield "landing error", self.landing_error, "m"
         yield "time error", self.time_error, "s"
         what = SAID.get(self.objective, self.objective)

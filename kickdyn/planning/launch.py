@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
@@ -51,7 +51,7 @@ class Round:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LaunchPlan(Card):
+class LaunchPlan(ReprMixin):
     """A launch, and how it was found.
 
     Attributes:

@@ -16,8 +16,8 @@ from scipy.optimize import brentq, minimize_scalar
 from kickdyn.core.validation import Array
 from kickdyn.flight.forces import GRAVITY
 from kickdyn.planning.goal import Goal, nominal_velocity
-from kickdyn.planning.launch_newton import Root, condition, newton
-from kickdyn.planning.shooting import Range
+from kickdyn.planning.launch_newton import LaunchSolution, condition, newton
+from kickdyn.planning.shooting import ShootingProblem
 
 STRIDE = 1.35
 """Ratio of neighbouring times of the walk along the family."""
@@ -36,7 +36,7 @@ class Member(NamedTuple):
     It is clear where the ground is not in its way.
     """
 
-    root: Root
+    root: LaunchSolution
     speed: float
     error: float
     clear: bool
@@ -51,9 +51,9 @@ class Family:
         limit: of the launch speed [m/s].
     """
 
-    def __init__(self, field: Range, goal: Goal, limit: float) -> None:
+    def __init__(self, field: ShootingProblem, goal: Goal, limit: float) -> None:
         self.field, self.goal, self.limit = field, goal, limit
-        self._coarse = Range(field.ball, field.air, field.spin, field.seeks_spin, COARSE)
+        self._coarse = ShootingProblem(field.ball, field.air, field.spin, field.seeks_spin, COARSE)
         self._found: dict[float, Member | None] = {}
 
     def at(self, time: float) -> Member | None:
@@ -82,7 +82,7 @@ class Family:
         found = newton(self.field, goal, root.velocity, root.time, root.size)
         return self._member(found) or member
 
-    def _member(self, root: Root) -> Member | None:
+    def _member(self, root: LaunchSolution) -> Member | None:
         if not root.met or root.shot is None:
             return None
         error = condition(self.goal, root.velocity, root.shot)[0]
@@ -153,7 +153,9 @@ class Family:
         return inside if member is None else member
 
 
-def farthest_point(field: Range, target: Array, limit: float) -> tuple[Array, Array, float]:
+def farthest_point(
+    field: ShootingProblem, target: Array, limit: float
+) -> tuple[Array, Array, float]:
     """Return the farthest point on the line to a target that a launch at the speed limit comes to.
 
     Aimed at the target's side; also the launch velocity and the time of flight.

@@ -18,9 +18,9 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.launch_family import Family, Member, farthest_point
-from kickdyn.planning.launch_newton import Root, newton
+from kickdyn.planning.launch_newton import LaunchSolution, newton
 from kickdyn.planning.launch_result import Launch, Launches
-from kickdyn.planning.shooting import Range
+from kickdyn.planning.shooting import ShootingProblem
 
 SPEED_LIMIT = 343.0
 """[m/s]. Faster than sound, drag coefficients without a Mach number mean nothing."""
@@ -56,7 +56,7 @@ def plan_launches(
     Raises:
         InvalidInput: a value out of range, or `beside` where no lift can bend the way.
     """
-    validation.made_of(Goal, goal=goal)
+    validation.check_type(Goal, goal=goal)
     most = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     turn_limit = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
     turning = validation.vector("spin", spin, 3, unit="rad/s")
@@ -64,7 +64,7 @@ def plan_launches(
         if air is None or air.lift is None or air.density == 0.0:
             raise InvalidInput("beside asks for a curved way: name air with lift")
         turning = validation.direction("spin", turning if turning.any() else (0.0, 0.0, 1.0))
-    field = Range(ball, air, turning, goal.beside is not None)
+    field = ShootingProblem(ball, air, turning, goal.beside is not None)
     roots = _direct(field, goal)
     bends = [root for root in roots if abs(root.size) <= turn_limit]
     meeting = [root for root in bends if math.hypot(*root.velocity) <= most * (1 + 1e-12)]
@@ -85,7 +85,7 @@ def plan_launches(
     return _nearest(goal, family, members, buried=bool(meeting))
 
 
-def _direct(field: Range, goal: Goal) -> list[Root]:
+def _direct(field: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
     found = []
     for time in goal.nominal_times():
         root = newton(field, goal, nominal_velocity(goal.target, time), time)
@@ -94,19 +94,19 @@ def _direct(field: Range, goal: Goal) -> list[Root]:
     return _several(found)
 
 
-def _comes_down(root: Root) -> bool:
+def _comes_down(root: LaunchSolution) -> bool:
     return root.shot is not None and float(root.shot.place(root.time)[1][2]) <= 1e-9
 
 
-def _several(roots: list[Root]) -> list[Root]:
-    apart: list[Root] = []
+def _several(roots: list[LaunchSolution]) -> list[LaunchSolution]:
+    apart: list[LaunchSolution] = []
     for root in sorted(roots, key=lambda root: root.time):
         if not apart or root.time > apart[-1].time * (1 + SAME):
             apart.append(root)
     return apart
 
 
-def _crossings(family: Family, members: list[Member], turn_limit: float) -> list[Root]:
+def _crossings(family: Family, members: list[Member], turn_limit: float) -> list[LaunchSolution]:
     """Return the roots between members on both sides of what is named."""
     found = []
     for one, other in pairwise(members):
@@ -118,7 +118,7 @@ def _crossings(family: Family, members: list[Member], turn_limit: float) -> list
     return [root for root in found if math.hypot(*root.velocity) <= family.limit * (1 + 1e-9)]
 
 
-def _between(family: Family, one: Member, other: Member) -> Root | None:
+def _between(family: Family, one: Member, other: Member) -> LaunchSolution | None:
     """Return the root between two members: by Newton from either, or by bisection for a start."""
 
     def error(time: float) -> float:
@@ -140,26 +140,26 @@ def _between(family: Family, one: Member, other: Member) -> Root | None:
     return None
 
 
-def _launch(field: Range, goal: Goal, root: Root) -> Launch:
+def _launch(field: ShootingProblem, goal: Goal, root: LaunchSolution) -> Launch:
     spin = field.spin_of(root.size)
     return Launch(
         goal, root.velocity, spin, root.time, root.errors, root.tried, field.ball, field.air
     )
 
 
-def _met(field: Range, goal: Goal, roots: list[Root]) -> Launches:
+def _met(field: ShootingProblem, goal: Goal, roots: list[LaunchSolution]) -> Launches:
     return Launches("met", goal, tuple(_launch(field, goal, root) for root in roots))
 
 
-def _too_far(field: Range, goal: Goal, limit: float) -> Launches:
+def _too_far(field: ShootingProblem, goal: Goal, limit: float) -> Launches:
     where, velocity, time = farthest_point(field, goal.target, limit)
     near = Goal(where, time=time)
-    root = Root(velocity, time, 0.0, np.zeros(4), True, (), None)
+    root = LaunchSolution(velocity, time, 0.0, np.zeros(4), True, (), None)
     return Launches("unreachable", goal, (), "speed limit", _launch(field, near, root))
 
 
 def _curved_else(
-    field: Range, goal: Goal, limit: float, turn_limit: float, roots: list[Root]
+    field: ShootingProblem, goal: Goal, limit: float, turn_limit: float, roots: list[LaunchSolution]
 ) -> Launches:
     """Return what hinders a curved way: the speed without it, or else the spin."""
     assert goal.beside is not None
@@ -172,7 +172,7 @@ def _curved_else(
     if spun.status != "met":
         return Launches("unreachable", goal, (), spun.limit, spun.nearest)
     best = spun.solutions[0]
-    bent = Range(field.ball, field.air, best.spin)
+    bent = ShootingProblem(field.ball, field.air, best.spin)
     shot = bent.shoot(best.velocity, best.time)
     assert shot is not None
     left = np.cross((0.0, 0.0, 1.0), goal.ahead)
@@ -181,7 +181,7 @@ def _curved_else(
     return Launches("unreachable", goal, (), "spin limit", replace(best, goal=near))
 
 
-def _bend(field: Range, goal: Goal) -> float:
+def _bend(field: ShootingProblem, goal: Goal) -> float:
     """Return the sign of spin about the axis that bends the way to the side that is asked for."""
     assert goal.beside is not None
     left = np.cross((0.0, 0.0, 1.0), goal.ahead)

@@ -9,7 +9,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.shooting import Range, Shot
+from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
 MEETS = 1e-9
 """Errors that count as met [m, s, m/s]; farther than 1 km, a millionth of a millionth of it."""
@@ -19,7 +19,7 @@ HALVINGS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Root:
+class LaunchSolution:
     """Where Newton's method came to.
 
     Attributes:
@@ -39,7 +39,7 @@ class Root:
     errors: Array
     met: bool
     tried: tuple[Array, ...]
-    shot: Shot | None
+    shot: Trajectory | None
 
     def above_ground(self, goal: Goal) -> bool:
         """Return whether the flight stays above the ground, level with its lower end, all the way.
@@ -72,13 +72,13 @@ def meets(goal: Goal) -> float:
 
 
 def newton(
-    field: Range,
+    field: ShootingProblem,
     goal: Goal,
     velocity: Array,
     time: float,
     size: float = 0.0,
     enough: float | None = None,
-) -> Root:
+) -> LaunchSolution:
     """Solve for a launch from a first guess.
 
     Steps are cut short while they lead nowhere better; where that does not help, `met` is False.
@@ -108,7 +108,7 @@ def newton(
         tried.append(x[:3])
     met = bool(np.abs(errors).max() <= enough)
     size = float(x[4]) if len(x) == 5 else 0.0
-    return Root(x[:3], float(x[3]), size, errors, met, tuple(tried), shot)
+    return LaunchSolution(x[:3], float(x[3]), size, errors, met, tuple(tried), shot)
 
 
 def _scale(goal: Goal) -> Array:
@@ -117,7 +117,9 @@ def _scale(goal: Goal) -> Array:
     return np.array([length] * 3 + [last] + [length] * (goal.beside is not None))
 
 
-def _residual(field: Range, goal: Goal, x: Array) -> tuple[Array, Array, Shot | None]:
+def _residual(
+    field: ShootingProblem, goal: Goal, x: Array
+) -> tuple[Array, Array, Trajectory | None]:
     """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
     n = len(x)
     shot = field.shoot(x[:3], float(x[3]), float(x[4]) if n == 5 else 0.0)
@@ -137,7 +139,7 @@ def _residual(field: Range, goal: Goal, x: Array) -> tuple[Array, Array, Shot | 
     return errors, slope, shot
 
 
-def condition(goal: Goal, velocity: Array, shot: Shot) -> tuple[float, Array, float]:
+def condition(goal: Goal, velocity: Array, shot: Trajectory) -> tuple[float, Array, float]:
     """Return the error of the thing named beside the target, and derivatives by launch and time."""
     width = shot.slope(0.0).shape[1]
     if goal.time is not None:

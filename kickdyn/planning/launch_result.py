@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -26,7 +26,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Launch(Card):
+class Launch(ReprMixin):
     """A launch that meets a goal.
 
     Attributes:
@@ -95,7 +95,7 @@ class Launch(Card):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Launches(Card):
+class Launches(ReprMixin):
     """What `plan_launches` found.
 
     Attributes:
@@ -118,8 +118,8 @@ class Launches(Card):
     def _rows(self) -> Iterable[Row]:
         yield "status", self.said, ""
         for launch in self.solutions:
-            spin = f", spin {shown(launch.spin)} rad/s" if launch.spin.any() else ""
-            yield f"in {launch.time:.4g} s", f"{shown(launch.velocity)} m/s{spin}", ""
+            spin = f", spin {format_value(launch.spin)} rad/s" if launch.spin.any() else ""
+            yield f"in {launch.time:.4g} s", f"{format_value(launch.velocity)} m/s{spin}", ""
 
     @property
     def said(self) -> str:
@@ -162,11 +162,13 @@ def to_target(
 
 def _said(near: Launch) -> str:
     value = getattr(near.goal, near.goal.kind)
-    shown = f"{value[1]:.4g} m at {value[0]:.4g} m" if near.goal.kind == "over" else f"{value:.4g}"
+    format_value = (
+        f"{value[1]:.4g} m at {value[0]:.4g} m" if near.goal.kind == "over" else f"{value:.4g}"
+    )
     rounding = 1e-9 * float(abs(near.goal.target).max())
     where = ", ".join(f"{part if abs(part) > rounding else 0:.4g}" for part in near.goal.target)
     if near.goal.beside is not None:
         at, left = near.goal.beside
         side = "left" if left >= 0.0 else "right"
-        shown += f", {abs(left):.4g} m {side} of the line at {at:.4g} m"
-    return f"({where}) m, {near.goal.kind} {shown}, at {near.speed:.4g} m/s"
+        format_value += f", {abs(left):.4g} m {side} of the line at {at:.4g} m"
+    return f"({where}) m, {near.goal.kind} {format_value}, at {near.speed:.4g} m/s"

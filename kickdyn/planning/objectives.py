@@ -16,7 +16,7 @@ from kickdyn.errors import NoImpact
 from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.strike import strike_at
 from kickdyn.planning.equations import Equations, Objective
-from kickdyn.planning.impact_target import Touch
+from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch_result import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
 from kickdyn.robot.posture import Posture
@@ -25,7 +25,7 @@ SMOOTH = 12
 """Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""
 
 
-def _joint_speed(search: Equations, touch: Touch) -> Objective:
+def _joint_speed(search: Equations, impact_target: ImpactTarget) -> Objective:
     def mean(posture: Posture, v: Array) -> float:
         return float(np.mean((v[search.vs] / search.speed) ** 2))
 
@@ -35,7 +35,7 @@ def _joint_speed(search: Equations, touch: Touch) -> Objective:
     return Objective(mean, slope)
 
 
-def _effort(search: Equations, touch: Touch) -> Objective:
+def _effort(search: Equations, impact_target: ImpactTarget) -> Objective:
     def slope(posture: Posture, v: Array) -> tuple[Array, Array]:
         space = posture.leg.workspace
         momentum_q = pin.computeRNEADerivatives(space.model, space.data, posture.q, space.still, v)
@@ -45,18 +45,18 @@ def _effort(search: Equations, touch: Touch) -> Objective:
     return Objective(lambda posture, v: 0.5 * float(v @ posture.inertia @ v), slope)
 
 
-def _foot_speed(search: Equations, touch: Touch) -> Objective:
+def _foot_speed(search: Equations, impact_target: ImpactTarget) -> Objective:
     return Objective(lambda posture, v: float(np.linalg.norm(posture.jacobian @ v)))
 
 
-def _most_joint_impulse(search: Equations, touch: Touch) -> Objective:
-    return replace(_joint_impulse(search, touch), sign=-1.0)
+def _most_joint_impulse(search: Equations, impact_target: ImpactTarget) -> Objective:
+    return replace(_joint_impulse(search, impact_target), sign=-1.0)
 
 
-def _joint_impulse(search: Equations, touch: Touch) -> Objective:
+def _joint_impulse(search: Equations, impact_target: ImpactTarget) -> Objective:
     def worst(posture: Posture, v: Array) -> float:
-        jump, held = posture.respond(-touch.impulse.dot(posture.jacobian))
-        through, _ = joint_impulses(posture, jump, -touch.impulse, held)
+        jump, held = posture.respond(-impact_target.impulse.dot(posture.jacobian))
+        through, _ = joint_impulses(posture, jump, -impact_target.impulse, held)
         sizes = np.linalg.norm(through[:, :3], axis=1)
         top = float(sizes.max())
         return top * math.pow(float(np.sum((sizes / top) ** SMOOTH)), 1 / SMOOTH)
@@ -66,16 +66,20 @@ def _joint_impulse(search: Equations, touch: Touch) -> Objective:
 
 
 def least_scatter(
-    touch: Touch, launch: Launch, air: Air | None, spread: Mapping[str, float]
+    impact_target: ImpactTarget, launch: Launch, air: Air | None, spread: Mapping[str, float]
 ) -> Objective:
     """Return the root mean square error of the landing, for standard deviations by source."""
     sizes = checked_spread(spread)
-    _, slopes = landing_slopes(launch.state, touch.ball, air)  # the launch stays
+    _, slopes = landing_slopes(launch.state, impact_target.ball, air)  # the launch stays
 
     def radius(posture: Posture, v: Array) -> float:
-        plain = Contact(touch.contact.normal, touch.contact.restitution, touch.contact.friction)
+        plain = Contact(
+            impact_target.contact.normal,
+            impact_target.contact.restitution,
+            impact_target.contact.friction,
+        )
         try:
-            hit = strike_at(posture, v, touch.ball, plain)
+            hit = strike_at(posture, v, impact_target.ball, plain)
         except NoImpact:  # far from feasible
             return NEVER
         parts = of_launch(hit, slopes, sizes)
@@ -87,7 +91,7 @@ def least_scatter(
 NEVER = 1e6
 """Scatter of a foot that does not meet the ball [m]."""
 
-OBJECTIVES: dict[str, Callable[[Equations, Touch], Objective]] = {
+OBJECTIVES: dict[str, Callable[[Equations, ImpactTarget], Objective]] = {
     "joint speed": _joint_speed,
     "joint impulse": _joint_impulse,
     "effort": _effort,

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
@@ -30,7 +30,7 @@ SLOWEST = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pass(Card):
+class Pass(ReprMixin):
     """A launch that brings the ball to a place along the ground.
 
     Attributes:

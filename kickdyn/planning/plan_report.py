@@ -69,7 +69,7 @@ def within_limits(planned: KickPlan) -> Flight | None:
     """Return a flight in the kick's direction that is a little within the limits, if known."""
     if isinstance(planned.path, Course) or planned.launch.spin.any():
         return None
-    state, ball = planned.hit.ball, planned.hit.struck
+    state, ball = planned.hit.ball_after, planned.hit.ball
     slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
     path = fly(slower, ball, planned.launch.air)
     return path if planned.launch.elevation > 0.0 and path.status == "landed" else None
@@ -117,7 +117,7 @@ def _side(shown: str) -> str:
 def text(planned: KickPlan) -> list[str]:
     """Return a plan's numbers as lines of text."""
     launch, hit, leg = planned.launch, planned.hit, planned.leg
-    up, left = planned.touch.place
+    up, left = planned.impact_target.place
     angles = leg.angles_deg(planned.q)
     joints = [
         f"  {name:24} {angles[name]:9.2f} {leg.joint_unit(name).replace('rad', 'deg')}  "
@@ -177,9 +177,9 @@ def as_json(
         },
         "touch": {
             "impulse": hit.impulse.tolist(),
-            "normal": hit.touch.normal.tolist(),
-            "up_m": planned.touch.place[0],
-            "left_m": planned.touch.place[1],
+            "normal": hit.contact.normal.tolist(),
+            "up_m": planned.impact_target.place[0],
+            "left_m": planned.impact_target.place[1],
             "foot_velocity": hit.foot_velocity.tolist(),
         },
         "leg": {

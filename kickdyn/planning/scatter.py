@@ -25,7 +25,7 @@ from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import LAWS
 from kickdyn.impact.sensitivity import sensitivity
-from kickdyn.planning.shooting import Range
+from kickdyn.planning.shooting import ShootingProblem
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
 """Sources of error: foot speed, relative; direction of the foot's velocity, upwards and sideways;
@@ -71,7 +71,7 @@ def scatter(hit: Impact, air: Air | None = None, **spread: float) -> Scatter:
             does not land.
     """
     sizes = checked_spread(spread)
-    landing, slopes = landing_slopes(hit.ball, hit.struck, air)
+    landing, slopes = landing_slopes(hit.ball_after, hit.ball, air)
     parts = of_launch(hit, slopes, sizes)
     if "drag" in sizes:
         moved = _drag_slope(hit, air)
@@ -118,7 +118,7 @@ def drawn_scatter(
         states = BallState(
             np.zeros((len(rows), 3)), velocity[rows], spin[rows], np.zeros(len(rows))
         )
-        flown = fly_many(states, hit.struck, _with_drag(air, float(factor)))
+        flown = fly_many(states, hit.ball, _with_drag(air, float(factor)))
         landed[rows] = flown.landing_position.values[:, :2]
     good = np.isfinite(landed).all(axis=1)
     if not good.all():
@@ -136,7 +136,7 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
     path = fly(state, ball, air, tol=1e-11)
     if path.status != "landed" or not path.duration > 0.0:
         raise InvalidInput("the ball does not fly up and come down: there is no landing to scatter")
-    shot = Range(ball, air, state.spin).shoot(state.velocity, path.duration)
+    shot = ShootingProblem(ball, air, state.spin).shoot(state.velocity, path.duration)
     assert shot is not None
     going = shot.place(path.duration)[1]
     moved = np.zeros((3, 6))
@@ -144,7 +144,7 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
     step = 1e-3 * max(10.0, float(np.linalg.norm(state.spin)))
     for axis in range(3) if air is not None else ():
         turned = [
-            Range(ball, air, state.spin + sign * step * np.eye(3)[axis]).shoot(
+            ShootingProblem(ball, air, state.spin + sign * step * np.eye(3)[axis]).shoot(
                 state.velocity, path.duration
             )
             for sign in (1, -1)
@@ -170,7 +170,7 @@ def of_launch(hit: Impact, slopes: Array, sizes: Mapping[str, float]) -> dict[st
 
 def _launch_slopes(hit: Impact) -> dict[str, Array]:
     """Return derivatives of velocity and spin by each source's components, shape `(6, k)`."""
-    slopes, ball = sensitivity(hit, of_leg=False), hit.struck
+    slopes, ball = sensitivity(hit, of_leg=False), hit.ball
     # the foot faster is the ball slower; only their relative velocity makes the impulse
     by_foot = -np.vstack(
         [slopes.impulse["ball_velocity"] / ball.mass, slopes.spin["ball_velocity"]]
@@ -178,7 +178,7 @@ def _launch_slopes(hit: Impact) -> dict[str, Array]:
     by_normal = np.vstack([slopes.velocity["normal"], slopes.spin["normal"]])
     by_e = np.vstack([slopes.velocity["restitution"], slopes.spin["restitution"]])
     up, left = _across(hit.foot_velocity)
-    high, aside = _across(hit.touch.normal)
+    high, aside = _across(hit.contact.normal)
     speed = math.hypot(*hit.foot_velocity)
     return {
         "speed": by_foot @ hit.foot_velocity[:, None],
@@ -204,24 +204,24 @@ def _struck(hit: Impact, errors: Array) -> tuple[Array, Array]:
     up, left = _across(hit.foot_velocity)
     foot = hit.foot_velocity + math.hypot(*hit.foot_velocity) * (rise * up + aside * left)
     foot = foot + speed * hit.foot_velocity
-    n, ball = hit.touch.normal, hit.struck
+    n, ball = hit.contact.normal, hit.ball
     upper, lefter = _across(n)
     normal = n - (high * upper + over * lefter) / ball.radius
     normal /= math.hypot(*normal)
     problem = ContactProblem.of(hit)._replace(
         normal=normal,
         centre_velocity=hit.ball_before.velocity - foot,
-        restitution=min(max(hit.touch.restitution + e, 0.0), 1.0),
+        restitution=min(max(hit.contact.restitution + e, 0.0), 1.0),
     )
-    impulse, _, _, rub = LAWS["newton"](problem)
-    spin = hit.ball_before.spin - cross(normal, rub) * (ball.radius / ball.inertia)
+    impulse, _, _, tangential_impulse = LAWS["newton"](problem)
+    spin = hit.ball_before.spin - cross(normal, tangential_impulse) * (ball.radius / ball.inertia)
     return hit.ball_before.velocity + impulse / ball.mass, spin
 
 
 def _drag_slope(hit: Impact, air: Air | None) -> Array:
     """Return the derivative of the landing by the relative drag coefficient, shape `(2,)` [m]."""
     ends = [
-        fly(hit.ball, hit.struck, _with_drag(air, sign * DRAG_STEP), tol=1e-11).landing.position
+        fly(hit.ball_after, hit.ball, _with_drag(air, sign * DRAG_STEP), tol=1e-11).landing.position
         for sign in (1, -1)
     ]
     return np.asarray((ends[0] - ends[1])[:2] / (2 * DRAG_STEP))

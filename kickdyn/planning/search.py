@@ -73,7 +73,7 @@ class Search(Equations):
         for number in range(DRAWN):
             q = self._draw.uniform(np.minimum(low, self.high), np.maximum(high, self.low))
             posture = self.posture(q)
-            wish = self.touch.foot_velocity(posture)
+            wish = self.impact_target.foot_velocity(posture)
             v = np.linalg.pinv(posture.jacobian[:, self.vs] * self.speed, rcond=1e-2) @ wish
             off = float(np.linalg.norm(self.astray(posture)))
             off -= float(self.facing(posture).clip(max=0.0).sum())
@@ -112,7 +112,7 @@ class Search(Equations):
         held = [
             {"type": kind, "fun": lambda x, s=s: values(x)[s], "jac": lambda x, s=s: slopes(x)[s]}
             for kind, s in (("eq", equal), ("ineq", room))
-            if kind == "eq" or self.limits or len(self.outward)
+            if kind == "eq" or self.limits or len(self.contact_normal_cone)
         ]
         low, high = np.array(bounds).T
         found = minimize(

@@ -33,7 +33,7 @@ LOOKS = 64
 Place = Callable[[float], tuple[Array, Array]]
 
 
-class Shot(NamedTuple):
+class Trajectory(NamedTuple):
     """A flight to a time, and its derivatives by launch velocity, then by the spin's size.
 
     Attributes:
@@ -100,7 +100,7 @@ class Shot(NamedTuple):
         return float(brentq(value, first, last, xtol=1e-15 * self.time + 1e-300))
 
 
-class Range:
+class ShootingProblem:
     """A ball in the air, to be shot.
 
     Args:
@@ -128,7 +128,7 @@ class Range:
         """Return the spin, shape `(3,)` [rad/s]."""
         return self.spin * size if self.seeks_spin else self.spin
 
-    def shoot(self, velocity: Array, time: float, size: float = 0.0) -> Shot | None:
+    def shoot(self, velocity: Array, time: float, size: float = 0.0) -> Trajectory | None:
         """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails."""
         spin = self.spin_of(size)
         if is_ballistic(self.air, spin) and not self.seeks_spin:
@@ -180,12 +180,12 @@ class Range:
             where = states(at)[:, :3]
             return np.asarray(((where[1:] - where[0]) / nudges[:, None]).T)
 
-        return Shot(place, slope, time)
+        return Trajectory(place, slope, time)
 
-    def _fall(self, velocity: Array, time: float) -> Shot:
+    def _fall(self, velocity: Array, time: float) -> Trajectory:
         g = self._gravity
 
         def place(at: float) -> tuple[Array, Array]:
             return velocity * at + 0.5 * g * at * at, velocity + g * at
 
-        return Shot(place, lambda at: at * np.eye(3), time)
+        return Trajectory(place, lambda at: at * np.eye(3), time)

@@ -15,7 +15,7 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.planning.chain import Chain
 from kickdyn.planning.swing_joints import Joints
-from kickdyn.planning.swing_phase import Part
+from kickdyn.planning.swing_phase import SwingPhase
 
 UNIT = 0.1
 """Accelerations are counted in the speed limit over this time [s]: the order of 1."""
@@ -161,7 +161,7 @@ class Stop:
         pulls = np.ones_like(s) * (-w / time) / (self.joints.speed / UNIT)
         return np.concatenate([turns.ravel(), speeds.ravel(), pulls.ravel(), [time]])
 
-    def near(self, part: Part) -> Array:
+    def near(self, part: SwingPhase) -> Array:
         """Return the unknowns that come nearest to a part."""
         q, v, a = part.resampled(self.nodes)
         speed = self.joints.speed
@@ -203,11 +203,11 @@ class Stopper:
         )
         self._cost = ca.Function("cost", [unknowns], [cost])
 
-    def near(self, part: Part) -> Array:
+    def near(self, part: SwingPhase) -> Array:
         """Return a part as what `solve` takes for `near`."""
         return np.append(self._stop.near(part), 1.0)
 
-    def as_it_is(self, part: Part) -> Solved:
+    def as_it_is(self, part: SwingPhase) -> Solved:
         """Return a part as a stop from all of the velocity."""
         x = self.near(part)
         pulls, end, time = self._stop.read(x)

@@ -14,7 +14,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.swing_joints import LONGEST, Joints, check_solver, joints_of
-from kickdyn.planning.swing_phase import Part
+from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.planning.swing_result import Swing
 from kickdyn.robot.leg import Leg
 
@@ -60,7 +60,7 @@ def plan_swing(
             base and foot, or has no limits; a value out of range.
     """
     check_free(leg, "swings are planned")
-    validation.made_of(KickPlan, plan=plan)
+    validation.check_type(KickPlan, plan=plan)
     check_solver()
     if objective not in ("effort", "time"):
         raise InvalidInput(f"objective {objective!r} is unknown: choose effort, time")
@@ -79,7 +79,7 @@ def plan_swing(
         Ask(-1, plan.q[joints.qs], -plan.v[joints.vs], rests[0]),
         Ask(1, plan.q[joints.qs], plan.hit.v_after[joints.vs], rests[1]),
     ]
-    parts: list[tuple[Part, Solved]] = []
+    parts: list[tuple[SwingPhase, Solved]] = []
     share, limit = 1.0, ""
     known = plan.parts or (None, None)
     for ask, near in zip(asks, known, strict=True):

@@ -16,7 +16,7 @@ from kickdyn.planning.kept_stop import Ask, kept_stop
 from kickdyn.planning.search import Found, Search
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, Solved, Stop, Stopper
 from kickdyn.planning.swing_joints import LONGEST, Joints, joints_of
-from kickdyn.planning.swing_phase import Part, part_of
+from kickdyn.planning.swing_phase import SwingPhase, part_of
 from kickdyn.robot.posture import Posture
 
 GRIDS = ((12, 0.03), (24, 0.01))
@@ -48,7 +48,7 @@ class SwungKick(NamedTuple):
     """A kick, and the backswing and follow-through that were found with it."""
 
     kick: Found
-    parts: tuple[Part, Part]
+    parts: tuple[SwingPhase, SwingPhase]
 
     @property
     def over(self) -> float:
@@ -114,30 +114,36 @@ class _Problem:
         slack: float,
     ) -> None:
         self._search, self._joints, self._longest, self.slack = search, joints, longest, slack
-        chain, touch = Chain(joints.model, found.posture.contact_lever), search.touch
+        chain, impact_target = (
+            Chain(joints.model, found.posture.contact_lever),
+            search.impact_target,
+        )
         n, speed = chain.n, ca.DM(joints.speed)
         q, before, after = (ca.MX.sym(name, n) for name in ("q", "vb", "va"))
         share = ca.MX.sym("share")
         v, w = before * speed, after * speed
         self._stops = [Stop(chain, joints, nodes, q, way) for way in (-v, w)]
-        impulse, normal = ca.DM(touch.impulse), touch.contact.normal
+        impulse, normal = ca.DM(impact_target.impulse), impact_target.contact.normal
         jump = chain.momentum(q, w - v) + share * chain.impulse(q, impulse)
-        ball = touch.ball
-        across = touch.impulse - (normal @ touch.impulse) * normal
-        moved = touch.impulse / ball.mass + ball.radius**2 / ball.inertia * across
+        ball = impact_target.ball
+        across = impact_target.impulse - (normal @ impact_target.impulse) * normal
+        moved = impact_target.impulse / ball.mass + ball.radius**2 / ball.inertia * across
         apart = share * ca.DM(moved) - chain.point(q, w)
         fast = float(np.linalg.norm(moved))
-        law = ca.dot(normal, apart + touch.contact.restitution * -chain.point(q, v)) / fast
+        law = ca.dot(normal, apart + impact_target.contact.restitution * -chain.point(q, v)) / fast
         equal = [jump / (speed * float(found.posture.inertia.max())), law]
-        if touch.contact.friction > 0.0:
+        if impact_target.contact.friction > 0.0:
             across = _across(search.basis, normal)
             equal += [across @ apart / fast] if len(across) else []
         if len(search.held):
-            centre = chain.place(q) + ca.DM(ball.radius * normal - search.lies)
+            centre = chain.place(q) + ca.DM(ball.radius * normal - search.ball_position)
             equal.append(ca.DM(search.held) @ centre / ball.radius)
         still = chain.torque(q, v, ca.DM(n, 1)) / ca.DM(joints.effort)
         here = found.posture
-        levers = [here.touched_at(row).contact_lever - here.contact_lever for row in search.outward]
+        levers = [
+            here.touched_at(row).contact_lever - here.contact_lever
+            for row in search.contact_normal_cone
+        ]
         facing = [ca.dot(ca.DM(normal), chain.way(q, ca.DM(lever))) for lever in levers]
         rows = [stop.rows(0.0) for stop in self._stops]
         equal = ca.vertcat(*equal)
@@ -176,7 +182,7 @@ class _Problem:
         stopper = Stopper(chain, joints, GRIDS[-1][0], "effort")
         q, v = kick.posture.q[search.qs], kick.v[search.vs]
         ways = (-v, v + self._jump(kick.posture, kick.share))
-        share, found = 1.0, list[tuple[Part, Solved]]()
+        share, found = 1.0, list[tuple[SwingPhase, Solved]]()
         for _ in range(2):  # once more for both, at the share of the slower
             found = []
             for part, w in zip(near.parts, ways, strict=True):
@@ -195,7 +201,7 @@ class _Problem:
         q = np.clip(q, joints.low + room, joints.high - room)
         posture = search.posture(q)
         v = np.linalg.pinv(posture.jacobian[:, search.vs] * joints.speed, rcond=1e-2)
-        v = joints.speed * (v @ search.touch.foot_velocity(posture))
+        v = joints.speed * (v @ search.impact_target.foot_velocity(posture))
         share = float(min(1.0, 0.5 / np.abs(v / joints.speed).max()))
         v = share * v
         w = v + self._jump(posture, share)
@@ -214,7 +220,7 @@ class _Problem:
 
     def _jump(self, posture: Posture, share: float) -> Array:
         """Return what the impact changes the joints' velocity by."""
-        jump, _ = posture.respond(-share * self._search.touch.impulse.dot(posture.jacobian))
+        jump, _ = posture.respond(-share * self._search.impact_target.impulse.dot(posture.jacobian))
         return np.asarray(jump[self._search.vs])
 
     def solve(self, x: Array, slack: float) -> SwungKick | None:

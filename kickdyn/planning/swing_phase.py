@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.swing_joints import Joints
@@ -37,7 +37,7 @@ class Motion(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Part(Card):
+class SwingPhase(ReprMixin):
     """The backswing or the follow-through: accelerations linear in time between nodes.
 
     Attributes:
@@ -102,7 +102,7 @@ class Part(Card):
 
 def part_of(
     joints: Joints, sign: int, q: Array, w: Array, accelerations: Array, duration: float, end: Array
-) -> Part:
+) -> SwingPhase:
     """Return a part, the solver's rounding put right so that both ends are met exactly.
 
     Args:
@@ -130,4 +130,4 @@ def part_of(
     time = duration
     lines = np.linalg.solve([[time, time**2 / 2], [time**2 / 2, time**3 / 6]], off)
     a, v, turn = rates(accelerations + lines[0] + s[:, None] * lines[1])
-    return Part(joints, sign, duration, a, v, turn)
+    return SwingPhase(joints, sign, duration, a, v, turn)

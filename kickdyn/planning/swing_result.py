@@ -12,15 +12,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.swing_phase import Motion, Part
+from kickdyn.planning.swing_phase import Motion, SwingPhase
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Swing(Card):
+class Swing(ReprMixin):
     """A joint trajectory from rest through the impact to rest, with what proves it.
 
     Attributes:
@@ -41,8 +41,8 @@ class Swing(Card):
     objective: str
     value: float
     joints: tuple[str, ...]
-    backswing: Part
-    follow_through: Part
+    backswing: SwingPhase
+    follow_through: SwingPhase
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""

@@ -10,7 +10,7 @@ from scipy.linalg import blas, lapack
 from kickdyn.core.validation import Array
 
 
-def factored(inertia: Array) -> tuple[Array, float]:
+def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
     """Return the Cholesky factor of M, its upper triangle unused, and a bound on the condition.
 
     Where M is not positive definite, the factor is 0 and the bound inf. Scaled to unit diagonal, M

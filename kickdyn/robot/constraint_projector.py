@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from kickdyn.core.read_only import Sealed
+from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Constraints, Row
@@ -21,7 +21,7 @@ INDEPENDENT = 1e-9
 """Share of a row, in the metric of inertia, that others must leave for it to count."""
 
 
-class Hold(Sealed):
+class ConstraintProjector(ReadOnly):
     """Projects on the velocities with A v = 0, orthogonally in the metric of inertia.
 
     With M = L L^T and W = L^-1 A^T = Q R, a velocity L^-T w is admissible where Q^T w = 0.
@@ -39,16 +39,18 @@ class Hold(Sealed):
         constraints: Constraints,
         rows: Array,
         blocks: list[Row],
-        weighed: Array,
+        whitened: Array,
         where: object,
     ) -> None:
         self.constraints, self.rows, self.blocks = constraints, rows, blocks
-        self._weighed = weighed
-        lengths = [math.sqrt(square) for square in np.einsum("ij,ij->j", weighed, weighed).tolist()]
+        self._whitened = whitened
+        lengths = [
+            math.sqrt(square) for square in np.einsum("ij,ij->j", whitened, whitened).tolist()
+        ]
         least = INDEPENDENT * max(lengths)
         self._length = np.array([length if length > least else math.inf for length in lengths])
-        packed, pivots, tau, _, _ = lapack.dgeqp3(weighed / self._length)
-        steps = min(weighed.shape)
+        packed, pivots, tau, _, _ = lapack.dgeqp3(whitened / self._length)
+        steps = min(whitened.shape)
         self.rank = sum(abs(entry) > INDEPENDENT for entry in packed.diagonal().tolist())
         self.independent = pivots[: self.rank] - 1
         self._factor = packed[: self.rank, : self.rank]
@@ -63,13 +65,13 @@ class Hold(Sealed):
         for array in (rows, self._basis):
             array.setflags(write=False)
 
-    def freed(self, weighed: Array) -> Array:
+    def project(self, whitened: Array) -> Array:
         """Return L^-1 times an impulse, or several as columns, less what the constraints block."""
-        return np.asarray(weighed - self._basis.dot(self._basis.T.dot(weighed)))
+        return np.asarray(whitened - self._basis.dot(self._basis.T.dot(whitened)))
 
-    def impulses(self, weighed: Array) -> Array:
+    def impulses(self, whitened: Array) -> Array:
         """Return the constraints' impulses that answer L^-1 times an impulse, shape `(size,)`."""
-        blocked = self._basis.T.dot(weighed)
+        blocked = self._basis.T.dot(whitened)
         if self.rank == len(self.rows):
             scaled = blas.dtrsv(self._factor, -blocked)
             answer = np.empty(self.rank)
@@ -99,4 +101,4 @@ class Hold(Sealed):
     @cached_property
     def _least(self) -> Array:
         """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
-        return np.asarray(np.linalg.pinv(self._basis.T @ self._weighed, rcond=INDEPENDENT))
+        return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=INDEPENDENT))

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import Sealed
+from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id
@@ -23,7 +23,7 @@ FLAT = 1e-6
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Support(Sealed):
+class Support(ReadOnly):
     """A frame that stands on the ground and is held there while the ball is struck.
 
     Args:

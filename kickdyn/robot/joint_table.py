@@ -19,7 +19,7 @@ AT_LIMIT = 1e-6
 """By how much a limit may be passed before it is said [rad; m]; of a speed, as a share of it."""
 
 
-class Jointed:
+class JointTable:
     """What a robot's joints tell of it: names, sizes and limits, which `Leg` lists."""
 
     def __init__(self, model: Any) -> None:

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.read_only import read_only
-from kickdyn.core.representation import Card, Row, shown
+from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Constraints, Support
 from kickdyn.robot.example_robots import robot, robot_file, robot_model
-from kickdyn.robot.joint_table import Jointed
+from kickdyn.robot.joint_table import JointTable
 from kickdyn.robot.loop_closure import close_loops
 from kickdyn.robot.model_validation import check_model, frame_id
 from kickdyn.robot.posture import Posture
@@ -25,10 +25,11 @@ from kickdyn.robot.urdf_model import build_model, reduced_model
 from kickdyn.robot.workspace import Workspace
 
 
-class Leg(Jointed, Card):
+class Leg(JointTable, ReprMixin):
     """A leg, or a whole robot, with the frame that touches the ball.
 
-    A leg does not change: `locked`, `with_armature`, `standing_on` and `with_loops` return another.
+    A leg does not change: `locked`, `with_armature`, `with_supports` and `with_loops` return
+    another.
     It can be pickled and shared between threads.
 
     Attributes:
@@ -41,8 +42,10 @@ class Leg(Jointed, Card):
         velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
             [rad/s, N m; m/s, N for prismatic joints].
         constraints: supports and loops; None without any.
-        outward: of the contact normals n, in the contact frame's axes, those with which the foot
-            can meet a ball: where `outward @ n >= 0`, shape `(k, 3)`; None where that is unknown.
+        contact_normal_cone: of the contact normals n, in the contact frame's axes, those with
+        which the foot
+            can meet a ball: where `contact_normal_cone @ n >= 0`, shape `(k, 3)`; None where that
+            is unknown.
     """
 
     def __init__(
@@ -52,7 +55,7 @@ class Leg(Jointed, Card):
         urdf: UrdfFile | None = None,
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
-        outward: Array | None = None,
+        contact_normal_cone: Array | None = None,
     ) -> None:
         super().__init__(model.copy())
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
@@ -64,8 +67,10 @@ class Leg(Jointed, Card):
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
         self.contact_lever = read_only(self._model.frames[self.frame_id].placement.translation)
-        self.outward = None if outward is None else read_only(outward)
-        self._held = {"supports": supports, "loops": loops, "outward": outward}
+        self.contact_normal_cone = (
+            None if contact_normal_cone is None else read_only(contact_normal_cone)
+        )
+        self._held = {"supports": supports, "loops": loops, "outward": contact_normal_cone}
         self.constraints: Constraints | None = None
         if supports or loops:
             self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
@@ -131,7 +136,7 @@ class Leg(Jointed, Card):
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
-        return cls(model, frame, robot_file(name), outward=front)
+        return cls(model, frame, robot_file(name), contact_normal_cone=front)
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:
@@ -180,7 +185,7 @@ class Leg(Jointed, Card):
         model.armature = armature
         return self._with(model)
 
-    def standing_on(self, *supports: str | Support) -> Leg:
+    def with_supports(self, *supports: str | Support) -> Leg:
         """Return the leg with frames that stand and are held while the ball is struck.
 
         Args:
@@ -224,7 +229,7 @@ class Leg(Jointed, Card):
         yield "contact frame", self.frame, ""
         yield "mass", float(pin.computeTotalMass(self._model)), "kg"
         for name in self._single():
-            low, high = (shown(end) for end in self.joint_range(name))
+            low, high = (format_value(end) for end in self.joint_range(name))
             yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
 
     @property

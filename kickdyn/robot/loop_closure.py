@@ -23,7 +23,7 @@ LEAD = 0.1
 
 
 def close_loops(leg: Leg, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
-    """Return a configuration near `q` with all loops closed, as `Leg.closed` says.
+    """Return a configuration near `q` with all loops closed, as `Leg.close_loops` says.
 
     Args:
         leg: of any kind.

@@ -80,7 +80,7 @@ def _check_order(model: Any) -> None:
         branch.append(joint)
 
 
-def culprits(model: Any, inertia: Array) -> list[str]:
+def find_singular_joints(model: Any, inertia: Array) -> list[str]:
     """Return the joints whose motion the joint-space inertia does not feel, or hardly.
 
     They are those with a share in its null vectors; or, if it has none, in the nearest to one.

@@ -14,15 +14,15 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import Sealed
-from kickdyn.core.representation import Card, Row, warned
+from kickdyn.core.read_only import ReadOnly
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import crossed
+from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.articulated_body import Articulated
-from kickdyn.robot.conditioning import condition, factored, rounding
-from kickdyn.robot.constraint_projector import Hold
-from kickdyn.robot.model_validation import culprits, listed
+from kickdyn.robot.conditioning import cholesky_with_condition, condition, rounding
+from kickdyn.robot.constraint_projector import ConstraintProjector
+from kickdyn.robot.model_validation import find_singular_joints, listed
 
 if TYPE_CHECKING:
     from kickdyn.robot.constraints import Constraints
@@ -46,7 +46,7 @@ SHOWN = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
-class Posture(Card, Sealed):
+class Posture(ReprMixin, ReadOnly):
     """A leg at a configuration `q`; made by `Leg.posture`, so kinematics has always been run.
 
     Attributes:
@@ -58,7 +58,7 @@ class Posture(Card, Sealed):
             `(3,)` [m].
         condition: condition number of the joint-space inertia, 1-norm (LAPACK's estimate), joints
             scaled to unit diagonal; about log10 of it digits can be lost.
-        hold: its supports and loops there; None without any.
+        constraint_projector: its supports and loops there; None without any.
         jacobian: KIC of that point, `velocity = jacobian @ v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
     """
@@ -81,7 +81,7 @@ class Posture(Card, Sealed):
         self.jacobian: Array = self._turn.dot(self._frame_jacobian[:3])
         self._mobility: Array | None = None
         self._give: Array | None = None
-        self._factor, self._bound = factored(self.inertia)
+        self._factor, self._bound = cholesky_with_condition(self.inertia)
         if not self._bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
             fault = (
                 "is not positive definite: a joint moves no inertia"
@@ -90,9 +90,12 @@ class Posture(Card, Sealed):
             )
             raise InvalidInput(
                 f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault} (at "
-                f"fault: {listed(culprits(model, self.inertia))}; Leg.locked locks joints)"
+                f"fault: {listed(find_singular_joints(model, self.inertia))}; "
+                "Leg.locked locks joints)"
             )
-        self.hold = None if leg.constraints is None else self._held(leg.constraints, model, data)
+        self.constraint_projector = (
+            None if leg.constraints is None else self._held(leg.constraints, model, data)
+        )
         for array in (self.q, self.inertia, self.contact_point, self.jacobian, self.joint_rotation):
             array.setflags(write=False)
 
@@ -118,16 +121,16 @@ class Posture(Card, Sealed):
         """A line for each joint outside its range (allowed; or are these degrees?)."""
         return tuple(self.leg.outside_range(self.q))
 
-    def _held(self, constraints: Constraints, model: Any, data: Any) -> Hold:
+    def _held(self, constraints: Constraints, model: Any, data: Any) -> ConstraintProjector:
         constraints.check_closed(model, data, self)
         rows, blocks = constraints.rows(model, data, self.q)
-        return Hold(constraints, rows, blocks, self._weighed(rows), self)
+        return ConstraintProjector(constraints, rows, blocks, self._whitened(rows), self)
 
-    def _weighed(self, rows: Array) -> Array:
+    def _whitened(self, rows: Array) -> Array:
         """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
         # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
-        weighed: Array = blas.dtrsm(1.0, self._factor, rows.T, lower=1)
-        return weighed
+        whitened: Array = blas.dtrsm(1.0, self._factor, rows.T, lower=1)
+        return whitened
 
     def touched_at(self, offset: ArrayLike | None) -> Posture:
         """Return this posture with its contact point elsewhere on the foot.
@@ -161,32 +164,32 @@ class Posture(Card, Sealed):
         return condition(self.inertia, self._factor)
 
     @property
-    def mobility(self) -> Array:
+    def whitened_jacobian(self) -> Array:
         """`J L^-T` with M = L L^T, shape `(3, nv)`: its rows span the Delassus matrix.
 
         Without the part that supports and loops block, if there are any.
         """
         if self._mobility is None:
-            rows = self._weighed(self.jacobian)
-            if self.hold is not None:
-                rows = self.hold.freed(rows)
+            rows = self._whitened(self.jacobian)
+            if self.constraint_projector is not None:
+                rows = self.constraint_projector.project(rows)
             rows.setflags(write=False)
             self._mobility = rows.T
         return self._mobility
 
     def delassus(self) -> Array:
         """Return J M^-1 J^T at the contact point, shape `(3, 3)` [1/kg, world frame]."""
-        rows = self.giving()
+        rows = self.delassus_factor()
         give: Array = rows.dot(rows.T)
         return give
 
     @cached_property
     def rounding(self) -> float:
         """By how many times M's rounding is seen in `delassus`, at most; 1 of a sound leg."""
-        return rounding(self.inertia, self._factor, self.mobility.T)
+        return rounding(self.inertia, self._factor, self.whitened_jacobian.T)
 
     @property
-    def doubtful(self) -> bool:
+    def is_ill_conditioned(self) -> bool:
         """Whether M's rounding would be seen in what the foot gives way by."""
         return self._bound > DOUBTFUL_CONDITION and self.rounding > MAX_LOSS
 
@@ -196,13 +199,14 @@ class Posture(Card, Sealed):
         space = self.leg.workspace
         return Articulated(space.model, space.data, self.q)
 
-    def giving(self) -> Array:
-        """Return rows, `(3, n)`, of the Delassus matrix: `mobility`, unless that has no digits."""
+    def delassus_factor(self) -> Array:
+        """Return `(3, n)` rows whose products are the Delassus matrix; `whitened_jacobian`
+        mostly."""
         if self._give is None:
-            self._give = self.mobility
-            if self.hold is None and self.doubtful:
+            self._give = self.whitened_jacobian
+            if self.constraint_projector is None and self.is_ill_conditioned:
                 axes, lever = self.joint_rotation.tolist(), self.contact_lever.tolist()
-                pushes = np.array([(*axis, *crossed(lever, axis)) for axis in axes])
+                pushes = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
                 self._give = self.articulated.give(self.leg.contact_joint, pushes)
         return self._give
 
@@ -219,7 +223,7 @@ class Posture(Card, Sealed):
 
     def mass_along(self, unit: Array) -> float:
         """Return what `effective_mass` does, along a vector known to have length 1."""
-        row = unit.dot(self.giving())
+        row = unit.dot(self.delassus_factor())
         give = float(row.dot(row))
         return 1.0 / give if give else math.inf
 
@@ -256,7 +260,7 @@ class Posture(Card, Sealed):
 
     def try_joint_velocity(self, wish: Array) -> Array | None:
         """Return what `joint_velocity` returns, or None where that is out of reach."""
-        left, gains, right = np.linalg.svd(self.mobility, full_matrices=False)
+        left, gains, right = np.linalg.svd(self.whitened_jacobian, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         v, miss = np.zeros_like(self._factor[0]), wish
         for _ in range(2):  # what is missed, by gains of unlike size, is asked for once more
@@ -280,12 +284,14 @@ class Posture(Card, Sealed):
         Those are stacked as in `Constraints.rows`, shape `(rows,)` [N s, N m s, world axes]; where
         they are redundant, of all splits the smallest.
         """
-        if self.hold is None:
+        if self.constraint_projector is None:
             v, _ = lapack.dpotrs(self._factor, joint_impulse, lower=1)
             return np.asarray(v), np.zeros(0)
-        weighed = blas.dtrsv(self._factor, joint_impulse, lower=1)
-        jump = blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1)
-        return np.asarray(jump), self.hold.impulses(weighed)
+        whitened = blas.dtrsv(self._factor, joint_impulse, lower=1)
+        jump = blas.dtrsv(
+            self._factor, self.constraint_projector.project(whitened), lower=1, trans=1
+        )
+        return np.asarray(jump), self.constraint_projector.impulses(whitened)
 
     def admissible(self, v: ArrayLike) -> Array:
         """Return the joint velocity nearest to `v`, by kinetic energy, that supports and loops let.
@@ -294,17 +300,19 @@ class Posture(Card, Sealed):
             v: shape `(nv,)` [rad/s].
         """
         v = validation.vector("v", v, self.leg.nv)
-        if self.hold is None:
+        if self.constraint_projector is None:
             return v
         # M v = L L^T v: what L^T v loses is the constraints' share
-        weighed = blas.dtrmv(self._factor, v, lower=1, trans=1)
-        return np.asarray(blas.dtrsv(self._factor, self.hold.freed(weighed), lower=1, trans=1))
+        whitened = blas.dtrmv(self._factor, v, lower=1, trans=1)
+        return np.asarray(
+            blas.dtrsv(self._factor, self.constraint_projector.project(whitened), lower=1, trans=1)
+        )
 
     def check_velocity(self, v: Array) -> None:
         """Raise `InvalidInput` if a joint velocity moves what a support or loop holds."""
-        if self.hold is None:
+        if self.constraint_projector is None:
             return
-        moved = self.hold.moved(v)
+        moved = self.constraint_projector.moved(v)
         if moved is not None:
             name, speed, unit = moved
             raise InvalidInput(

@@ -44,7 +44,7 @@ State = tuple[float, ...]
 Rates = Callable[[State], State]
 
 
-class Way(NamedTuple):
+class FlightEnvironment(NamedTuple):
     """What the ball moves through and to.
 
     Attributes:
@@ -72,7 +72,7 @@ class CoarseEnd(NamedTuple):
     evaluations: int
 
 
-def coarse_end(launch: BallState, way: Way, steps: int) -> CoarseEnd:
+def coarse_end(launch: BallState, way: FlightEnvironment, steps: int) -> CoarseEnd:
     """Return where the ball's way ends.
 
     Classical Runge-Kutta steps of fourth order, `steps` of them in the time the flight would take
@@ -106,7 +106,9 @@ def coarse_end(launch: BallState, way: Way, steps: int) -> CoarseEnd:
     return CoarseEnd(None, "", calls)
 
 
-def coarse_path(launch: BallState, way: Way, steps: int) -> tuple[CoarseEnd, list[State]]:
+def coarse_path(
+    launch: BallState, way: FlightEnvironment, steps: int
+) -> tuple[CoarseEnd, list[State]]:
     """Return the end of one flight, and the nodes up to it.
 
     A node is displacement, velocity, and spin over that of the launch.
@@ -154,14 +156,14 @@ def coarse_path(launch: BallState, way: Way, steps: int) -> tuple[CoarseEnd, lis
     return CoarseEnd(None, "", calls), nodes
 
 
-def drop_of(launch: BallState, way: Way) -> float:
+def drop_of(launch: BallState, way: FlightEnvironment) -> float:
     """Return how far below the launch the flight ends [m]; below 0 inside the ground."""
     if way.ground is None:
         return 0.0
     return float(launch.position[2]) - way.ball.radius - way.ground.height
 
 
-def _rates(way: Way, launch: BallState) -> Rates:
+def _rates(way: FlightEnvironment, launch: BallState) -> Rates:
     height = float(launch.position[2])
     wx, wy, wz = launch.spin.tolist()
     if way.air is None or way.air.density == 0.0:
@@ -238,7 +240,7 @@ def _whole(launch: BallState, end: State, time: float) -> BallState:
 
 
 def _grounded(
-    state: BallState, way: Way, surface: Surface, steps: int, clock: float
+    state: BallState, way: FlightEnvironment, surface: Surface, steps: int, clock: float
 ) -> tuple[BallState | None, int]:
     """Return the ball at rest, after it slid and rolled, and the evaluations.
 

@@ -42,7 +42,7 @@ def contact_drift(scene: Scene, hit: Impact) -> Jump:
         hit: its strike.
     """
     assert scene.contact_time is not None
-    time, leg, touch = LONGER * scene.contact_time, scene.leg, scene.touch
+    time, leg, contact = LONGER * scene.contact_time, scene.leg, scene.contact
     space, posture = leg.workspace, hit.posture
     bias = pin.nonLinearEffects(space.model, space.data, scene.q, scene.v).copy()
     drift = posture.solve(-bias)
@@ -52,7 +52,9 @@ def contact_drift(scene: Scene, hit: Impact) -> Jump:
     for share in (0.5, 1.0):
         there = leg.posture(pin.integrate(space.model, scene.q, share * time * mean))
         turn = there.joint_rotation @ posture.joint_rotation.T
-        tilted = Contact(turn @ touch.normal, touch.restitution, touch.friction, touch.offset)
+        tilted = Contact(
+            turn @ contact.normal, contact.restitution, contact.friction, contact.offset
+        )
         try:
             again = strike_at(
                 there,
@@ -63,10 +65,12 @@ def contact_drift(scene: Scene, hit: Impact) -> Jump:
             )
         except KickdynError:
             return Jump(math.inf, math.inf, math.inf)
-        velocity = max(velocity, float(np.linalg.norm(again.ball.velocity - hit.ball.velocity)))
-        spin = max(spin, float(np.linalg.norm(again.ball.spin - hit.ball.spin)))
+        velocity = max(
+            velocity, float(np.linalg.norm(again.ball_after.velocity - hit.ball_after.velocity))
+        )
+        spin = max(spin, float(np.linalg.norm(again.ball_after.spin - hit.ball_after.spin)))
     law, turned = _between_laws(scene, hit, motion)
-    fastest = max(float(hit.ball.speed), float(np.linalg.norm(scene.ball_velocity)))
+    fastest = max(float(hit.ball_after.speed), float(np.linalg.norm(scene.ball_velocity)))
     jump = Jump(
         SAFETY * (velocity + law) + GRAVITY * time,
         SPIN_SAFETY * spin + SAFETY * turned + GRAVITY * time / scene.ball.radius,
@@ -77,20 +81,20 @@ def contact_drift(scene: Scene, hit: Impact) -> Jump:
 
 def _between_laws(scene: Scene, hit: Impact, motion: dict[str, Any]) -> tuple[float, float]:
     """Return what a contact that sticks may change in velocity and spin, however brief it is."""
-    if scene.touch.friction == 0.0:
+    if scene.contact.friction == 0.0:
         return 0.0, 0.0
-    other = strike_at(scene.posture, scene.v, scene.ball, scene.touch, "stronge", **motion)
-    creep = CREEP * float(hit.ball.speed)
-    law = float(np.linalg.norm(other.ball.velocity - hit.ball.velocity))
-    turned = float(np.linalg.norm(other.ball.spin - hit.ball.spin))
+    other = strike_at(scene.posture, scene.v, scene.ball, scene.contact, "stronge", **motion)
+    creep = CREEP * float(hit.ball_after.speed)
+    law = float(np.linalg.norm(other.ball_after.velocity - hit.ball_after.velocity))
+    turned = float(np.linalg.norm(other.ball_after.spin - hit.ball_after.spin))
     return law + creep, turned + creep / scene.ball.radius
 
 
 def _stays_clear(scene: Scene, hit: Impact, jump: Jump) -> bool:
     """Return whether the foot surely does not press the ball into the ground or a plane."""
     if scene.ground is not None:
-        over = float(hit.ball.position[2]) - scene.ball.radius - scene.ground.height
-        rise = float(hit.ball_before.velocity[2] + hit.ball.velocity[2]) - jump.velocity
+        over = float(hit.ball_after.position[2]) - scene.ball.radius - scene.ground.height
+        rise = float(hit.ball_before.velocity[2] + hit.ball_after.velocity[2]) - jump.velocity
         if over < jump.moved and rise <= 0.0:
             return False
-    return scene.plane is None or scene.plane.gap(scene.ball, hit.ball.position) > jump.moved
+    return scene.plane is None or scene.plane.gap(scene.ball, hit.ball_after.position) > jump.moved

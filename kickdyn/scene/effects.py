@@ -48,7 +48,7 @@ def changed(scene: Scene, **parts: Any) -> Scene:
     other = copy.copy(scene)
     other.__dict__.update(parts)
     if "leg" in parts:
-        posture = other.leg.posture(scene.q).touched_at(scene.touch.offset)
+        posture = other.leg.posture(scene.q).touched_at(scene.contact.offset)
         other.__dict__.update(posture=posture)
     return other
 
@@ -77,12 +77,12 @@ def _buoyant(scene: Scene) -> bool:
 
 
 def _rough(scene: Scene) -> bool:
-    return scene.touch.friction > 0.0
+    return scene.contact.friction > 0.0
 
 
 def _smooth(scene: Scene, _: BallState) -> Scene:
-    touch = scene.touch
-    return changed(scene, touch=Contact(touch.normal, touch.restitution, 0.0, touch.offset))
+    contact = scene.contact
+    return changed(scene, contact=Contact(contact.normal, contact.restitution, 0.0, contact.offset))
 
 
 def _particle(scene: Scene, _: BallState) -> Scene:
@@ -97,7 +97,7 @@ def _rotorless(scene: Scene, _: BallState) -> Scene:
 
 
 def _let_go(scene: Scene, _: BallState) -> Scene:
-    return changed(scene, leg=scene.leg.standing_on())
+    return changed(scene, leg=scene.leg.with_supports())
 
 
 def _constant_drag(scene: Scene, launch: BallState) -> Scene:

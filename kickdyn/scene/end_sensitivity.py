@@ -12,7 +12,7 @@ from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact.uncertainty import Uncertainty
-from kickdyn.scene.coarse_flight import Way, coarse_end
+from kickdyn.scene.coarse_flight import FlightEnvironment, coarse_end
 from kickdyn.scene.exact_end import followed
 
 ROUGH, FINE = 4, 8
@@ -47,7 +47,7 @@ class Slopes(NamedTuple):
     evaluations: int
 
 
-def slopes(launch: BallState, way: Way, sure: bool = True) -> Slopes:
+def slopes(launch: BallState, way: FlightEnvironment, sure: bool = True) -> Slopes:
     """Return the change of the end with velocity and spin of the launch.
 
     Large steps do, if twice as many agree, where that is to be sure; else the exact engine does.
@@ -67,7 +67,7 @@ def slopes(launch: BallState, way: Way, sure: bool = True) -> Slopes:
     return Slopes(*found, calls + more)
 
 
-def _in_steps(way: Way, steps: int) -> Ender:
+def _in_steps(way: FlightEnvironment, steps: int) -> Ender:
     def end(start: BallState) -> tuple[BallState | None, int]:
         state, _, calls = coarse_end(start, way, steps)
         return state, calls
@@ -75,7 +75,7 @@ def _in_steps(way: Way, steps: int) -> Ender:
     return end
 
 
-def _exactly(start: BallState, way: Way) -> tuple[BallState | None, int]:
+def _exactly(start: BallState, way: FlightEnvironment) -> tuple[BallState | None, int]:
     try:
         end = followed(start, way, TOL)
     except KickdynError:
@@ -89,7 +89,9 @@ def _alike(some: tuple[Array, Array], others: tuple[Array, Array]) -> bool:
     return all(gap <= ALIKE * size for gap, size in zip(gaps, sizes, strict=True))
 
 
-def _differences(launch: BallState, way: Way, end: Ender) -> tuple[tuple[Array, Array] | None, int]:
+def _differences(
+    launch: BallState, way: FlightEnvironment, end: Ender
+) -> tuple[tuple[Array, Array] | None, int]:
     base, calls = end(launch)
     if base is None:
         return None, calls
@@ -113,7 +115,7 @@ def _differences(launch: BallState, way: Way, end: Ender) -> tuple[tuple[Array, 
     return (found[0], found[1]), calls
 
 
-def contact_error(found: Slopes, launch: BallState, way: Way, tol: float) -> float:
+def contact_error(found: Slopes, launch: BallState, way: FlightEnvironment, tol: float) -> float:
     """Return how far a contact's tolerance can move the end [m]."""
     if not np.isfinite(found.velocity).all():
         return math.inf

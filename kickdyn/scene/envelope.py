@@ -12,7 +12,7 @@ from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.forces import GRAVITY
-from kickdyn.scene.coarse_flight import State, Way, coarse_path, drop_of
+from kickdyn.scene.coarse_flight import FlightEnvironment, State, coarse_path, drop_of
 
 STEPS = 4
 
@@ -60,7 +60,7 @@ class Envelope:
         evaluations: of the acceleration.
     """
 
-    def __init__(self, launch: BallState, way: Way, jump: Jump = NO_JUMP) -> None:
+    def __init__(self, launch: BallState, way: FlightEnvironment, jump: Jump = NO_JUMP) -> None:
         self.way, self.jump = way, jump
         self._launched, self._rise = float(launch.position[2]), float(launch.velocity[2])
         self._fastest = math.hypot(*launch.velocity.tolist())

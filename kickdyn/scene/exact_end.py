@@ -13,7 +13,7 @@ from kickdyn.ball import BallState
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
-from kickdyn.scene.coarse_flight import Way
+from kickdyn.scene.coarse_flight import FlightEnvironment
 
 ENDS = ("landed", "at plane", "at rest")
 """What a way can end with; all else is where it was given up."""
@@ -44,7 +44,7 @@ class End(NamedTuple):
         return self.status in ENDS
 
 
-def followed(launch: BallState, way: Way, tol: float) -> End:
+def followed(launch: BallState, way: FlightEnvironment, tol: float) -> End:
     """Follow the ball to the end of its way.
 
     Args:

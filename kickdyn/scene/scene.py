@@ -15,8 +15,8 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.read_only import Sealed
-from kickdyn.core.representation import Card, Row
+from kickdyn.core.read_only import ReadOnly
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground, Surface
@@ -45,7 +45,7 @@ def clash_of_time(law: str, restitution: float) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Scene(Card, Sealed):
+class Scene(ReprMixin, ReadOnly):
     """One kick, from the posture of the leg to the end of the ball's way.
 
     Args:
@@ -53,7 +53,7 @@ class Scene(Card, Sealed):
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity just before the contact, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal`.
-        touch: the contact.
+        contact: the contact.
         law: impact law, as for `strike`.
         contact_time: of a contact that gives way, as for `collide` [s]; None, an instant. It has no
             law, and restitution of 0.01 or more.
@@ -75,7 +75,7 @@ class Scene(Card, Sealed):
     q: Array
     v: Array
     ball: Ball
-    touch: Contact
+    contact: Contact
     law: str
     contact_time: float | None
     ball_velocity: Array
@@ -93,7 +93,7 @@ class Scene(Card, Sealed):
         q: ArrayLike,
         v: ArrayLike,
         ball: Ball,
-        touch: Contact,
+        contact: Contact,
         *,
         law: str = "newton",
         contact_time: float | None = None,
@@ -105,15 +105,15 @@ class Scene(Card, Sealed):
         spread: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
-        validation.made_of(Leg, leg=leg)
-        validation.made_of(Ball, ball=ball)
-        validation.made_of(Contact, touch=touch)
-        validation.made_of(Air, air=air, optional=True)
-        validation.made_of(Ground, ground=ground, optional=True)
-        validation.made_of(Plane, plane=plane, optional=True)
+        validation.check_type(Leg, leg=leg)
+        validation.check_type(Ball, ball=ball)
+        validation.check_type(Contact, contact=contact)
+        validation.check_type(Air, air=air, optional=True)
+        validation.check_type(Ground, ground=ground, optional=True)
+        validation.check_type(Plane, plane=plane, optional=True)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
-            clash = clash_of_time(law, touch.restitution)
+            clash = clash_of_time(law, contact.restitution)
             if clash:
                 raise InvalidInput(clash[0])
         posture = leg.posture(q)
@@ -128,7 +128,7 @@ class Scene(Card, Sealed):
         self.__dict__.update(
             leg=leg,
             ball=ball,
-            touch=touch,
+            contact=contact,
             law=law,
             contact_time=contact_time,
             air=air,
@@ -136,7 +136,7 @@ class Scene(Card, Sealed):
             plane=plane,
             spread=MappingProxyType(dict(spread or {})),
             name=name,
-            posture=posture.touched_at(touch.offset),
+            posture=posture.touched_at(contact.offset),
             **arrays,
         )
 
@@ -153,7 +153,7 @@ class Scene(Card, Sealed):
         ):
             if motion.any():
                 yield name, motion, unit
-        yield "contact", repr(self.touch).removeprefix("Contact(").removesuffix(")"), ""
+        yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
         if self.contact_time is None:
             yield "law", self.law, ""
         else:
@@ -178,7 +178,7 @@ class Scene(Card, Sealed):
     @property
     def ball_position(self) -> Array:
         """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
-        return np.asarray(self.posture.contact_point + self.ball.radius * self.touch.normal)
+        return np.asarray(self.posture.contact_point + self.ball.radius * self.contact.normal)
 
     @property
     def notes(self) -> tuple[str, ...]:

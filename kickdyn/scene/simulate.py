@@ -15,7 +15,7 @@ from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike_at
-from kickdyn.scene.coarse_flight import Way, coarse_end
+from kickdyn.scene.coarse_flight import FlightEnvironment, coarse_end
 from kickdyn.scene.contact_drift import contact_drift
 from kickdyn.scene.effects import EFFECTS, Effect
 from kickdyn.scene.end_sensitivity import contact_error, end_spread, slopes
@@ -56,7 +56,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: what the scene names cannot be computed, or a bad tolerance.
         KickdynError: an integrator gave up.
     """
-    validation.made_of(Scene, scene=scene)
+    validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
         check_free(scene.leg, "a contact that takes time is")
     named = [effect for effect in EFFECTS if effect.named(scene)]
@@ -67,20 +67,22 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     hit: Impact | Collision = rigid
     missed, calls, share = 0.0, 0, MODEL_SHARE * tolerance
     jump = Jump() if scene.contact_time is None else contact_drift(scene, rigid)
-    around = Envelope(rigid.ball, way, jump)
+    around = Envelope(rigid.ball_after, way, jump)
     verdicts = _judged(named, around, share)
     if scene.contact_time is not None and verdicts[0].modelled:
         # another launch than the instant's: what is known of the flight holds around that one
-        hit, missed, calls = _collided(scene, rigid.ball, CONTACT_SHARE * tolerance)
+        hit, missed, calls = _collided(scene, rigid.ball_after, CONTACT_SHARE * tolerance)
         calls += around.evaluations
-        around = Envelope(hit.ball, way)
+        around = Envelope(hit.ball_after, way)
         verdicts = (verdicts[0], *_judged(named[1:], around, share))
     out = [verdict.effect for verdict in verdicts if not verdict.modelled]
     less = scene
     for effect in named:
         if effect.name in out and effect.named(less):
-            less = effect.without(less, hit.ball)
-    end = _ended(less, hit.ball, FLIGHT_SHARE * tolerance, around.end if less is scene else None)
+            less = effect.without(less, hit.ball_after)
+    end = _ended(
+        less, hit.ball_after, FLIGHT_SHARE * tolerance, around.end if less is scene else None
+    )
     calls += around.evaluations + end.evaluations
     return _answer(scene, tolerance, hit, end, verdicts, calls, lambda: missed + end.error())
 
@@ -89,13 +91,13 @@ def _everything(scene: Scene, named: list[Effect]) -> Simulation:
     hit: Impact | Collision
     hit = _struck(scene) if scene.contact_time is None else _pressed(scene, FINEST)
     way = _way(scene)
-    end = followed(hit.ball, way, FINEST)
+    end = followed(hit.ball_after, way, FINEST)
     verdicts = tuple(Verdict(effect.name, True, math.nan, "all is modelled") for effect in named)
 
     def numerical() -> float:
         if isinstance(hit, Impact) or not end.ended:
             return end.error()
-        return contact_error(slopes(hit.ball, way), hit.ball, way, FINEST) + end.error()
+        return contact_error(slopes(hit.ball_after, way), hit.ball_after, way, FINEST) + end.error()
 
     calls = end.evaluations + (hit.evaluations if isinstance(hit, Collision) else 0)
     return _answer(scene, None, hit, end, verdicts, calls, numerical)
@@ -112,7 +114,7 @@ def _answer(
 ) -> Simulation:
     spread = math.nan
     if scene.spread:
-        found = slopes(hit.ball, _way(scene))
+        found = slopes(hit.ball_after, _way(scene))
         spread = end_spread(found, _struck(scene).uncertainty(**scene.spread))
         calls += found.evaluations
     contact = "strike" if isinstance(hit, Impact) else "collide"
@@ -120,7 +122,7 @@ def _answer(
         scene=scene,
         tolerance=tolerance,
         hit=hit,
-        launch=hit.ball,
+        launch=hit.ball_after,
         end=end.state,
         status=end.status,
         path=end.path,
@@ -163,8 +165,8 @@ def _judged(named: list[Effect], envelope: Envelope, share: float) -> tuple[Verd
     return tuple(verdicts)
 
 
-def _way(scene: Scene) -> Way:
-    return Way(scene.ball, scene.air, scene.ground, scene.plane)
+def _way(scene: Scene) -> FlightEnvironment:
+    return FlightEnvironment(scene.ball, scene.air, scene.ground, scene.plane)
 
 
 def _struck(scene: Scene) -> Impact:
@@ -172,7 +174,7 @@ def _struck(scene: Scene) -> Impact:
         scene.posture,
         scene.v,
         scene.ball,
-        scene.touch,
+        scene.contact,
         scene.law,
         ball_velocity=scene.ball_velocity,
         ball_spin=scene.ball_spin,
@@ -185,7 +187,7 @@ def _pressed(scene: Scene, tol: float) -> Collision:
         scene.q,
         scene.v,
         scene.ball,
-        scene.touch,
+        scene.contact,
         contact_time=scene.contact_time,
         ball_velocity=scene.ball_velocity,
         ball_spin=scene.ball_spin,
@@ -204,8 +206,8 @@ def _collided(scene: Scene, launch: BallState, share: float) -> tuple[Collision,
     while True:
         tol = min(max(share / max(missed, 1e-300), FINEST), COARSEST)
         hit = _pressed(scene, tol)
-        found = slopes(hit.ball, way)
-        there = contact_error(found, hit.ball, way, 1.0)
+        found = slopes(hit.ball_after, way)
+        there = contact_error(found, hit.ball_after, way, 1.0)
         calls += found.evaluations + hit.evaluations
         if tol * there <= share or tol == FINEST:
             return hit, tol * there, calls

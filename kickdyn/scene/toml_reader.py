@@ -105,17 +105,17 @@ class _Builder:
         joints = self._made("leg", ("armature_kg_m2",), self._rotors, leg)
         held = self._made("leg", ("supports",), self._held, joints or leg)
         ball = self._made("ball", (), self._ball)
-        touch = self._made("contact", ("normal", "attack_deg", "offset_m"), self._contact)
+        contact = self._made("contact", ("normal", "attack_deg", "offset_m"), self._contact)
         air = self._made("air", ("altitude_m", "temperature_c", "pressure_pa"), self._air)
         ground = self._made("ground", (), self._ground)
         plane = self._made("plane", ("point_m", "normal"), self._plane)
         q = self._made("posture", ("angles_deg", "positions_m"), self._configuration, leg)
         v = self._made("posture", ("joint_velocity_rad_s",), self._joint_velocity, leg)
         if "foot_velocity_m_s" in self._said("posture"):
-            v = self._made("posture", ("foot_velocity_m_s",), self._foot_velocity, held, q, touch)
+            v = self._made("posture", ("foot_velocity_m_s",), self._foot_velocity, held, q, contact)
         if any(self.faults.values()):
             return None
-        nouns: tuple[Any, ...] = (held, q, v, ball, touch, air, ground, plane)
+        nouns: tuple[Any, ...] = (held, q, v, ball, contact, air, ground, plane)
         return self._made("posture", (), lambda: self._whole(stem, *nouns))
 
     def _made(
@@ -162,7 +162,7 @@ class _Builder:
 
     def _held(self, leg: Leg) -> Leg:
         feet = self._said("leg").get("supports")
-        return leg if feet is None else leg.standing_on(*feet)
+        return leg if feet is None else leg.with_supports(*feet)
 
     def _configuration(self, leg: Leg) -> Array:
         said = self._said("posture")
@@ -187,8 +187,8 @@ class _Builder:
             v[leg.velocity_index(joint)] = speed
         return v
 
-    def _foot_velocity(self, leg: Leg, q: Array, touch: Contact) -> Array:
-        posture = leg.posture(q).touched_at(touch.offset)
+    def _foot_velocity(self, leg: Leg, q: Array, contact: Contact) -> Array:
+        posture = leg.posture(q).touched_at(contact.offset)
         return posture.joint_velocity(self._said("posture")["foot_velocity_m_s"])
 
     def _ball(self) -> Ball:
@@ -244,24 +244,24 @@ class _Builder:
         q: Array,
         v: Array,
         ball: Ball,
-        touch: Contact,
+        contact: Contact,
         air: Air | None,
         ground: Ground | None,
         plane: Plane | None,
     ) -> Scene:
         if ground is not None and "height_m" not in self._said("ground"):
-            foot = leg.posture(q).touched_at(touch.offset).contact_point
-            place = foot + ball.radius * touch.normal
+            foot = leg.posture(q).touched_at(contact.offset).contact_point
+            place = foot + ball.radius * contact.normal
             ground = Ground(float(place[2]) - ball.radius, ground.surface)
-        moving, contact = self._said("ball"), self._said("contact")
+        moving, section = self._said("ball"), self._said("contact")
         return Scene(
             leg,
             q,
             v,
             ball,
-            touch,
-            law=contact.get("law", "newton"),
-            contact_time=contact.get("contact_time_s"),
+            contact,
+            law=section.get("law", "newton"),
+            contact_time=section.get("contact_time_s"),
             ball_velocity=moving.get("velocity_m_s", np.zeros(3)),
             ball_spin=moving.get("spin_rad_s", np.zeros(3)),
             air=air,

@@ -68,11 +68,11 @@ class Job:
         """Compute and write a chunk; return its postures."""
         first, count = self.store.cut.span(k)
         rows, status = self._outcomes(first, count)
-        self.store.write(k, rows, status, told(first, rows, status))
+        self.store.write(k, rows, status, chunk_summary(first, rows, status))
         return count
 
 
-def told(first: int, rows: Array, status: NDArray[np.int8]) -> dict[str, Any]:
+def chunk_summary(first: int, rows: Array, status: NDArray[np.int8]) -> dict[str, Any]:
     """Return what is to be known of a chunk that begins with posture `first`.
 
     All of it is plain but the front, shape `(n, 3)`: thousands of postures.

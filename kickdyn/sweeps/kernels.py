@@ -142,9 +142,9 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
     on = planar if in_plane else spatial
     # numba looks for changes in this file only; the others are part of the name
     parts = (lanes, arithmetic, factors, impulses, quickness, speed_use, on)
-    made_of = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
+    check_type = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
     names = {**globals(), "motion": on, "WIDTH": 2 if in_plane else 3}
-    twin = named(FunctionType(_sweep.__code__, names), f"sweep_{made_of:08x}")
+    twin = named(FunctionType(_sweep.__code__, names), f"sweep_{check_type:08x}")
     return compiled(twin, _SIGNATURE, **HOW)
 
 

@@ -59,7 +59,7 @@ class Kick:
         return np.array([math.cos(self.attack), 0.0, math.sin(self.attack)])
 
     @property
-    def touch(self) -> Contact:
+    def contact(self) -> Contact:
         """The contact, its normal along the foot's velocity."""
         return Contact(self.direction, self.restitution, self.friction)
 
@@ -98,6 +98,6 @@ def kick_from(posture: Posture, kick: Kick) -> Outcome:
     use = least_use(posture, wish)
     if use <= 1 < speed_use(posture, v):
         v = least_used(posture, wish)
-    hit = strike_at(posture, v, kick.ball, kick.touch)
-    path = fly(hit.ball, kick.ball, kick.air)
+    hit = strike_at(posture, v, kick.ball, kick.contact)
+    path = fly(hit.ball_after, kick.ball, kick.air)
     return Outcome(posture, "ok" if use <= 1 else "too fast", use, hit, path.range)

@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sweeps.block import Block, Numbers, Space
 from kickdyn.sweeps.chunk_layout import Cut
-from kickdyn.sweeps.chunk_log import Notes
+from kickdyn.sweeps.chunk_log import ChunkLog
 from kickdyn.sweeps.expression import Expression
 from kickdyn.sweeps.front import Front
 from kickdyn.sweeps.kick import STATUSES
@@ -267,7 +267,7 @@ def open_sweep(path: str | PathLike[str]) -> Sweep:
             warnings.filterwarnings("ignore", "Object at progress is not recognized")
             data = xr.open_zarr(file, consolidated=False, chunks=None)
         cut = Cut(data.status.shape, data.status.encoding["chunks"])
-        done = range(len(cut)) if "summary" in data.attrs else Notes(file).done()
+        done = range(len(cut)) if "summary" in data.attrs else ChunkLog(file).done()
         return Sweep(data, str(path), [cut.region(k) for k in done])
     except InvalidInput:
         raise

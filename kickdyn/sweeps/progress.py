@@ -23,7 +23,7 @@ from rich.text import Text
 
 from kickdyn.core.compilation import busy
 from kickdyn.sweeps.block import Space
-from kickdyn.sweeps.chunk_log import Notes
+from kickdyn.sweeps.chunk_log import ChunkLog
 
 PATIENCE = 1.0
 """After how long a sweep that has not begun says why [s]."""
@@ -65,7 +65,7 @@ class Watch:
     """
 
     def __init__(self, store: Path) -> None:
-        self._notes, self._read = Notes(store), set[int]()
+        self._notes, self._read = ChunkLog(store), set[int]()
         self.best: Best | None = None
 
     def look(self) -> Best | None:

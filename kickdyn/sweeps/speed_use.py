@@ -38,7 +38,7 @@ def least_use(posture: Posture, wish: Array) -> float:
         posture: the leg.
         wish: velocity of the contact point, within reach, shape `(3,)` [m/s, world frame].
     """
-    if posture.hold is not None:
+    if posture.constraint_projector is not None:
         return speed_use(posture, least_used(posture, wish))
     limit = posture.leg.velocity_limit
     moving = posture.jacobian[:, limit > 0]
@@ -93,7 +93,11 @@ def least_used(posture: Posture, wish: Array) -> Array:
 
     easy = posture.try_joint_velocity(wish)
     assert easy is not None
-    held = np.zeros((0, easy.size)) if posture.hold is None else posture.hold.rows
+    held = (
+        np.zeros((0, easy.size))
+        if posture.constraint_projector is None
+        else posture.constraint_projector.rows
+    )
     asked = np.vstack([posture.jacobian, held])
     moves = posture.leg.velocity_limit > 0
     rows, limit, size = asked[:, moves], posture.leg.velocity_limit[moves], np.linalg.norm(wish)

@@ -18,7 +18,7 @@ from kickdyn.core.interrupt import held
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.chunk_job import TOGETHER, Job, merged, told
+from kickdyn.sweeps.chunk_job import TOGETHER, Job, chunk_summary, merged
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kick import CARRY_ERROR, Kick
 from kickdyn.sweeps.outcomes import Outcomes
@@ -99,7 +99,7 @@ def stream(
             job.prepare()
             run(job, missing, threads, progress)
         with held():
-            return store.finish(merged(store.told()))
+            return store.finish(merged(store.chunk_summary()))
     except InvalidInput:
         store.abandon()
         raise
@@ -132,7 +132,7 @@ def _unkept(
     def one(k: int) -> int:
         first, count = chunks.span(k)
         rows, status = outcomes(first, count)
-        part = told(first, rows, status)
+        part = chunk_summary(first, rows, status)
         with turn:
             so_far.append(part)
             if len(so_far) == TOGETHER:

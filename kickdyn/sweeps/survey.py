@@ -110,11 +110,11 @@ class Survey:
                 found = zip(self.top.values[:1], self.top.numbers[:1], strict=True)
                 progress(count, next(((float(v), int(n)) for v, n in found), None))
 
-        told = stream(
+        chunk_summary = stream(
             None, self._leg, self._grid, self._kick,
             threads=threads, carry_error=carry_error, progress=done, see=self.see,
         )  # fmt: skip
-        self.counts, self.residual = told["counts"], told["residual"]
+        self.counts, self.residual = chunk_summary["counts"], chunk_summary["residual"]
 
     def see(self, first: int, rows: Array, status: NDArray[np.int8]) -> None:
         """See postures from number `first` on: rows in the order of `VARIABLES`."""

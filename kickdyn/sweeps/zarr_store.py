@@ -21,7 +21,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_layout import Cut
-from kickdyn.sweeps.chunk_log import Notes
+from kickdyn.sweeps.chunk_log import ChunkLog
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kick import STATUSES, Kick
 from kickdyn.sweeps.outcomes import interpolated, kernel_scene
@@ -75,7 +75,7 @@ class Store:
     ) -> None:
         check_names(grid)
         self.path, self._grid = Path(path), grid
-        self._notes = Notes(self.path)
+        self._notes = ChunkLog(self.path)
         self.cut = cut(leg, grid, kick)
         attributes: dict[str, Any] = {
             **provenance(leg, kick),
@@ -145,15 +145,17 @@ class Store:
         done = set(self._notes.done())
         return [k for k in range(len(self.cut)) if k not in done]
 
-    def write(self, k: int, rows: Array, status: NDArray[np.int8], told: dict[str, Any]) -> None:
+    def write(
+        self, k: int, rows: Array, status: NDArray[np.int8], chunk_summary: dict[str, Any]
+    ) -> None:
         """Write a chunk, then that it is done and what is told of it."""
         region = self.cut.region(k)
         shape = tuple(part.stop - part.start for part in region)
         for name, values in zip((*VARIABLES, "status"), (*rows, status), strict=True):
             self._group[name][region] = values.reshape(shape)
-        self._notes.write(k, told)
+        self._notes.write(k, chunk_summary)
 
-    def told(self) -> Iterator[dict[str, Any]]:
+    def chunk_summary(self) -> Iterator[dict[str, Any]]:
         """Yield what was told of every chunk, in their order, once all are done."""
         for k in range(len(self.cut)):
             yield self._notes.read(k)

@@ -95,9 +95,9 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[Row]:
         (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(hit.impulse)):.4g} N s"),
         *_worst(hit),
         ("foot speed", f"{float(np.linalg.norm(hit.foot_velocity)):.4g} m/s"),
-        ("ball speed", f"{float(hit.ball.speed):.4g} m/s"),
+        ("ball speed", f"{float(hit.ball_after.speed):.4g} m/s"),
         *((("ball / foot", f"{hit.speed_ratio:.4g}"),) if hit.foot_velocity.any() else ()),
-        ("launch angle", f"{round(math.degrees(float(hit.ball.elevation)), 1) + 0.0:.1f}°"),
+        ("launch angle", f"{round(math.degrees(float(hit.ball_after.elevation)), 1) + 0.0:.1f}°"),
         ("spin", _spin(hit)),
         *way,
         ("shown", _pace(drawn.pace)),
@@ -111,8 +111,8 @@ def _worst(hit: Impact) -> list[Row]:
 
 
 def _spin(hit: Impact) -> str:
-    spin = float(np.linalg.norm(hit.ball.spin))
-    rounding = 1e-12 * float(hit.ball.speed) / hit.struck.radius
+    spin = float(np.linalg.norm(hit.ball_after.spin))
+    rounding = 1e-12 * float(hit.ball_after.speed) / hit.ball.radius
     return f"{0.0 if spin < rounding else spin:.4g} rad/s"
 
 

@@ -55,7 +55,7 @@ def kick_page(
 
 def page_title(hit: Impact) -> str:
     """Return the title of a kick's page, plain text."""
-    return f"{hit.posture.leg.name or 'leg'}: ball at {float(hit.ball.speed):.4g} m/s"
+    return f"{hit.posture.leg.name or 'leg'}: ball at {float(hit.ball_after.speed):.4g} m/s"
 
 
 def write_page(file: str | PathLike[str], html: str) -> None:

@@ -90,7 +90,9 @@ def draw_kick(
     forward = _forward(hit, curve)
     floor = min(before.position[2], curve[-1, 2]) - ball.radius
     joints = np.array([place[:3, 3] for place in joint_places(hit.posture.leg, hit.posture.q)[1:]])
-    near = np.vstack([around(joints, ball.radius), around(hit.ball.position[None], ball.radius)])
+    near = np.vstack(
+        [around(joints, ball.radius), around(hit.ball_after.position[None], ball.radius)]
+    )
     figure = draw_leg(viewer["leg"], hit.posture.leg, hit.posture.q)
     far = np.vstack([around(curve, ball.radius), figure, *(box.corners() for box in scenery)])
     if swing is not None:

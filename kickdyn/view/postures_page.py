@@ -47,7 +47,7 @@ def postures_page(hits: Mapping[str, Impact], *, title: str) -> str:
     figures = []
     for number, hit in enumerate(hits.values()):
         leg = draw_leg(viewer[f"{number}/leg"], hit.posture.leg, hit.posture.q)
-        ball, radius = hit.ball_before.position, hit.struck.radius
+        ball, radius = hit.ball_before.position, hit.ball.radius
         figures.append(np.vstack([leg, ball - radius, ball + radius]))
     size = max(float(np.ptp(figure, axis=0).max()) for figure in figures)
     scale = LONGEST * size / most if most > 0 else 0.0
@@ -72,7 +72,7 @@ def postures_page(hits: Mapping[str, Impact], *, title: str) -> str:
     for number, (hit, move) in enumerate(zip(hits.values(), moves, strict=True)):
         node = viewer[str(number)]
         node.set_transform(tf.translation_matrix(move))
-        draw_ball(node["ball"], hit.struck.radius)
+        draw_ball(node["ball"], hit.ball.radius)
         node["ball"].set_transform(tf.translation_matrix(hit.ball_before.position))
         for arrow in impulse_arrows(hit, scale, LEAST * most, places, move):
             draw_impulse(node[arrow.node], arrow, scale)
@@ -96,7 +96,7 @@ def _panel(title: str, hits: Mapping[str, Impact]) -> str:
         rows.append(
             f'<tr class="long"><th>{escape(name)}</th>'
             f"<td>{float(np.linalg.norm(hit.impulse)):.4g} N s on the ball, "
-            f"{float(hit.ball.speed):.4g} m/s<br>{worst:.4g} N s at {escape(joint)}</td></tr>"
+            f"{float(hit.ball_after.speed):.4g} m/s<br>{worst:.4g} N s at {escape(joint)}</td></tr>"
         )
     table = "\n".join(rows)
     return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n<table>\n{table}\n</table>\n</aside>'

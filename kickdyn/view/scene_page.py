@@ -49,7 +49,7 @@ def _instant(answer: Simulation) -> str:
 
 def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
     """Return whether what stands there leaves a kick to see: it is ahead, and not far beyond."""
-    start, end = answer.hit.ball.position[:2], answer.end.position[:2]
+    start, end = answer.hit.ball_after.position[:2], answer.end.position[:2]
     ahead = np.mean([box.centre for box in boxes], axis=0)[:2] - start
     way = end - start
     reached = answer.status == "at plane"
@@ -70,9 +70,9 @@ def numbers(answer: Simulation) -> dict[str, Any]:
         "impulse": hit.impulse.tolist(),
         "joint_impulses": {name: push.tolist() for name, _, push in joint_pushes(hit)},
         "foot_speed": float(np.linalg.norm(hit.foot_velocity)),
-        "ball_velocity": hit.ball.velocity.tolist(),
-        "ball_spin": hit.ball.spin.tolist(),
-        "launch_angle": float(hit.ball.elevation),
+        "ball_velocity": hit.ball_after.velocity.tolist(),
+        "ball_spin": hit.ball_after.spin.tolist(),
+        "launch_angle": float(hit.ball_after.elevation),
         "end": answer.end.position.tolist(),
         "time": float(answer.end.time),
         "error": _finite(answer.error),

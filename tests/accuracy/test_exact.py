@@ -64,6 +64,6 @@ def test_the_factor_solves_to_fifty_digits():
 def test_what_it_does_not_know_is_refused():
     with pytest.raises(kd.InvalidInput, match="joints of one angle"):
         described(kd.Leg.from_robot("bolt", base="floating"))
-    held = kd.Leg.from_robot("bolt", base="floating").standing_on("FL_FOOT")
+    held = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
     with pytest.raises(kd.InvalidInput, match="free legs only"):
         described(held)

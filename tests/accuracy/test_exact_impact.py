@@ -57,12 +57,12 @@ def test_energy_lost_is_that_of_leg_and_ball():
     hit = struck(2, 0.05)
     structure, scene = given(hit)
     exact = exact_impact(structure, scene)
-    ball, before = hit.struck, hit.ball_before
+    ball, before = hit.ball, hit.ball_before
     kinetic = [
         0.5 * v @ hit.posture.inertia @ v
         + 0.5 * ball.mass * state.velocity @ state.velocity
         + 0.5 * ball.inertia * state.spin @ state.spin
-        for v, state in ((hit.v_before, before), (hit.v_after, hit.ball))
+        for v, state in ((hit.v_before, before), (hit.v_after, hit.ball_after))
     ]
     assert float(exact["energy lost"].exact[0]) == pytest.approx(kinetic[0] - kinetic[1], rel=1e-11)
 
@@ -72,9 +72,9 @@ def test_the_condition_is_known_where_it_is():
     leg = kd.Leg.human()
     posture = leg.posture(np.radians([5, 10, -5]))
     v = posture.joint_velocity([1, 0, 0])
-    touch = kd.Contact((1, 0, 0), 0.5)
+    contact = kd.Contact((1, 0, 0), 0.5)
     for share in (1e-3, 1e-6):
-        hit = kd.strike(leg, posture.q, v, kd.Ball(), touch, ball_velocity=(1 - share, 0, 0))
+        hit = kd.strike(leg, posture.q, v, kd.Ball(), contact, ball_velocity=(1 - share, 0, 0))
         structure, scene = given(hit)
         found = conditions(structure, scene, exact_impact(structure, scene))["impulse"]
         assert 0.3 / share < found < 300 / share

@@ -20,11 +20,11 @@ SOLE = [(0.1, 0.03, -0.03), (0.1, -0.03, -0.03), (-0.05, 0, -0.03)]
 
 def kick():
     support = kd.Support("left_ankle_roll_link", friction=0.7, sole=SOLE)
-    leg = kd.Leg.from_robot("g1", base="floating").standing_on(support)
+    leg = kd.Leg.from_robot("g1", base="floating").with_supports(support)
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
     v = posture.joint_velocity([6, 0, 2])
-    touch = kd.Contact((3, 0, 1), 0.8, 0.3, offset=(0.01, 0, 0))
-    return kd.strike_at(posture, v, kd.Ball(), touch), support
+    contact = kd.Contact((3, 0, 1), 0.8, 0.3, offset=(0.01, 0, 0))
+    return kd.strike_at(posture, v, kd.Ball(), contact), support
 
 
 def parts():
@@ -32,17 +32,17 @@ def parts():
     return {
         "impact": hit,
         "posture": hit.posture,
-        "hold": hit.posture.hold,
-        "ball": hit.ball,
-        "touch": hit.touch,
+        "hold": hit.posture.constraint_projector,
+        "ball": hit.ball_after,
+        "touch": hit.contact,
         "support": support,
         "scene": kd.Scene(
-            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.touch, spread={"q": 0.1}
+            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.contact, spread={"q": 0.1}
         ),
         "sensitivity": hit.sensitivity(),
         "uncertainty": hit.uncertainty(q=0.1, normal=0.02),
         "unilateral": kd.unilateral_strike(
-            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.touch
+            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.contact
         ),
     }
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.representation import Card, shown, side_view
+from kickdyn.core.representation import ReprMixin, format_value, side_view
 
 
-class Named(Card):
+class Named(ReprMixin):
     def __init__(self, *rows):
         self._all = rows
 
@@ -110,7 +110,7 @@ def test_names_are_escaped():
     ],
 )
 def test_values(value, text):
-    assert shown(value) == text
+    assert format_value(value) == text
 
 
 def test_rounding_is_not_shown():

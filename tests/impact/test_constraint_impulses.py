@@ -18,7 +18,7 @@ FREE = {
     },
 }
 STANDING = {
-    f"{leg.name} on {kind}": leg.standing_on(
+    f"{leg.name} on {kind}": leg.with_supports(
         kd.Support(ROBOTS[leg.name].stance, point=kind == "a point")
     )
     for name, leg in FREE.items()
@@ -37,7 +37,7 @@ def test_every_robot_balances_and_pinocchio_agrees(name, seed):
     for ours, theirs in (
         (hit.impulse, engine.impulse),
         (hit.v_after, engine.v_after),
-        (hit.ball.velocity, engine.ball.velocity),
+        (hit.ball_after.velocity, engine.ball_after.velocity),
     ):
         assert np.abs(ours - theirs).max() <= 1e-11 * np.abs(theirs).max()
     assert hit.restitution_residual <= 1e-12
@@ -60,10 +60,10 @@ def test_with_friction_too(name):
 def test_the_strike_solves_one_dense_system(name):
     """Rows by differences, inertia by momenta, everything unknown solved for at once."""
     leg = STANDING[name]
-    (_, q, v, ball, touch), options = any_kick(np.random.default_rng(5), leg)
-    hit = kd.strike(leg, q, v, ball, touch, **options)
-    after, reaction, pressing = struck(leg, q, v, ball, touch, options["ball_velocity"])
-    assert hit.impulse == pytest.approx(pressing * touch.normal, abs=1e-7 * pressing)
+    (_, q, v, ball, contact), options = any_kick(np.random.default_rng(5), leg)
+    hit = kd.strike(leg, q, v, ball, contact, **options)
+    after, reaction, pressing = struck(leg, q, v, ball, contact, options["ball_velocity"])
+    assert hit.impulse == pytest.approx(pressing * contact.normal, abs=1e-7 * pressing)
     assert np.abs(hit.v_after - after).max() <= 1e-7 * np.abs(after).max()
     ((_, ours),) = hit.support_impulses.items()
     assert np.abs(ours - reaction).max() <= 1e-7 * np.abs(reaction).max()

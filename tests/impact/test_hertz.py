@@ -18,8 +18,8 @@ def test_damping_takes_the_energy_that_restitution_says(e):
     s = matched_damping(e)
     inward = quad(lambda w: w / (1 + s * w), 0, 1)[0]
     if s * e < 1 - 1e-6:  # closer to 1 the outward integral has no digits
-        outward = quad(lambda w: w / (1 - s * w), 0, e, limit=200)[0]
-        assert outward == pytest.approx(inward, rel=1e-7)
+        contact_normal_cone = quad(lambda w: w / (1 - s * w), 0, e, limit=200)[0]
+        assert contact_normal_cone == pytest.approx(inward, rel=1e-7)
     assert 0 <= s * e <= 1
 
 

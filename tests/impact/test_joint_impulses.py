@@ -112,7 +112,7 @@ def test_closed_loop(seed):
     leg = tree.with_loops(("shank_pin", "rocker_b_tip"))
     rng = np.random.default_rng(seed)
     angles = {"hip": rng.uniform(0, 2), "rocker_b": rng.uniform(0, 1.3)}
-    q = leg.closed(leg.configuration(angles), keep=angles)
+    q = leg.close_loops(leg.configuration(angles), keep=angles)
     posture = leg.posture(q)
     v = posture.admissible(rng.normal(size=leg.nv) * 5)
     normal = posture.point_velocity(v) + rng.uniform(-0.2, 0.2, size=3)
@@ -181,7 +181,7 @@ def test_the_more_joints_the_fewer_digits(joints):
 @pytest.mark.parametrize("held", [False, True])
 def test_an_impact_that_was_interrupted_leaves_nothing(held, monkeypatch):
     leg = kd.Leg.from_robot("bolt", base="floating")
-    leg = leg.standing_on(kd.Support("FL_FOOT", point=True)) if held else leg
+    leg = leg.with_supports(kd.Support("FL_FOOT", point=True)) if held else leg
     posture = leg.posture(leg.configuration({"FR_HFE": 0.4, "FR_KFE": -0.8}))
     v = posture.joint_velocity([3, 0, 1])
     kick = posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7)

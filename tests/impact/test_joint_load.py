@@ -31,7 +31,9 @@ def test_split_adds_up_and_only_rotors_act_along_the_axis():
 
 
 def test_a_floating_base_is_all_freedom():
-    leg = kd.Leg.from_robot("bolt", base="floating").standing_on(kd.Support("FL_FOOT", point=True))
+    leg = kd.Leg.from_robot("bolt", base="floating").with_supports(
+        kd.Support("FL_FOOT", point=True)
+    )
     struck = hit(leg, maker=any_kick)
     loads = kd.joint_loads(struck)
     assert loads["root_joint"].structure == pytest.approx(np.zeros(6), abs=1e-15)

@@ -16,24 +16,24 @@ G1 = kd.Leg.from_robot("g1", base="floating")
 BOLT = kd.Leg.from_robot("bolt", base="floating")
 FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
 LEGS = {
-    "flat foot": G1.standing_on(LEFT),
-    "point foot": BOLT.standing_on(kd.Support("FL_FOOT", point=True)),
-    "foot, and hands joined": G1.with_loops(HANDS).standing_on(LEFT),
-    "redundant supports": G1.standing_on(LEFT, kd.Support("left_ankle_pitch_link", point=True)),
+    "flat foot": G1.with_supports(LEFT),
+    "point foot": BOLT.with_supports(kd.Support("FL_FOOT", point=True)),
+    "foot, and hands joined": G1.with_loops(HANDS).with_supports(LEFT),
+    "redundant supports": G1.with_supports(LEFT, kd.Support("left_ankle_pitch_link", point=True)),
     "loop in a plane": FOURBAR.with_loops(("shank_pin", "rocker_b_tip")),
 }
 
 
 def some_kick(name, friction, seed=3):
     leg, rng = LEGS[name], np.random.default_rng(seed)
-    (leg, q, v, ball, touch), options = any_kick(rng, leg, friction=friction)
+    (leg, q, v, ball, contact), options = any_kick(rng, leg, friction=friction)
     if name == "loop in a plane":  # across the plane, nothing moves
-        q = leg.closed(leg.configuration({"hip": 0.2, "rocker_b": 0.4}), keep=("rocker_b",))
+        q = leg.close_loops(leg.configuration({"hip": 0.2, "rocker_b": 0.4}), keep=("rocker_b",))
         v = leg.posture(q).admissible(np.array([3.0, 2.0, 1.0, -2.0, 4.0]))
         way = leg.posture(q).point_velocity(v)
-        touch = kd.Contact(way + 0.3 * way[[2, 1, 0]], 0.6, friction)
+        contact = kd.Contact(way + 0.3 * way[[2, 1, 0]], 0.6, friction)
         options["ball_velocity"] = np.zeros(3)
-    return (leg, q, v, ball, touch), options, rng
+    return (leg, q, v, ball, contact), options, rng
 
 
 @pytest.mark.parametrize("name", LEGS)
@@ -74,7 +74,7 @@ def test_what_a_support_or_loop_takes_up_does_not_count():
     """v across what holds, and q that would open a loop."""
     kick, options, _ = some_kick("foot, and hands joined", 0.05)
     hit = kd.strike(*kick, **options)
-    slopes, hold = hit.sensitivity(), hit.posture.hold
+    slopes, hold = hit.sensitivity(), hit.posture.constraint_projector
     rows = hold.rows
     across = np.linalg.solve(hit.posture.inertia, rows.T)
     loop = rows[6:]

@@ -118,22 +118,22 @@ def cone_solver(name):
 
 def by_pinocchio(name, hit, ball):
     """The impact of leg and free ball by one of Pinocchio's cone solvers: impulse, residual."""
-    leg, touch = hit.posture.leg, hit.touch
+    leg, contact = hit.posture.leg, hit.contact
     model = leg.model
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ball")
     shell = pin.Inertia(ball.mass, np.zeros(3), ball.inertia * np.eye(3))
     model.appendBodyToJoint(joint, shell, pin.SE3.Identity())
     data = model.createData()
-    q = np.concatenate([hit.posture.q, hit.ball.position, [0, 0, 0, 1]])
+    q = np.concatenate([hit.posture.q, hit.ball_after.position, [0, 0, 0, 1]])
     v = np.concatenate([hit.v_before, hit.ball_before.velocity, hit.ball_before.spin])
     pin.forwardKinematics(model, data, q)
-    axes = np.linalg.svd(touch.normal.reshape(1, 3))[2][[1, 2, 0]].T
-    axes[:, 2] = touch.normal
+    axes = np.linalg.svd(contact.normal.reshape(1, 3))[2][[1, 2, 0]].T
+    axes[:, 2] = contact.normal
     axes[:, 0] *= np.linalg.det(axes)
     frame = pin.SE3(axes, hit.posture.contact_point)
     at = [data.oMi[i].actInv(frame) for i in (leg.contact_joint, joint)]
     contact = pin.PointContactConstraintModel(model, leg.contact_joint, at[0], joint, at[1])
-    contact.setFriction(touch.friction)
+    contact.setFriction(contact.friction)
     models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
     models.append(pin.ConstraintModel(contact))
     datas.append(models[0].createData())
@@ -143,7 +143,7 @@ def by_pinocchio(name, hit, ball):
     inertia = np.triu(data.M) + np.triu(data.M, 1).T
     delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
     free = jacobian @ v
-    free[2] *= 1 + touch.restitution
+    free[2] *= 1 + contact.restitution
     solver, settings, result = cone_solver(name)
     settings.max_iterations = 20_000
     for kind in ("feasibility", "complementarity"):
@@ -154,8 +154,10 @@ def by_pinocchio(name, hit, ball):
     impulse = result.retrieveConstraintImpulses()
     u = delassus @ impulse + free
     size = np.linalg.norm(impulse[:2])
-    across = touch.friction * impulse[2] * np.linalg.norm(u[:2])
-    residual = max(abs(u[2]), size - touch.friction * impulse[2], abs(u[:2] @ impulse[:2] + across))
+    across = contact.friction * impulse[2] * np.linalg.norm(u[:2])
+    residual = max(
+        abs(u[2]), size - contact.friction * impulse[2], abs(u[:2] @ impulse[:2] + across)
+    )
     return axes @ impulse, residual
 
 

@@ -17,8 +17,8 @@ def assert_same(kick, options):
     for ours, theirs in (
         (hit.impulse, engine.impulse),
         (hit.v_after, engine.v_after),
-        (hit.ball.velocity, engine.ball.velocity),
-        (hit.ball.spin, engine.ball.spin),
+        (hit.ball_after.velocity, engine.ball_after.velocity),
+        (hit.ball_after.spin, engine.ball_after.spin),
     ):
         assert np.abs(ours - theirs).max() <= 1e-12 * np.abs(theirs).max()
     assert hit.restitution_residual <= 1e-12
@@ -50,14 +50,14 @@ def off_centre(rng, leg, q, v, ball, options, friction=0.0):
     """The same kick with a point elsewhere on the foot, which approaches the ball."""
     offset = rng.uniform(-0.2, 0.2, size=3)
     closing = leg.posture(q).touched_at(offset).point_velocity(v) - options["ball_velocity"]
-    touch = kd.Contact(closing, rng.uniform(0, 1), friction, offset)
-    return (leg, q, v, ball, touch), options
+    contact = kd.Contact(closing, rng.uniform(0, 1), friction, offset)
+    return (leg, q, v, ball, contact), options
 
 
 def test_same_for_a_particle():
-    (leg, q, v, _, touch), options = random_kick(np.random.default_rng(1), LEGS["human"])
+    (leg, q, v, _, contact), options = random_kick(np.random.default_rng(1), LEGS["human"])
     particle = kd.Ball(inertia_factor=np.inf)
-    assert_same((leg, q, v, particle, touch), options)
+    assert_same((leg, q, v, particle, contact), options)
 
 
 def test_armature_is_honoured():
@@ -77,7 +77,7 @@ def test_friction_is_refused():
 
 
 def test_separating_bodies_are_not_pulled():
-    (leg, q, v, ball, touch), options = random_kick(np.random.default_rng(1), LEGS["human"])
-    away = kd.Contact(-touch.normal, touch.restitution)
+    (leg, q, v, ball, contact), options = random_kick(np.random.default_rng(1), LEGS["human"])
+    away = kd.Contact(-contact.normal, contact.restitution)
     with pytest.raises(kd.NoImpact, match="away from the ball"):
         kd.engine_strike(leg, q, v, ball, away, **options)

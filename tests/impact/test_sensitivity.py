@@ -19,9 +19,9 @@ def check(kick, options, rng):
     """Along one random direction of each source."""
     hit = kd.strike(*kick, **options)
     slopes = hit.sensitivity()
-    assume(margin(hit) >= 0.02 * hit.touch.friction)  # differences must not meet the other branch
+    assume(margin(hit) >= 0.02 * hit.contact.friction)  # differences must not meet the other branch
     for name in UNITS:
-        if name == "friction" and hit.touch.friction == 0:
+        if name == "friction" and hit.contact.friction == 0:
             continue
         way = rng.normal(size=slopes.impulse[name].shape[1])
         way /= np.linalg.norm(way)
@@ -63,8 +63,8 @@ def test_against_differences(friction, branches, floating):
 
 def human(friction, normal=(2, 0.3, 1), e=0.7):
     leg = kd.Leg.human()
-    touch = kd.Contact(normal, e, friction)
-    return (leg, np.radians([5, 10, -5]), np.array([0.1, -2.0, -1.0]), kd.Ball(), touch), {}
+    contact = kd.Contact(normal, e, friction)
+    return (leg, np.radians([5, 10, -5]), np.array([0.1, -2.0, -1.0]), kd.Ball(), contact), {}
 
 
 def test_friction_that_sets_in():
@@ -100,8 +100,8 @@ def test_the_boundary_is_announced():
     kick, options = human(5.0)
     hit = kd.strike(*kick, **options)
     assert hit.sticking
-    pressing = float(hit.touch.normal @ hit.impulse)
-    edge = np.linalg.norm(hit.impulse - pressing * hit.touch.normal) / pressing
+    pressing = float(hit.contact.normal @ hit.impulse)
+    edge = np.linalg.norm(hit.impulse - pressing * hit.contact.normal) / pressing
     for friction, at_boundary in ((edge, True), (edge * 1.001, False), (edge * 0.999, False)):
         slopes = kd.strike(*human(friction)[0]).sensitivity()
         assert slopes.at_boundary is at_boundary
@@ -112,7 +112,7 @@ def test_what_cannot_matter_does_not():
     kick, options = human(0.2)
     hit = kd.strike(*kick, **options)
     slopes = hit.sensitivity()
-    assert np.abs(slopes.impulse["normal"] @ hit.touch.normal).max() < 1e-14
+    assert np.abs(slopes.impulse["normal"] @ hit.contact.normal).max() < 1e-14
     assert slopes.impulse["ball_radius"] == pytest.approx(np.zeros((3, 1)), abs=1e-15)
     assert math.isinf(kd.strike(*human(0.0)[0]).sensitivity().margin)
 
@@ -121,7 +121,7 @@ def test_the_textbook_case():
     """Eq. (10) differentiated by hand: p = (1 + e) u / (1/M + 1/m)."""
     kick, _ = human(0.0)
     hit = kd.strike(*kick)
-    m, big, p = hit.struck.mass, hit.effective_mass, hit.impulse
+    m, big, p = hit.ball.mass, hit.effective_mass, hit.impulse
     slopes = hit.sensitivity()
     assert slopes.impulse["restitution"][:, 0] == pytest.approx(p / 1.7, rel=1e-13)
     assert slopes.impulse["ball_mass"][:, 0] == pytest.approx(p / m * big / (big + m), rel=1e-13)
@@ -152,7 +152,7 @@ def test_other_laws_are_refused():
 def test_a_foot_that_let_go_is_refused():
     sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
     foot = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
-    leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", base="floating").standing_on(foot)
+    leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", base="floating").with_supports(foot)
     v = leg.posture(leg.configuration()).joint_velocity((3, 0, 2))
     kick = leg, leg.configuration(), v, kd.Ball(), kd.Contact((3, 0, 2), 0.7, 0.3)
     assert np.isfinite(kd.strike(*kick).sensitivity().margin)

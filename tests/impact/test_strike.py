@@ -47,7 +47,7 @@ def test_momentum_and_energy_balance(law, friction, seed):
     rng = np.random.default_rng(seed)
     kick, options = random_kick(rng, random_leg(rng), friction=friction)
     hit = kd.strike(*kick, law, **options)
-    _, _, v, ball, touch = kick
+    _, _, v, ball, contact = kick
 
     def energy(joint_velocity, state):
         leg = joint_velocity @ hit.posture.inertia @ joint_velocity
@@ -57,16 +57,16 @@ def test_momentum_and_energy_balance(law, friction, seed):
             + ball.inertia * state.spin @ state.spin
         )
 
-    before = kd.BallState(hit.ball.position, options["ball_velocity"], options["ball_spin"])
-    lost = energy(v, before) - energy(hit.v_after, hit.ball)
+    before = kd.BallState(hit.ball_after.position, options["ball_velocity"], options["ball_spin"])
+    lost = energy(v, before) - energy(hit.v_after, hit.ball_after)
     assert hit.energy_lost == pytest.approx(lost, abs=1e-12 * energy(v, before))
     assert hit.momentum_residual <= 1e-12
-    jump = ball.mass * (hit.ball.velocity - options["ball_velocity"])
+    jump = ball.mass * (hit.ball_after.velocity - options["ball_velocity"])
     assert jump == pytest.approx(hit.impulse, rel=1e-12, abs=1e-13)
-    lever = -ball.radius * touch.normal
-    turn = ball.inertia * (hit.ball.spin - options["ball_spin"])
+    lever = -ball.radius * contact.normal
+    turn = ball.inertia * (hit.ball_after.spin - options["ball_spin"])
     assert turn == pytest.approx(np.cross(lever, hit.impulse), rel=1e-10, abs=1e-12)
-    assert hit.ball.position == pytest.approx(hit.posture.contact_point - lever)
+    assert hit.ball_after.position == pytest.approx(hit.posture.contact_point - lever)
     if law == "newton":
         assert hit.restitution_residual <= 1e-12
     if law == "stronge" or (friction == 0.0 and law == "newton"):
@@ -77,22 +77,22 @@ def test_momentum_and_energy_balance(law, friction, seed):
 @pytest.mark.parametrize("law", ["newton", "stronge"])
 def test_an_offset_turns_with_the_foot(law):
     """The contact point 3 cm above the sole, as the foot's axes say, whatever its angle."""
-    touch = kd.Contact((1, 0, 0.3), 0.7, 0.4, offset=(0, 0, 0.03))
-    hit = kd.strike(LEG, np.radians([0, 0, 90]), [0, -2, -1], kd.Ball(), touch, law)
+    contact = kd.Contact((1, 0, 0.3), 0.7, 0.4, offset=(0, 0, 0.03))
+    hit = kd.strike(LEG, np.radians([0, 0, 90]), [0, -2, -1], kd.Ball(), contact, law)
     there = LEG.posture(np.radians([0, 0, 90])).contact_point + np.array([0.03, 0, 0])
     assert hit.posture.contact_point == pytest.approx(there)
-    assert hit.ball.position == pytest.approx(there + kd.Ball().radius * touch.normal)
+    assert hit.ball_after.position == pytest.approx(there + kd.Ball().radius * contact.normal)
     assert hit.foot_velocity == pytest.approx(hit.posture.jacobian @ [0, -2, -1])
     assert hit.momentum_residual <= 1e-14
 
 
 def test_a_particle_does_not_turn_and_grips_harder():
     """Its tangential inertia is all of m, a shell's 2/5 of it: friction has more to do."""
-    touch = kd.Contact((1, 0, 0.2), 0.7, friction=5.0)
+    contact = kd.Contact((1, 0, 0.2), 0.7, friction=5.0)
     wall = np.radians([0, 0, 90])
     options = {"ball_velocity": (-3, 0, 1), "law": "newton"}
     shell, particle = (
-        kd.strike(LEG, wall, np.zeros(3), ball, touch, **options)
+        kd.strike(LEG, wall, np.zeros(3), ball, contact, **options)
         for ball in (kd.Ball(), kd.Ball(inertia_factor=math.inf))
     )
     assert particle.ball.spin.tolist() == [0, 0, 0]
@@ -104,23 +104,23 @@ def test_a_particle_does_not_turn_and_grips_harder():
 def test_a_rolling_ball_and_a_volley():
     """What counts at the contact is the velocity of the ball's surface, spin included."""
     q, v, ball = np.radians([5, 10, -5]), np.array(V), kd.Ball()
-    touch = kd.Contact((1, 0, 0.1), 0.7, 0.3)
+    contact = kd.Contact((1, 0, 0.1), 0.7, 0.3)
     speed = 2.0
     rolling = {"ball_velocity": (-speed, 0, 0), "ball_spin": (0, -speed / ball.radius, 0)}
     sliding = {"ball_velocity": (-speed, 0, 0)}
     volley = {"ball_velocity": (-8, 1, -6), "ball_spin": (3, 40, -10)}
     rolled, slid, volleyed = (
-        kd.strike(LEG, q, v, ball, touch, "stronge", **motion)
+        kd.strike(LEG, q, v, ball, contact, "stronge", **motion)
         for motion in (rolling, sliding, volley)
     )
     assert rolled.approach_speed == slid.approach_speed < volleyed.approach_speed
     assert np.abs(rolled.impulse - slid.impulse).max() > 0.1
     for hit in (rolled, slid, volleyed):
         surface = [
-            state.velocity - ball.radius * np.cross(state.spin, touch.normal) - foot
+            state.velocity - ball.radius * np.cross(state.spin, contact.normal) - foot
             for state, foot in (
                 (hit.ball_before, hit.foot_velocity),
-                (hit.ball, hit.posture.jacobian @ hit.v_after),
+                (hit.ball_after, hit.posture.jacobian @ hit.v_after),
             )
         ]
         work = -0.5 * hit.impulse @ (surface[0] + surface[1])
@@ -129,8 +129,8 @@ def test_a_rolling_ball_and_a_volley():
 
 def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
     v = paper_posture(-5).joint_velocity(ATTACK)
-    touch = kd.Contact((1, 0, 0.2), restitution=0.8, friction=0.4)
-    hit = kd.strike_at(paper_posture(-5), v, kd.Ball(), touch, "paper")
+    contact = kd.Contact((1, 0, 0.2), restitution=0.8, friction=0.4)
+    hit = kd.strike_at(paper_posture(-5), v, kd.Ball(), contact, "paper")
     assert hit.restitution_residual > 0.01
 
 
@@ -141,7 +141,7 @@ def test_an_immovable_leg_returns_the_ball():
         LEG, stretched, np.zeros(3), kd.Ball(), kd.Contact(down, 0.5), ball_velocity=(0, 0, 2)
     )
     assert hit.effective_mass > 1e15
-    assert hit.ball.velocity == pytest.approx([0, 0, -1], rel=1e-14)
+    assert hit.ball_after.velocity == pytest.approx([0, 0, -1], rel=1e-14)
     assert hit.speed_ratio == math.inf
 
 
@@ -181,8 +181,8 @@ def test_stronges_law_creates_none_there():
 
 
 def test_strict_leaves_sound_results_alone():
-    touch = kd.Contact(ATTACK, restitution=1.0)
-    hit = kd.strike(LEG, np.radians([5, 10, -5]), V, kd.Ball(), touch, strict=True)
+    contact = kd.Contact(ATTACK, restitution=1.0)
+    hit = kd.strike(LEG, np.radians([5, 10, -5]), V, kd.Ball(), contact, strict=True)
     assert abs(hit.energy_lost) <= 1e-14
 
 
@@ -214,9 +214,9 @@ def test_bad_input(change, error, words):
     good = {"q": np.radians([5, 10, -5]), "v": V, "law": "newton"}
     options = {**good, **change}
     q, v, law = (options.pop(key) for key in ("q", "v", "law"))
-    touch = kd.Contact(ATTACK, restitution=0.8)
+    contact = kd.Contact(ATTACK, restitution=0.8)
     with pytest.raises(error, match=words) as caught:
-        kd.strike(LEG, q, v, kd.Ball(), touch, law, **options)
+        kd.strike(LEG, q, v, kd.Ball(), contact, law, **options)
     assert "\n" not in str(caught.value)
 
 
@@ -224,10 +224,10 @@ def test_bad_input(change, error, words):
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("scale", [1e-250, 1e-170, 1e-30, 1e30, 1e120])
 def test_impact_is_linear_in_the_velocities(law, friction, scale):
-    touch = kd.Contact((2, 0.3, 1), 0.7, friction)
+    contact = kd.Contact((2, 0.3, 1), 0.7, friction)
     q, v = np.radians([5, 10, -5]), np.array(V)
-    hit = kd.strike(LEG, q, v, kd.Ball(), touch, law)
-    scaled = kd.strike(LEG, q, scale * v, kd.Ball(), touch, law)
+    hit = kd.strike(LEG, q, v, kd.Ball(), contact, law)
+    scaled = kd.strike(LEG, q, scale * v, kd.Ball(), contact, law)
     assert scaled.impulse / scale == pytest.approx(hit.impulse, rel=1e-9)
     assert scaled.speed_ratio == pytest.approx(hit.speed_ratio, rel=1e-9)
 
@@ -237,8 +237,8 @@ def test_a_leg_far_from_the_origin_strikes_alike(far):
     model = LEG.model
     model.jointPlacements[1] = pin.SE3(np.eye(3), np.array([far, -far, far]))
     away = kd.Leg.from_model(model, "toe")
-    touch = kd.Contact((2, 0.3, 1), 0.7, 0.4)
-    here, there = (kd.strike(leg, np.zeros(3), V, kd.Ball(), touch) for leg in (LEG, away))
+    contact = kd.Contact((2, 0.3, 1), 0.7, 0.4)
+    here, there = (kd.strike(leg, np.zeros(3), V, kd.Ball(), contact) for leg in (LEG, away))
     assert there.impulse == pytest.approx(here.impulse, rel=1e-13)
     assert there.joint_impulses == pytest.approx(here.joint_impulses, rel=1e-12, abs=1e-14)
 

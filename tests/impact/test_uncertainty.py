@@ -26,20 +26,20 @@ def test_monte_carlo(friction):
         Q + rng.normal(size=(n, 3)) * [0.004, 0.006, 0.008],
         rng.multivariate_normal(V, correlated, size=n),
         0.7 + 0.01 * rng.normal(size=n),
-        kick().touch.normal + 0.005 * rng.normal(size=(n, 3)),
+        kick().contact.normal + 0.005 * rng.normal(size=(n, 3)),
         0.43 + 0.004 * rng.normal(size=n),
         strict=True,
     )
     hits = [kick(q, v, e, friction, normal, mass) for q, v, e, normal, mass in draws]
     for result, values in (
         ("impulse", [hit.impulse for hit in hits]),
-        ("velocity", [hit.ball.velocity for hit in hits]),
-        ("spin", [hit.ball.spin for hit in hits]),
+        ("velocity", [hit.ball_after.velocity for hit in hits]),
+        ("spin", [hit.ball_after.spin for hit in hits]),
     ):
         covariance = np.cov(np.array(values).T)
         scale = np.trace(covariance)
         assert np.abs(getattr(ours, result) - covariance).max() <= 0.06 * scale + 1e-24
-    speeds = np.std([hit.ball.speed for hit in hits])
+    speeds = np.std([hit.ball_after.speed for hit in hits])
     assert ours.speed == pytest.approx(speeds, rel=0.04)
     sizes = np.std([np.linalg.norm(hit.impulse) for hit in hits])
     assert ours.impulse_size == pytest.approx(sizes, rel=0.04)
@@ -130,7 +130,9 @@ def test_what_only_turns_a_vector_is_not_of_its_size():
     tilted[1, 1] = np.radians(2) ** 2  # out of the plane that holds the foot's way
     ours = hit.uncertainty(normal=tilted)
     assert ours.speed < 1e-12
-    assert np.sqrt(ours.velocity[1, 1]) == pytest.approx(np.radians(2) * hit.ball.speed, rel=1e-9)
+    assert np.sqrt(ours.velocity[1, 1]) == pytest.approx(
+        np.radians(2) * hit.ball_after.speed, rel=1e-9
+    )
 
 
 def test_what_cannot_change_shows_no_share():
@@ -155,7 +157,7 @@ def test_a_result_is_chosen_by_name():
 
 def test_a_strike_near_the_boundary_says_so():
     hit = kick(friction=5.0)
-    n, p = hit.touch.normal, hit.impulse
+    n, p = hit.contact.normal, hit.impulse
     edge = np.linalg.norm(p - (n @ p) * n) / (n @ p)
     near, far = (kick(friction=edge + more).uncertainty(friction=0.01) for more in (0.005, 0.05))
     assert near.branch == far.branch == "stick"

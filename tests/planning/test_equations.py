@@ -5,7 +5,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.planning.equations import Equations
-from kickdyn.planning.impact_target import touch_for
+from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.objectives import OBJECTIVES
 
 BALL = kd.Ball()
@@ -17,9 +17,11 @@ LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
 @pytest.mark.parametrize("name", LEGS)
 def test_slopes_are_those_of_the_values(name, friction, objective):
     spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
-    touch = touch_for(np.array([6.0, 0.0, 3.0]), spin, BALL, 0.8, friction, (0.02, 0, 0.01))
-    search = Equations(LEGS[name], touch, -0.6, limits=True)
-    cost = OBJECTIVES[objective](search, touch) if objective else None
+    impact_target = impact_target_for(
+        np.array([6.0, 0.0, 3.0]), spin, BALL, 0.8, friction, (0.02, 0, 0.01)
+    )
+    search = Equations(LEGS[name], impact_target, -0.6, limits=True)
+    cost = OBJECTIVES[objective](search, impact_target) if objective else None
     draw, n = np.random.default_rng(0), search.n
     x = np.append(draw.uniform(0.1, 0.5, 2 * n), 0.8)
 

@@ -25,7 +25,7 @@ def test_a_ball_out_of_reach_is_told_of_one_within(how):
     assert "the nearest ball found that it can kick so has its centre at (" in said
     near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
     plan = kd.plan_kick(LEG, GOAL, kd.Ball(), kd.Air(), ball_height=near[2])
-    assert plan.hit.ball.position[2] == pytest.approx(near[2], abs=1e-3)
+    assert plan.hit.ball_after.position[2] == pytest.approx(near[2], abs=1e-3)
     wished = next(iter(how.values()))
     far = near[2] - wished if "ball_height" in how else np.linalg.norm(np.subtract(near, wished))
     assert abs(far) < (1.3 if "ball_height" in how else 2.3)  # what the leg's length leaves

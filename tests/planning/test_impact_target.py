@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.impact_target import touch_for
+from kickdyn.planning.impact_target import impact_target_for
 
 LEG, BALL = kd.Leg.from_robot("g1", legs_only=True), kd.Ball()
 BENT = {"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.6}
@@ -15,14 +15,14 @@ BENT = {"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.6}
 def test_the_strike_gives_what_was_wished_for(friction, spin):
     velocity = np.array([6.0, 1.0, 2.0])
     spin = np.array(spin, float) - (np.dot(spin, velocity) / (velocity @ velocity)) * velocity
-    touch = touch_for(velocity, spin, BALL, 0.7, friction)
+    impact_target = impact_target_for(velocity, spin, BALL, 0.7, friction)
     posture = LEG.posture(LEG.configuration(BENT))
-    v = posture.joint_velocity(touch.foot_velocity(posture))
-    hit = kd.strike(LEG, posture.q, v, BALL, touch.contact)
-    assert hit.ball.velocity == pytest.approx(velocity, abs=1e-12)
-    assert hit.ball.spin == pytest.approx(spin, abs=1e-10)
-    below, left = touch.place
-    from_centre = posture.contact_point - hit.ball.position
+    v = posture.joint_velocity(impact_target.foot_velocity(posture))
+    hit = kd.strike(LEG, posture.q, v, BALL, impact_target.contact)
+    assert hit.ball_after.velocity == pytest.approx(velocity, abs=1e-12)
+    assert hit.ball_after.spin == pytest.approx(spin, abs=1e-10)
+    below, left = impact_target.place
+    from_centre = posture.contact_point - hit.ball_after.position
     assert below == pytest.approx(from_centre[2], abs=1e-12)
     sideways = np.cross((0, 0, 1.0), velocity / np.hypot(6, 1))
     assert left == pytest.approx(sideways @ from_centre, abs=1e-12)
@@ -30,4 +30,4 @@ def test_the_strike_gives_what_was_wished_for(friction, spin):
 
 def test_too_much_spin_names_what_friction_allows():
     with pytest.raises(kd.InvalidInput, match=r"spin is 500 rad/s: with friction 0.4 .* at most"):
-        touch_for(np.array([10.0, 0, 0]), np.array([0, -500.0, 0]), BALL, 0.8, 0.4)
+        impact_target_for(np.array([10.0, 0, 0]), np.array([0, -500.0, 0]), BALL, 0.8, 0.4)

@@ -11,12 +11,12 @@ BALL, AIR = kd.Ball(), kd.Air()
 
 def check(leg, plan, ball_height=None):
     """Strike and fly again, by the public names only."""
-    hit = kd.strike(leg, plan.q, plan.v, BALL, plan.touch.contact)
-    assert hit.ball.velocity == pytest.approx(plan.launch.velocity, abs=1e-8)
-    assert hit.ball.spin == pytest.approx(plan.launch.spin, abs=1e-7)
-    wall = kd.Plane(hit.ball.position + plan.goal.target, -plan.goal.ahead, "centre")
-    path = kd.fly(hit.ball, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
-    assert np.abs(path.landing.position - hit.ball.position - plan.goal.target).max() < 1e-6
+    hit = kd.strike(leg, plan.q, plan.v, BALL, plan.impact_target.contact)
+    assert hit.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-8)
+    assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=1e-7)
+    wall = kd.Plane(hit.ball_after.position + plan.goal.target, -plan.goal.ahead, "centre")
+    path = kd.fly(hit.ball_after, BALL, AIR, kd.Ground(-20.0), 1e-12, plane=wall)
+    assert np.abs(path.landing.position - hit.ball_after.position - plan.goal.target).max() < 1e-6
     assert path.duration == pytest.approx(plan.launch.time, abs=1e-7)
     assert plan.landing_error < 1e-3
     assert (plan.q >= leg.lower).all()
@@ -25,7 +25,7 @@ def check(leg, plan, ball_height=None):
     assert plan.speed_use <= 1
     assert plan.effort_use <= 1
     if ball_height is not None:
-        assert hit.ball.position[2] == pytest.approx(ball_height, abs=1e-4)
+        assert hit.ball_after.position[2] == pytest.approx(ball_height, abs=1e-4)
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
@@ -48,7 +48,9 @@ def test_a_robot_turns_the_front_of_its_toe_to_the_ball(goal):
     def turned(plan):
         foot = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
         axes = [foot.posture(plan.q).touched_at(axis).contact_point for axis in np.eye(3)]
-        normal = (np.array(axes) - foot.posture(plan.q).contact_point) @ plan.touch.contact.normal
+        normal = (
+            np.array(axes) - foot.posture(plan.q).contact_point
+        ) @ plan.impact_target.contact.normal
         return np.degrees([np.arctan2(normal[1], normal[0]), np.arcsin(normal[2])])
 
     for options in ({}, {"objective": "effort"}, {"ball_height": -0.58}, {"limits": False}):
@@ -83,7 +85,7 @@ def test_no_other_joint_velocity_of_that_posture_is_slower():
 
 def test_spin_is_given_as_asked():
     plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, spin=(0, -20, 0))
-    assert plan.hit.ball.spin == pytest.approx([0, -20, 0], abs=1e-8)
+    assert plan.hit.ball_after.spin == pytest.approx([0, -20, 0], abs=1e-8)
     check(HUMAN, plan)
 
 
@@ -103,9 +105,9 @@ def test_a_pass_is_struck_and_rolls_to_its_target():
     plan = kd.plan_kick(G1, goal, BALL, AIR, surface="carpet")
     assert plan.status == "met"
     assert plan.landing_error < 1e-3
-    ground = kd.Ground(plan.hit.ball.position[2] - BALL.radius, "carpet")
-    course = kd.follow(plan.hit.ball, BALL, AIR, ground, time_limit=10)
-    where = course.sample(2.0).position - plan.hit.ball.position
+    ground = kd.Ground(plan.hit.ball_after.position[2] - BALL.radius, "carpet")
+    course = kd.follow(plan.hit.ball_after, BALL, AIR, ground, time_limit=10)
+    where = course.sample(2.0).position - plan.hit.ball_after.position
     assert where == pytest.approx(goal.target, abs=1e-5)
     assert plan.path.launch.velocity == pytest.approx(plan.launch.velocity, abs=1e-9)
 
@@ -142,14 +144,16 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR)
     assert plan.status == "beyond limits"
     assert 0.3 < plan.share < 0.8
-    assert plan.hit.ball.velocity == pytest.approx(plan.share * plan.launch.velocity, rel=1e-7)
+    assert plan.hit.ball_after.velocity == pytest.approx(
+        plan.share * plan.launch.velocity, rel=1e-7
+    )
     assert plan.speed_use == pytest.approx(1, abs=1e-3)
     # it ends on the ground that the ball lay on, and misses from there
-    start, end = plan.hit.ball.position, plan.path.landing.position
+    start, end = plan.hit.ball_after.position, plan.path.landing.position
     assert plan.path.status == "landed"
     assert end[2] == pytest.approx(start[2], abs=1e-9)
     assert plan.landing_error == pytest.approx(100 - (end - start)[0])
-    assert plan.path.range == pytest.approx(kd.fly(plan.hit.ball, BALL, AIR).range, abs=1e-6)
+    assert plan.path.range == pytest.approx(kd.fly(plan.hit.ball_after, BALL, AIR).range, abs=1e-6)
     assert plan.time_error == pytest.approx(plan.path.duration - 3)
     lifted = kd.plan_kick(HUMAN, goal, BALL, AIR, limits=False)
     assert lifted.status == "met"

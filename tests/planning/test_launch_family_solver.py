@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.shooting import Range
+from kickdyn.planning.shooting import ShootingProblem
 
 BALL, AIR = kd.Ball(), kd.Air()
 
@@ -34,7 +34,7 @@ def drawn(kind, rng):
     level = speed * math.cos(up)
     velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
     air, spin = kd.Air(wind=(*rng.normal(0, 3, 2), 0)), rng.normal(0, 15, 3)
-    shot = Range(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * 0.85)
+    shot = ShootingProblem(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * 0.85)
     target = shot.place(shot.time)[0]
     part = 0.4 * math.hypot(*target[:2])
     height = shot.crossing(kd.Goal(target, time=1).ahead, part, np.array([0, 0, 1.0]))[0]

@@ -14,12 +14,12 @@ def test_an_impact_on_the_limb_is_that_on_the_whole_robot():
     assert G1.nv > 20
     draw = np.random.default_rng(0)
     q, v = draw.normal(0, 0.3, limb.leg.nq), draw.normal(0, 1, limb.leg.nv)
-    touch = kd.Contact((1, 0.2, 0.3), 0.8, 0.4)
-    v *= np.sign(touch.normal @ limb.leg.posture(q).jacobian @ v)
-    whole = kd.strike(G1, *limb.whole(G1, q, v), BALL, touch)
-    alone = kd.strike(limb.leg, q, v, BALL, touch)
+    impact_target = kd.Contact((1, 0.2, 0.3), 0.8, 0.4)
+    v *= np.sign(impact_target.normal @ limb.leg.posture(q).jacobian @ v)
+    whole = kd.strike(G1, *limb.whole(G1, q, v), BALL, impact_target)
+    alone = kd.strike(limb.leg, q, v, BALL, impact_target)
     assert whole.impulse == pytest.approx(alone.impulse, rel=1e-12)
-    assert whole.ball.position == pytest.approx(alone.ball.position, abs=1e-15)
+    assert whole.ball_after.position == pytest.approx(alone.ball_after.position, abs=1e-15)
     _, v_after = limb.whole(G1, q, alone.v_after)
     assert whole.v_after == pytest.approx(v_after, abs=1e-12)
     assert np.count_nonzero(v_after) == 6

@@ -11,8 +11,8 @@ PLAN = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR)
 
 
 def value(name):
-    search = Search(LEG, PLAN.touch, None, True)
-    return OBJECTIVES[name](search, PLAN.touch)(PLAN.hit.posture, PLAN.v)
+    search = Search(LEG, PLAN.impact_target, None, True)
+    return OBJECTIVES[name](search, PLAN.impact_target)(PLAN.hit.posture, PLAN.v)
 
 
 def test_each_is_what_its_name_says():
@@ -24,7 +24,7 @@ def test_each_is_what_its_name_says():
 
 def test_scatter_is_that_of_the_strike():
     spread = {"speed": 0.02, "angle": 0.01}
-    radius = least_scatter(PLAN.touch, PLAN.launch, AIR, spread)
+    radius = least_scatter(PLAN.impact_target, PLAN.launch, AIR, spread)
     expected = scatter(PLAN.hit, AIR, **spread).radius
     assert radius(PLAN.hit.posture, PLAN.v) == pytest.approx(expected, rel=1e-6)
     assert radius(PLAN.hit.posture, -PLAN.v) > 1e3  # the foot moves away

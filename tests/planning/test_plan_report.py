@@ -15,7 +15,7 @@ WEAK = kd.plan_kick(LEG, kd.Goal(50, time=2), BALL, AIR)
 def test_beyond_limits_names_them_and_where_the_ball_comes_down():
     said = verdict(WEAK)
     assert "speed of knee" in said
-    path = kd.fly(WEAK.hit.ball, BALL, AIR)
+    path = kd.fly(WEAK.hit.ball_after, BALL, AIR)
     down = f"comes down {path.range:.4g} m away after {path.duration:.4g} s"
     assert f"{down}, {50 - path.range:.3g} m from it" in said
 

@@ -83,7 +83,7 @@ def test_a_leg_without_redundancy_is_refused():
 
 def test_a_held_leg_is_refused():
     robot = kd.Leg.from_robot("bolt", base="floating")
-    leg = robot.standing_on(kd.Support("FL_FOOT", point=True))
+    leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
     with pytest.raises(kd.InvalidInput, match="bolt has supports or loops: only a free leg"):
         self_motion(leg, leg.configuration())
 
@@ -98,14 +98,16 @@ def test_a_held_leg_is_refused():
 def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
     ball = kd.Ball()
     first = kd.plan_kick(leg, goal, ball)
-    there = first.hit.ball.position
+    there = first.hit.ball_after.position
     rated = {}
     for objective in ("joint impulse", "most joint impulse", "foot speed"):
         plan = kd.plan_kick(leg, goal, ball, objective=objective, ball_at=there)
         assert plan.status == "met"
-        assert plan.hit.ball.position == pytest.approx(there, abs=2e-5)
-        assert plan.hit.ball.velocity == pytest.approx(first.hit.ball.velocity, abs=1e-9)
-        assert plan.hit.ball.spin == pytest.approx(first.hit.ball.spin, abs=1e-9)
+        assert plan.hit.ball_after.position == pytest.approx(there, abs=2e-5)
+        assert plan.hit.ball_after.velocity == pytest.approx(
+            first.hit.ball_after.velocity, abs=1e-9
+        )
+        assert plan.hit.ball_after.spin == pytest.approx(first.hit.ball_after.spin, abs=1e-9)
         assert max(plan.speed_use, plan.effort_use) <= 1
         rated[objective] = plan.hit.worst_joint[1], np.linalg.norm(plan.hit.foot_velocity)
     worst = {name: impulse for name, (impulse, _) in rated.items()}

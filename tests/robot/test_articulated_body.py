@@ -72,7 +72,7 @@ def test_a_short_link_costs_no_digits(lengths):
 
 def test_a_sound_leg_is_left_to_the_joint_space_inertia():
     posture = kd.Leg.human().posture([0.2, 0.3, 0.1])
-    assert not posture.doubtful
+    assert not posture.is_ill_conditioned
     posture.delassus()
     assert "articulated" not in vars(posture)
 
@@ -83,6 +83,6 @@ def test_a_point_elsewhere_on_the_foot_is_judged_anew():
     moved = posture.touched_at((0.1, 0.0, 0.05))
     pushes = np.array([on_foot(moved, axis) for axis in np.eye(3)])
     rows = moved.articulated.give(leg.contact_joint, pushes)
-    assert moved.doubtful
+    assert moved.is_ill_conditioned
     assert moved.delassus() == pytest.approx(rows @ rows.T, rel=1e-14)
     assert posture.delassus() != pytest.approx(moved.delassus(), rel=1e-3)

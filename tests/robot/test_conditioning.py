@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from chains import random_leg
 
-from kickdyn.robot.conditioning import factored
+from kickdyn.robot.conditioning import cholesky_with_condition
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -20,12 +20,12 @@ def test_the_bound_on_the_condition_is_one(seed):
     inertia = (inertia + inertia.T) / 2 * sizes * sizes[:, None]
     unit = 1 / np.sqrt(inertia.diagonal())
     exact = np.linalg.cond(inertia * unit * unit[:, None], 1)
-    assert factored(inertia)[1] >= 0.999 * exact
+    assert cholesky_with_condition(inertia)[1] >= 0.999 * exact
 
 
 def test_an_inertia_that_is_not_positive_definite_has_no_bound():
-    assert factored(np.array([[1.0, 2.0], [2.0, 1.0]]))[1] == math.inf
-    assert factored(np.array([[1.0, math.nan], [math.nan, 1.0]]))[1] == math.inf
+    assert cholesky_with_condition(np.array([[1.0, 2.0], [2.0, 1.0]]))[1] == math.inf
+    assert cholesky_with_condition(np.array([[1.0, math.nan], [math.nan, 1.0]]))[1] == math.inf
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -36,7 +36,7 @@ STANCES = {
 @pytest.mark.parametrize("seed", range(3))
 def test_a_held_leg_solves_the_stacked_system(stance, seed):
     leg, supports = STANCES[stance]
-    leg = leg.standing_on(*supports)
+    leg = leg.with_supports(*supports)
     posture = leg.posture(somewhere(leg, seed))
     rng = np.random.default_rng(seed)
     impulse = rng.normal(size=leg.nv)
@@ -46,7 +46,7 @@ def test_a_held_leg_solves_the_stacked_system(stance, seed):
     size = np.abs(exact).max()
     assert np.abs(jump - exact).max() <= DIFFERENCES * size
     assert np.abs(held - reaction).max() <= DIFFERENCES * np.abs(reaction).max()
-    assert np.abs(posture.hold.rows @ jump).max() <= 1e-12 * size
+    assert np.abs(posture.constraint_projector.rows @ jump).max() <= 1e-12 * size
     assert (posture.solve(impulse) == jump).all()
     # the Delassus matrix is the response to impulses at the contact point
     jacobian = rows_of(leg, posture.q, leg.frame)[:3]
@@ -60,15 +60,15 @@ def test_a_held_leg_solves_the_stacked_system(stance, seed):
 )
 def test_rank_is_counted(stance, rank):
     leg, supports = STANCES[stance]
-    leg = leg.standing_on(*supports)
-    assert leg.posture(somewhere(leg, 1)).hold.rank == rank
+    leg = leg.with_supports(*supports)
+    assert leg.posture(somewhere(leg, 1)).constraint_projector.rank == rank
 
 
 def test_redundant_supports_share_alike():
     """The same point held twice: the smallest split is half and half."""
     points = [kd.Support(name, point=True) for name in (LEFT, LEFT_JOINT)]
-    posture = G1.standing_on(*points).posture(somewhere(G1, 4))
-    alone = G1.standing_on(points[0]).posture(somewhere(G1, 4))
+    posture = G1.with_supports(*points).posture(somewhere(G1, 4))
+    alone = G1.with_supports(points[0]).posture(somewhere(G1, 4))
     impulse = np.random.default_rng(4).normal(size=G1.nv)
     (_, both), (_, one) = posture.respond(impulse), alone.respond(impulse)
     assert both[:3] == pytest.approx(one / 2, rel=1e-10)
@@ -78,7 +78,7 @@ def test_redundant_supports_share_alike():
 def test_a_held_pelvis_is_a_fixed_base():
     q = somewhere(kd.Leg.from_robot("g1"), 5)
     fixed = kd.Leg.from_robot("g1").posture(q)
-    leg = G1.standing_on("pelvis")
+    leg = G1.with_supports("pelvis")
     held = leg.posture(np.concatenate([leg.configuration()[:7], q]))
     assert held.delassus() == pytest.approx(fixed.delassus(), abs=1e-13)
     wish = (3.0, -1.0, 2.0)
@@ -88,22 +88,22 @@ def test_a_held_pelvis_is_a_fixed_base():
 
 
 def test_joint_velocity_holds_the_support():
-    leg = G1.standing_on(LEFT)
+    leg = G1.with_supports(LEFT)
     posture = leg.posture(somewhere(leg, 6))
     v = posture.joint_velocity((4, 1, 2))
     assert posture.point_velocity(v) == pytest.approx([4, 1, 2], abs=1e-12)
-    assert np.abs(posture.hold.rows @ v).max() < 1e-12
+    assert np.abs(posture.constraint_projector.rows @ v).max() < 1e-12
     free = G1.posture(posture.q).joint_velocity((4, 1, 2))
     assert v @ posture.inertia @ v > free @ posture.inertia @ free
 
 
 def test_admissible_is_the_nearest_velocity():
-    leg = G1.standing_on(LEFT)
+    leg = G1.with_supports(LEFT)
     posture = leg.posture(somewhere(leg, 7))
     rng = np.random.default_rng(7)
     v = rng.normal(size=leg.nv)
     near = posture.admissible(v)
-    assert np.abs(posture.hold.rows @ near).max() < 1e-12
+    assert np.abs(posture.constraint_projector.rows @ near).max() < 1e-12
     posture.check_velocity(near)
     assert posture.admissible(near) == pytest.approx(near, abs=1e-12)
     # what is taken away is orthogonal to all that is let through
@@ -113,16 +113,16 @@ def test_admissible_is_the_nearest_velocity():
 
 
 def test_velocity_that_moves_the_support_is_refused():
-    leg = G1.standing_on(LEFT)
+    leg = G1.with_supports(LEFT)
     posture = leg.posture(somewhere(leg, 8))
     v = posture.admissible(np.ones(leg.nv))
     v[leg.velocity_index("left_knee_joint")] += 0.1
-    touch = kd.Contact((1, 0, 0), 0.8)
+    contact = kd.Contact((1, 0, 0), 0.8)
     for strike in (kd.strike, kd.engine_strike):
         with pytest.raises(
             kd.InvalidInput, match=rf"v moves {LEFT}, which is held, at \S+ rad/s in"
         ):
-            strike(leg, posture.q, v, kd.Ball(), touch)
+            strike(leg, posture.q, v, kd.Ball(), contact)
     v = posture.admissible(np.ones(leg.nv))
     v[0] += 3
     with pytest.raises(kd.InvalidInput, match=rf"{LEFT}, which is held, at \S+ m/s"):
@@ -136,14 +136,14 @@ def test_supports_that_leave_no_motion_contradict_each_other():
     with pytest.raises(
         kd.InvalidInput, match=r"FL_FOOT, FR_FOOT contradict .* rank 12 of 12 rows, .* none of 12"
     ):
-        bolt.standing_on("FL_FOOT", "FR_FOOT").posture(q)
+        bolt.with_supports("FL_FOOT", "FR_FOOT").posture(q)
     points = (kd.Support(frame, point=True) for frame in ("FL_FOOT", "FR_FOOT"))
-    assert bolt.standing_on(*points).posture(q).hold.rank == 6
+    assert bolt.with_supports(*points).posture(q).constraint_projector.rank == 6
 
 
 def chain_held():
     """A fixed base and a foot that stands: the whole stance leg cannot move."""
-    leg = kd.Leg.from_robot("g1").standing_on(LEFT)
+    leg = kd.Leg.from_robot("g1").with_supports(LEFT)
     return leg.posture(leg.configuration({"left_knee_joint": 0.4, "right_knee_joint": 0.5}))
 
 
@@ -151,13 +151,13 @@ def test_a_chain_that_is_held_still_may_move_by_rounding():
     posture = chain_held()
     v = posture.joint_velocity([6, 0, 2])
     stance = [posture.leg.velocity_index(n) for n in posture.leg.joint_names if n[:5] == "left_"]
-    assert 0 < np.abs(posture.hold.rows @ v).max() < 1e-13  # nothing but rounding
+    assert 0 < np.abs(posture.constraint_projector.rows @ v).max() < 1e-13  # nothing but rounding
     assert np.abs(v[stance]).max() > 0
-    touch = kd.Contact((3, 0, 1), 0.8)
-    hit = kd.strike_at(posture, v, kd.Ball(), touch)
+    contact = kd.Contact((3, 0, 1), 0.8)
+    hit = kd.strike_at(posture, v, kd.Ball(), contact)
     assert np.isfinite(hit.sensitivity().impulse["q"]).all()
     assert np.isfinite(hit.impulse).all()
-    assert kd.engine_strike(posture.leg, posture.q, v, kd.Ball(), touch).impulse == pytest.approx(
+    assert kd.engine_strike(posture.leg, posture.q, v, kd.Ball(), contact).impulse == pytest.approx(
         hit.impulse, rel=1e-12
     )
     v[posture.leg.velocity_index("left_knee_joint")] += 1e-6

@@ -12,7 +12,7 @@ FOOT, OTHER = "left_ankle_roll_link", "right_ankle_roll_link"
 def test_supports_are_kept_and_let_go():
     sole = [(0.1, 0.03, -0.03), (0.1, -0.03, -0.03), (-0.05, 0, -0.03)]
     support = kd.Support(FOOT, friction=0.7, sole=sole)
-    leg = G1.standing_on(support)
+    leg = G1.with_supports(support)
     assert leg.constraints.supports == (support,)
     assert leg.constraints.size == support.size == 6
     copy = pickle.loads(pickle.dumps(leg))
@@ -21,8 +21,8 @@ def test_supports_are_kept_and_let_go():
     assert kept.sole.tolist() == [list(corner) for corner in sole]
     assert leg.locked({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
     assert leg.with_armature({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
-    assert leg.standing_on().constraints is None
-    other = leg.standing_on("left_ankle_pitch_link")  # in place of, not as well
+    assert leg.with_supports().constraints is None
+    other = leg.with_supports("left_ankle_pitch_link")  # in place of, not as well
     assert other.constraints.names == ["left_ankle_pitch_link"]
     loops = ("left_wrist_yaw_link", "right_wrist_yaw_link"), ("left_wrist_yaw_link", "torso_link")
     assert leg.with_loops(loops[0]).with_loops(loops[1]).constraints.loops == loops[1:]
@@ -43,19 +43,19 @@ def test_supports_are_kept_and_let_go():
 )
 def test_what_cannot_stand_is_refused(supports, said):
     with pytest.raises(kd.InvalidInput, match=said):
-        G1.standing_on(*supports)
+        G1.with_supports(*supports)
 
 
 def test_beyond_the_kicking_foot_is_the_kicking_limb_too():
     leg = kd.Leg.from_robot("g1", frame="left_knee_link", base="floating")
     with pytest.raises(kd.InvalidInput, match=f"{FOOT} is on the kicking limb"):
-        leg.standing_on(FOOT)
+        leg.with_supports(FOOT)
 
 
 def test_the_fixed_base_stands_already():
     leg = kd.Leg.from_robot("g1")
     with pytest.raises(kd.InvalidInput, match="pelvis is fixed to the base: it stands already"):
-        leg.standing_on("pelvis")
+        leg.with_supports("pelvis")
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_rows_are_the_frames_velocities():
     import pinocchio as pin
 
     rng = np.random.default_rng(2)
-    leg = G1.standing_on(FOOT, kd.Support("right_wrist_yaw_link", point=True))
+    leg = G1.with_supports(FOOT, kd.Support("right_wrist_yaw_link", point=True))
     model = leg.model
     q = pin.integrate(model, pin.neutral(model), rng.uniform(-0.6, 0.6, size=leg.nv))
     v, h = rng.normal(size=leg.nv), 1e-6
@@ -116,7 +116,7 @@ def test_rows_are_the_frames_velocities():
         pin.framesForwardKinematics(model, data, pin.integrate(model, q, step * v))
         places.append([data.oMf[model.getFrameId(s.frame)] for s in leg.constraints.supports])
     (foot_0, hand_0), (foot_1, hand_1) = places
-    rows = leg.posture(q).hold.rows @ v
+    rows = leg.posture(q).constraint_projector.rows @ v
     linear = (foot_1.translation - foot_0.translation) / (2 * h)
     angular = pin.log3(foot_1.rotation @ foot_0.rotation.T) / (2 * h)
     hand = (hand_1.translation - hand_0.translation) / (2 * h)
@@ -126,7 +126,7 @@ def test_rows_are_the_frames_velocities():
 def test_nothing_is_held_twice():
     for again in (FOOT, kd.Support(FOOT, point=True)):
         with pytest.raises(kd.InvalidInput, match=f"{FOOT} is held twice"):
-            G1.standing_on(FOOT, again)
+            G1.with_supports(FOOT, again)
     hands = ("left_rubber_hand", "right_rubber_hand")
     with pytest.raises(kd.InvalidInput, match="hand is held twice"):
         G1.with_loops(hands, hands[::-1])

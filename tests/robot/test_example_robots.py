@@ -114,7 +114,7 @@ def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, mos
     side, up = np.meshgrid(np.radians(np.arange(-20, 21, 5)), np.radians(np.arange(0, 91, 5)))
     normals = np.stack([np.cos(up) * np.cos(side), np.cos(up) * np.sin(side), np.sin(up)], -1)
     normals = normals.reshape(-1, 3)
-    normals = normals[(normals @ leg.outward.T > -1e-9).all(axis=1)]
+    normals = normals[(normals @ leg.contact_normal_cone.T > -1e-9).all(axis=1)]
     assert len(normals) > 10
     assert np.degrees(np.arcsin(normals[:, 2].max())) == pytest.approx(ROBOTS[name].steepest)
     into = radius - foot.query(posture.contact_point + radius * normals)[0]
@@ -123,13 +123,16 @@ def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, mos
 
 def test_the_ankle_can_still_be_named():
     leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
-    assert leg.outward is None
+    assert leg.contact_normal_cone is None
     toe = kd.Leg.from_robot("g1", "toe", legs_only=True)
     apart = [one.posture(one.configuration()).contact_point for one in (toe, leg)]
     np.testing.assert_allclose(apart[0] - apart[1], ROBOTS["g1"].toe, atol=1e-12)
     locked = toe.locked({"left_knee_joint": 0.2})
     for other in (locked, pickle.loads(pickle.dumps(toe))):
-        assert (other.frame, other.outward.tolist()) == ("toe", toe.outward.tolist())
+        assert (other.frame, other.contact_normal_cone.tolist()) == (
+            "toe",
+            toe.contact_normal_cone.tolist(),
+        )
 
 
 def test_base_pose_is_in_world_axes():

@@ -90,7 +90,7 @@ def test_joint_of_many_degrees_is_refused_by_name(method):
 )
 def test_bad_q_is_refused(q, said):
     leg = kd.Leg.human()
-    for door in (leg.posture, leg.closed, leg.checked_configuration):
+    for door in (leg.posture, leg.close_loops, leg.checked_configuration):
         with pytest.raises(kd.InvalidInput, match=f"^q .*{said}"):
             door(q)
 

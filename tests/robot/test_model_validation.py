@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.model_validation import check_model, culprits
+from kickdyn.robot.model_validation import check_model, find_singular_joints
 
 BODY = pin.Inertia(1.0, np.array([0.0, 0.1, -0.25]), np.diag([0.1, 0.1, 0.05]))
 NOTHING = pin.Inertia.Zero()
@@ -56,7 +56,7 @@ def test_no_null_vector_names_the_nearest():
     model = chain(BODY, BODY, BODY)
     inertia = np.diag([1.0, 1e-3, 1.0])
     inertia[0, 2] = inertia[2, 0] = 1 - 1e-6
-    assert culprits(model, inertia) == ["j0", "j2"]
+    assert find_singular_joints(model, inertia) == ["j0", "j2"]
 
 
 def branched(parents):

@@ -12,7 +12,7 @@ from kickdyn.scene.end_sensitivity import CONTACT_SAFETY
 
 def struck(scene):
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
-    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.touch)
+    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.contact)
     return kd.strike(*parts, **motion), lambda tol: kd.collide(
         *parts, contact_time=scene.contact_time, tol=tol, **motion
     )
@@ -32,10 +32,10 @@ def test_it_bounds_the_contact_that_takes_time():
             continue
         done += 1
         jump, fine, rough = contact_drift(scene, hit), press(1e-6), press(1e-3)
-        moved = size(fine.ball.velocity - hit.ball.velocity)
+        moved = size(fine.ball.velocity - hit.ball_after.velocity)
         assert moved <= jump.velocity
-        assert size(fine.ball.spin - hit.ball.spin) <= jump.spin
-        assert size(fine.ball.position - hit.ball.position) <= jump.moved
+        assert size(fine.ball.spin - hit.ball_after.spin) <= jump.spin
+        assert size(fine.ball.position - hit.ball_after.position) <= jump.moved
         used = max(used, moved / jump.velocity)
         off = size(fine.ball.velocity - rough.ball.velocity) / fine.ball.speed
         assert off <= CONTACT_SAFETY * 1e-3

@@ -12,10 +12,10 @@ LEG = kd.Leg.human().with_armature({"hip": 0.1})
 def scene():
     posture = LEG.posture(np.radians([5, 10, -5]))
     v = posture.joint_velocity([9, 0, 4])
-    touch = kd.Contact((2, 0, 1), 0.8, 0.4, (0, 0, 0.01))
+    contact = kd.Contact((2, 0, 1), 0.8, 0.4, (0, 0, 0.01))
     air = kd.Air(wind=(1, 2, 0))
     return kd.Scene(
-        LEG, posture.q, v, kd.Ball(), touch, air=air, contact_time=0.01, name="all", law="newton"
+        LEG, posture.q, v, kd.Ball(), contact, air=air, contact_time=0.01, name="all", law="newton"
     )
 
 
@@ -37,8 +37,8 @@ def test_without(effect):
 
 def test_stance_is_let_go():
     leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    held = leg.standing_on("left_ankle_roll_link")
-    made = kd.Scene(held, leg.configuration(), np.zeros(leg.nv), kd.Ball(), scene().touch)
+    held = leg.with_supports("left_ankle_roll_link")
+    made = kd.Scene(held, leg.configuration(), np.zeros(leg.nv), kd.Ball(), scene().contact)
     stance = next(effect for effect in EFFECTS if effect.name == "stance")
     assert stance.named(made)
     assert not stance.named(stance.without(made, kd.BallState()))

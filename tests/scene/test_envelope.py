@@ -7,7 +7,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.accuracy.random_scenes import random_scene
-from kickdyn.scene.coarse_flight import Way
+from kickdyn.scene.coarse_flight import FlightEnvironment
 from kickdyn.scene.effects import EFFECTS
 from kickdyn.scene.envelope import Envelope, Jump
 
@@ -15,7 +15,7 @@ FLOWN = [effect for effect in EFFECTS if effect.bound is not None and effect.nam
 
 
 def way_of(scene):
-    return Way(scene.ball, scene.air, scene.ground, scene.plane)
+    return FlightEnvironment(scene.ball, scene.air, scene.ground, scene.plane)
 
 
 def end_of(scene, launch):
@@ -80,8 +80,8 @@ LAUNCH = kd.BallState((0, 0, 0.2), (8, 0, 4), (0, -30, 0))
 @pytest.mark.parametrize(
     "way",
     [
-        Way(kd.Ball(), kd.Air(), kd.Ground(surface="turf"), None),
-        Way(kd.Ball(), kd.Air(wind=lambda z: (z, 0, 0)), kd.Ground(), None),
+        FlightEnvironment(kd.Ball(), kd.Air(), kd.Ground(surface="turf"), None),
+        FlightEnvironment(kd.Ball(), kd.Air(wind=lambda z: (z, 0, 0)), kd.Ground(), None),
     ],
     ids=["bounces", "wind by height"],
 )
@@ -93,4 +93,7 @@ def test_what_is_not_known_is_infinite(way):
 
 def test_a_ball_that_just_grazes_the_ground_is_not_bounded():
     level = kd.BallState((0, 0, kd.Ball().radius), (8, 0, 1e-3))
-    assert Envelope(level, Way(kd.Ball(), None, kd.Ground(), None)).shift(20.0) == math.inf
+    assert (
+        Envelope(level, FlightEnvironment(kd.Ball(), None, kd.Ground(), None)).shift(20.0)
+        == math.inf
+    )

@@ -16,9 +16,9 @@ POSTURE = LEG.posture(np.radians([5, 10, -5]))
 
 def kick(speed=10.0, **parts):
     v = POSTURE.joint_velocity([0.9 * speed, 0, 0.4 * speed])
-    touch = parts.pop("touch", kd.Contact((2, 0, 1), 0.8, 0.4))
+    contact = parts.pop("touch", kd.Contact((2, 0, 1), 0.8, 0.4))
     parts = {"air": kd.Air(), "ground": kd.Ground(-0.9), **parts}
-    return kd.Scene(LEG, POSTURE.q, v, kd.Ball(), touch, **parts)
+    return kd.Scene(LEG, POSTURE.q, v, kd.Ball(), contact, **parts)
 
 
 def gap(one, other):
@@ -75,9 +75,9 @@ def test_light_balls(name, drag):
     for up in (0.1, 0.7, 1.2):
         for speed in (5, 10, 20):
             v = POSTURE.joint_velocity([speed * math.cos(up), 0, speed * math.sin(up)])
-            touch = kd.Contact((math.cos(up), 0, math.sin(up)), 0.8, 0.4)
-            below = float(POSTURE.contact_point[2] + ball.radius * (touch.normal[2] - 1))
-            scene = kd.Scene(LEG, POSTURE.q, v, ball, touch, air=air, ground=kd.Ground(below))
+            contact = kd.Contact((math.cos(up), 0, math.sin(up)), 0.8, 0.4)
+            below = float(POSTURE.contact_point[2] + ball.radius * (contact.normal[2] - 1))
+            scene = kd.Scene(LEG, POSTURE.q, v, ball, contact, air=air, ground=kd.Ground(below))
             answer, reference = kd.simulate(scene, 0.2), kd.simulate(scene, None)
             assert gap(answer, reference) <= answer.error <= 0.2
 
@@ -122,11 +122,11 @@ def test_a_tolerance_that_numerics_cannot_meet_is_said():
 @pytest.mark.parametrize(("attack", "time"), [(70, 1e-4), (70, 1e-5), (60, 1e-5)])
 def test_a_brief_contact_that_sticks_is_not_the_instant_by_newton(attack, time):
     up = math.radians(attack)
-    touch = kd.Contact((math.cos(up), 0, math.sin(up)), 0.8, 1.0)
+    contact = kd.Contact((math.cos(up), 0, math.sin(up)), 0.8, 1.0)
     v = POSTURE.joint_velocity([10, 0, 5])
-    scene = kd.Scene(LEG, POSTURE.q, v, kd.Ball(), touch, contact_time=time)
+    scene = kd.Scene(LEG, POSTURE.q, v, kd.Ball(), contact, contact_time=time)
     reference = kd.simulate(scene, None)
-    instant = kd.simulate(kd.Scene(LEG, POSTURE.q, v, kd.Ball(), touch), None)
+    instant = kd.simulate(kd.Scene(LEG, POSTURE.q, v, kd.Ball(), contact), None)
     assert gap(instant, reference) > 0.2
     for tolerance in (0.05, 0.5, 5.0):
         answer = kd.simulate(scene, tolerance)
@@ -177,9 +177,9 @@ def test_spread_of_a_light_ball():
     parts = {"air": kd.Air(drag="sphere", lift=None, torque=None)}
 
     def light(restitution, **more):
-        touch = kd.Contact((0.34, 0, 0.94), restitution, 0.4)
+        contact = kd.Contact((0.34, 0, 0.94), restitution, 0.4)
         v = POSTURE.joint_velocity([5, 0, 14])
-        return kd.Scene(LEG, POSTURE.q, v, LIGHT["beach ball"], touch, **parts, **more)
+        return kd.Scene(LEG, POSTURE.q, v, LIGHT["beach ball"], contact, **parts, **more)
 
     answer = kd.simulate(light(0.8, spread={"restitution": 0.03}), 1e-3)
     ends = [kd.simulate(light(e), None) for e in (0.795, 0.805)]
@@ -191,7 +191,7 @@ def test_coefficients_beyond_their_data_are_warned_of():
     assert slow.warnings == slow.path.warnings
     assert [line.split(":")[0] for line in slow.warnings] == ["lift saturating"]
     assert f"\nwarning: {slow.warnings[0]}" in str(slow)
-    still = kd.simulate(kick(ground=None, touch=kd.Contact((2, 0, 1), 0.8)), None)
+    still = kd.simulate(kick(ground=None, contact=kd.Contact((2, 0, 1), 0.8)), None)
     assert still.warnings == ()
     assert "warning" not in str(still)
 
@@ -227,8 +227,8 @@ def test_random_scenes_that_once_claimed_too_little(seed, number, why):
 def test_everything_is_strike_and_flight():
     scene = kick()
     answer = kd.simulate(scene, None)
-    hit = kd.strike(LEG, scene.q, scene.v, scene.ball, scene.touch)
-    path = kd.fly(hit.ball, scene.ball, scene.air, scene.ground)
+    hit = kd.strike(LEG, scene.q, scene.v, scene.ball, scene.contact)
+    path = kd.fly(hit.ball_after, scene.ball, scene.air, scene.ground)
     np.testing.assert_array_equal(answer.end.position, path.landing.position)
     assert answer.left_out == ()
     assert set(answer.modelled) == {
@@ -285,7 +285,7 @@ def test_it_goes_to_the_plane():
 def test_spread_bounds_what_a_change_does():
     scene = kick(spread={"restitution": 0.02})
     answer = kd.simulate(scene, 1e-3)
-    other = kick(touch=kd.Contact((2, 0, 1), 0.82, 0.4))
+    other = kick(contact=kd.Contact((2, 0, 1), 0.82, 0.4))
     moved = gap(kd.simulate(other, 1e-3), answer)
     assert 0.9 * moved < answer.spread < 2 * moved
     assert math.isnan(kd.simulate(kick(), 1.0).spread)
@@ -307,7 +307,7 @@ def test_bad_tolerances_are_refused(tolerance):
 def test_what_cannot_be_simulated_is_refused():
     with pytest.raises(kd.InvalidInput, match=r"kickdyn\.Scene"):
         kd.simulate("scene.toml")
-    away = kick(touch=kd.Contact((-1, 0, 0), 0.8))
+    away = kick(contact=kd.Contact((-1, 0, 0), 0.8))
     with pytest.raises(kd.NoImpact):
         kd.simulate(away, 1.0)
 

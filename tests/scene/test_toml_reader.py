@@ -68,16 +68,16 @@ def test_there_are_examples():
 def test_examples_load_and_strike(path):
     scene = kd.Scene.from_toml(path)
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
-    hit = kd.strike(scene.leg, scene.q, scene.v, scene.ball, scene.touch, scene.law, **motion)
+    hit = kd.strike(scene.leg, scene.q, scene.v, scene.ball, scene.contact, scene.law, **motion)
     assert hit.restitution_residual < 1e-12
-    np.testing.assert_array_equal(hit.ball.position, scene.ball_position)
+    np.testing.assert_array_equal(hit.ball_after.position, scene.ball_position)
     assert hit.support_residual < 1e-12
 
 
 def test_what_is_not_named_is_not_there(read):
     scene = read(SMALL)
     assert (scene.air, scene.ground, scene.plane, scene.contact_time) == (None, None, None, None)
-    assert scene.touch.friction == 0.0
+    assert scene.contact.friction == 0.0
     assert scene.name == "scene"
     assert not scene.spread
     air = read(SMALL + "[air]\n").air
@@ -97,7 +97,7 @@ def test_values_arrive(read):
     np.testing.assert_allclose(scene.q, np.radians([5, 10, -5]))
     np.testing.assert_allclose(scene.posture.point_velocity(scene.v), [2, 0, 1], atol=1e-12)
     expected = [0, np.cos(np.radians(30)), 0.5]
-    np.testing.assert_allclose(scene.touch.normal, expected, atol=1e-15)
+    np.testing.assert_allclose(scene.contact.normal, expected, atol=1e-15)
     assert (scene.ball.mass, scene.ball.radius) == (0.45, 0.11)
     assert (scene.air.density, scene.air.drag.name) == (1.22, "jabulani")
     assert scene.ground.surface.name == "turf"

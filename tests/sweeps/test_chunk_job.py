@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.sweeps.chunk_job import Job, merged, told
+from kickdyn.sweeps.chunk_job import Job, chunk_summary, merged
 from kickdyn.sweeps.grid import grid
 from kickdyn.sweeps.kick import Kick
 from kickdyn.sweeps.zarr_store import Store
@@ -24,7 +24,7 @@ def test_the_front_is_what_nothing_beats(seed):
     rows, status = draw.normal(size=(13, n)), draw.integers(0, 2, n).astype(np.int8)
     rows[[3, 7]] = np.round(draw.gamma(3.0, size=(2, n)), 2)  # with ties
     rows[7] += rows[3]
-    parts = [told(i, rows[:, i : i + 70], status[i : i + 70]) for i in range(0, n, 70)]
+    parts = [chunk_summary(i, rows[:, i : i + 70], status[i : i + 70]) for i in range(0, n, 70)]
     found = merged(parts)
     speed, load = rows[3], rows[7]
     front = {number for _, _, number in found["front"]}

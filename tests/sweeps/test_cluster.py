@@ -57,11 +57,13 @@ def test_a_worker_that_is_killed_costs_time_only(tmp_path):
     seen = {"done": [], "open": [], "killed": None}
     killer = threading.Thread(target=kill_one, args=(seen,), daemon=True)
     killer.start()
-    told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2, progress=seen["done"].append)
+    chunk_summary = stream(
+        tmp_path / "s.zarr", LEG, POSTURES, KICK, workers=2, progress=seen["done"].append
+    )
     killer.join(5)
     assert seen["killed"] is not None
     assert set(seen["open"]) == {"127.0.0.1"}
-    assert told == whole
+    assert chunk_summary == whole
     assert sum(seen["done"]) == POSTURES.size
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
 
@@ -135,8 +137,8 @@ def test_a_scheduler_that_dies_leaves_what_can_be_resumed(tmp_path):
                 (said,) = lost.communicate()[1].splitlines()
             assert re.search(r"lost the scheduler at .*: \d of 6 chunks .* --resume", said)
             worker.kill()
-    told = stream(path, LEG, POSTURES, kick, carry_error=0.0, resume=True)
-    assert told["counts"]["ok"] > 0
+    chunk_summary = stream(path, LEG, POSTURES, kick, carry_error=0.0, resume=True)
+    assert chunk_summary["counts"]["ok"] > 0
 
 
 def test_without_the_extra_it_says_what_to_install(tmp_path, monkeypatch):

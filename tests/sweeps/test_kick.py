@@ -19,7 +19,9 @@ def test_it_is_strike_and_fly():
     hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
     assert outcome.status == "ok"
     assert outcome.hit.impulse == pytest.approx(hit.impulse, rel=1e-13)
-    assert outcome.carry == pytest.approx(kd.fly(hit.ball, kd.Ball(), kd.Air()).range, rel=1e-9)
+    assert outcome.carry == pytest.approx(
+        kd.fly(hit.ball_after, kd.Ball(), kd.Air()).range, rel=1e-9
+    )
     assert outcome.speed_use == least_use(posture, 2 * np.array(n))
 
 

@@ -52,7 +52,7 @@ def test_slopes_of_a_kick_are_within_their_errors():
 
     def speed(change):
         q = np.radians(np.array([24.0, 9.0, -10.0]) + change)
-        return kick_from(leg.posture(q), kick).hit.ball.speed
+        return kick_from(leg.posture(q), kick).hit.ball_after.speed
 
     for i, h in enumerate(0.01 * np.eye(3)):
         exact = (speed(h) - speed(-h)) / 0.02

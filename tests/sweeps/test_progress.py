@@ -7,7 +7,7 @@ from rich.console import Console
 
 from kickdyn.core.compilation import busy
 from kickdyn.sweeps.block import Space
-from kickdyn.sweeps.chunk_log import Notes
+from kickdyn.sweeps.chunk_log import ChunkLog
 from kickdyn.sweeps.progress import Said, Watch, better, progress
 
 SPACE = Space.of({"hip": np.radians([0.0, 10.0, 20.0])}, {"hip": "rad"})
@@ -61,7 +61,7 @@ def test_notes_of_chunks_say_what_is_best(tmp_path):
     watch = Watch(tmp_path)
     assert watch.look() is None
     for k, best in enumerate(([2.0, 7], None, [4.0, 9], [4.0, 8])):
-        Notes(tmp_path).write(k, {"best": best, "front": np.empty((0, 3))})
+        ChunkLog(tmp_path).write(k, {"best": best, "front": np.empty((0, 3))})
         watch.look()
     assert watch.look() == (4.0, 8)
     (tmp_path / "progress" / "5.draft").write_text("{")

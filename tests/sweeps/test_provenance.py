@@ -25,7 +25,7 @@ def drag(level):
     return lambda reynolds, spin_parameter: level
 
 
-def told(leg, kick):
+def chunk_summary(leg, kick):
     return json.loads(json.dumps(provenance(leg, kick)))
 
 
@@ -34,9 +34,9 @@ def different(one, other):
 
 
 def test_the_same_again_is_the_same():
-    assert told(human(), KICK) == told(human(), Kick(attack=0.3))
+    assert chunk_summary(human(), KICK) == chunk_summary(human(), Kick(attack=0.3))
     kicks = [replace(KICK, air=kd.Air(drag=drag(0.2), wind=(1.0, 0.0, 0.0))) for _ in range(2)]
-    assert told(human(), kicks[0]) == told(human(), kicks[1])
+    assert chunk_summary(human(), kicks[0]) == chunk_summary(human(), kicks[1])
 
 
 @pytest.mark.parametrize(
@@ -50,20 +50,20 @@ def test_the_same_again_is_the_same():
     ],
 )
 def test_the_least_difference_has_a_name(leg, kick, names):
-    assert different(told(human(), KICK), told(leg, kick)) == names
+    assert different(chunk_summary(human(), KICK), chunk_summary(leg, kick)) == names
 
 
 def test_what_is_locked_where_and_what_holds_the_leg():
     one, other = (kd.Leg.human().locked({"ankle": angle}) for angle in (0.0, 0.5))
-    assert different(told(one, KICK), told(other, KICK)) == {"model_sha256"}
+    assert different(chunk_summary(one, KICK), chunk_summary(other, KICK)) == {"model_sha256"}
     free = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
     closed = free.with_loops(("shank_pin", "rocker_b_tip"))
-    assert different(told(free, KICK), told(closed, KICK)) == {"model_sha256"}
+    assert different(chunk_summary(free, KICK), chunk_summary(closed, KICK)) == {"model_sha256"}
 
 
 def test_functions_of_someones_own_count():
     one, other = (replace(KICK, air=kd.Air(drag=drag(level))) for level in (0.2, 0.3))
-    assert different(told(human(), one), told(human(), other)) == {"air_sha256"}
+    assert different(chunk_summary(human(), one), chunk_summary(human(), other)) == {"air_sha256"}
 
 
 def test_every_value_of_an_axis_counts():
@@ -126,7 +126,7 @@ def test_an_axis_that_looks_the_same_is_told_too():
     ],
 )
 def test_another_leg_or_kick_is_told_in_words(leg, kick, said):
-    told_so = difference(told(human(), KICK), told(leg, kick), {})
+    told_so = difference(chunk_summary(human(), KICK), chunk_summary(leg, kick), {})
     assert told_so.startswith(said)
     assert len(told_so) < 400
     assert "sha256" not in told_so

@@ -36,18 +36,20 @@ def test_many_are_what_each_is(monkeypatch):
         Kick(attack=0.0, speed=9.0),
         ["hip=-20:100:8", "knee=0:130:13", "ankle=-20:50:7"],
     )
-    told = []
-    one_by_one = sweep(LEG, grid(LEG, postures), kick, lambda *done: told.append(done))
-    assert [count for count, _ in told] == [1] * one_by_one.status.size
-    best = max(each for _, each in told if each is not None)
+    chunk_summary = []
+    one_by_one = sweep(LEG, grid(LEG, postures), kick, lambda *done: chunk_summary.append(done))
+    assert [count for count, _ in chunk_summary] == [1] * one_by_one.status.size
+    best = max(each for _, each in chunk_summary if each is not None)
     monkeypatch.setattr("kickdyn.sweeps.run.KERNEL_FROM", 1)
-    told.clear()
+    chunk_summary.clear()
     kicked = []
     monkeypatch.setattr("kickdyn.sweeps.run.kick_from", lambda *_: kicked.append(1))
-    together = sweep(LEG, grid(LEG, postures), kick, lambda *done: told.append(done))
+    together = sweep(LEG, grid(LEG, postures), kick, lambda *done: chunk_summary.append(done))
     assert not kicked
-    assert sum(count for count, _ in told) == one_by_one.status.size
-    assert max(each for _, each in told if each is not None) == pytest.approx(best, rel=1e-12)
+    assert sum(count for count, _ in chunk_summary) == one_by_one.status.size
+    assert max(each for _, each in chunk_summary if each is not None) == pytest.approx(
+        best, rel=1e-12
+    )
     assert set(np.unique(one_by_one.status)) == {0, 1}
     for name in {*VARIABLES, "status"} - {"restitution_residual", "momentum_residual"}:
         slack = 1e-8 if name == "carry" else 1e-12
@@ -82,10 +84,10 @@ def test_residuals_stay_at_rounding(swept):
 
 
 def test_progress_is_told_each_posture():
-    told = []
-    sweep(LEG, grid(LEG, ["knee=0:20:10"]), KICK, lambda *one: told.append(one))
-    assert [count for count, _ in told] == [1, 1, 1]
-    assert told[2][1][1] == 2
+    chunk_summary = []
+    sweep(LEG, grid(LEG, ["knee=0:20:10"]), KICK, lambda *one: chunk_summary.append(one))
+    assert [count for count, _ in chunk_summary] == [1, 1, 1]
+    assert chunk_summary[2][1][1] == 2
 
 
 def test_netcdf_keeps_everything(swept, tmp_path):

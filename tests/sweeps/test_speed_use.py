@@ -63,7 +63,7 @@ def test_a_limit_beyond_all_others_is_none_and_its_rounding_does_not_count():
 
 
 def test_a_held_foot_counts():
-    leg = kd.Leg.from_robot("g1", base="floating").standing_on("left_ankle_roll_link")
+    leg = kd.Leg.from_robot("g1", base="floating").with_supports("left_ankle_roll_link")
     posture = leg.posture(
         leg.configuration({"right_hip_pitch_joint": -0.3, "right_knee_joint": 0.5})
     )
@@ -83,5 +83,5 @@ def test_a_kick_that_some_velocity_can_do_is_not_too_fast():
     assert speed_use(posture, posture.joint_velocity(wish)) == pytest.approx(1.3197, rel=1e-4)
     assert (outcome.status, outcome.speed_use) == ("ok", least_use(posture, wish))
     assert speed_use(posture, outcome.hit.v_before) == pytest.approx(0.64024, rel=1e-5)
-    slow = kd.strike(leg, posture.q, posture.joint_velocity(wish), kick.ball, kick.touch)
+    slow = kd.strike(leg, posture.q, posture.joint_velocity(wish), kick.ball, kick.contact)
     assert outcome.hit.impulse == pytest.approx(slow.impulse, rel=1e-12)

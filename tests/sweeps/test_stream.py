@@ -44,7 +44,7 @@ def files(folder):
 
 
 def test_a_store_is_the_dataset_in_memory(tmp_path):
-    told = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, threads=2)
+    chunk_summary = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK, threads=2)
     whole = zarr_store.Store(tmp_path / "s.zarr", LEG, POSTURES, KICK, CARRY_ERROR, resume=True)
     assert whole.missing() == []
     small = sweep(LEG, POSTURES, KICK)
@@ -58,9 +58,9 @@ def test_a_store_is_the_dataset_in_memory(tmp_path):
             assert data[name].attrs == small[name].attrs
         speed, load = data.ball_speed.values.ravel(), data.worst_joint_impulse.values.ravel()
     possible = small.status.values.ravel() == 0
-    assert told["counts"]["ok"] == possible.sum()
-    assert told["best"] == [speed[possible].max(), np.where(possible, speed, -1).argmax()]
-    front = {number for _, _, number in told["front"]}
+    assert chunk_summary["counts"]["ok"] == possible.sum()
+    assert chunk_summary["best"] == [speed[possible].max(), np.where(possible, speed, -1).argmax()]
+    front = {number for _, _, number in chunk_summary["front"]}
     for i in np.flatnonzero(possible):
         beaten = possible & (speed >= speed[i]) & (load <= load[i])
         beaten &= (speed > speed[i]) | (load < load[i])
@@ -160,7 +160,7 @@ def test_a_kernel_that_disagrees_stops_the_sweep(tmp_path, monkeypatch):
 
 def test_legs_without_a_kernel_are_swept_one_by_one(tmp_path):
     robot = kd.Leg.from_robot("bolt", base="floating")
-    leg = robot.standing_on(kd.Support("FL_FOOT", point=True))
+    leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
     postures, kick = grid(leg, ["FR_HFE=-30:30:30"]), Kick(speed=2.0, air=None)
     stream(tmp_path / "s.zarr", leg, postures, kick)
     with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
@@ -170,11 +170,11 @@ def test_legs_without_a_kernel_are_swept_one_by_one(tmp_path):
 def test_without_a_store_only_the_summary_is_kept(tmp_path):
     kept = stream(tmp_path / "s.zarr", LEG, POSTURES, KICK)
     seen = {}
-    told = stream(
+    chunk_summary = stream(
         None, LEG, POSTURES, KICK, threads=2,
         see=lambda first, rows, status: seen.update({first: (rows, status)}),
     )  # fmt: skip
-    assert told == kept
+    assert chunk_summary == kept
     rows = np.concatenate([seen[first][0] for first in sorted(seen)], axis=1)
     with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as data:
         for row, name in zip(rows, VARIABLES, strict=True):

@@ -58,7 +58,7 @@ def test_angles_come_back_as_they_were_given():
 
 def test_a_whole_robot_is_swept_by_its_named_joints():
     robot = kd.Leg.from_robot("bolt", base="floating")
-    leg = robot.standing_on(kd.Support("FL_FOOT", point=True))
+    leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
     kick = Kick(speed=2.0)
     data = sweep(leg, grid(leg, ["FR_HFE=-30:30:30", "FR_KFE=-60:0:30"]), kick)
     assert data.ball_speed.shape == (3, 3)

@@ -27,7 +27,7 @@ def test_it_says_what_a_store_would(tmp_path, where):
     kept = open_sweep(tmp_path / "s.zarr")
     chosen = kept if where is None else kept.where(where)
     seen, progress = Survey(LEG, POSTURES, KICK, where), []
-    seen.run(threads=2, progress=lambda *told: progress.append(told))
+    seen.run(threads=2, progress=lambda *chunk_summary: progress.append(chunk_summary))
     assert seen.counts == kept.counts()
     assert seen.chosen == chosen.count() > 20
     assert sum(count for count, _ in progress) == POSTURES.size

@@ -31,9 +31,9 @@ def test_says_the_numbers(make_kick):
     assert said["impulse"] == f"{np.linalg.norm(hit.impulse):.4g} N s"
     name, size = hit.worst_joint
     assert said["worst joint"] == f"{size:.4g} N s at {name}"
-    assert said["ball speed"] == f"{hit.ball.speed:.4g} m/s"
+    assert said["ball speed"] == f"{hit.ball_after.speed:.4g} m/s"
     assert said["ball / foot"] == f"{hit.speed_ratio:.4g}"
-    assert said["launch angle"] == f"{np.degrees(hit.ball.elevation):.1f}°"
+    assert said["launch angle"] == f"{np.degrees(hit.ball_after.elevation):.1f}°"
     assert said["carry"] == f"{path.range:.4g} m"
     assert said["flight"] == path.method
     assert re.fullmatch(
@@ -49,7 +49,7 @@ def test_one_pace_is_said_once(make_kick):
 def test_a_prismatic_joint_is_in_metres(load, spoil):
     leg = load(spoil(('name="knee" type="revolute"', 'name="knee" type="prismatic"')))
     hit = kd.strike(leg, [0.1, 0.25], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
-    assert rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))["knee"] == "0.25 m"
+    assert rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))["knee"] == "0.25 m"
 
 
 def test_a_floating_base_has_no_angles():
@@ -59,7 +59,7 @@ def test_a_floating_base_has_no_angles():
     posture = leg.posture(leg.configuration({"knee": 0.5}))
     hit = kd.strike_at(posture, posture.joint_velocity([4, 1, 3]), kd.Ball(),
                        kd.Contact([4, 1, 3], 0.8, 0.4))  # fmt: skip
-    said = rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))
+    said = rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))
     assert "knee" not in said
     assert "impulse" in said
 
@@ -67,18 +67,20 @@ def test_a_floating_base_has_no_angles():
 def test_a_foot_at_rest_has_no_ratio():
     hit = kd.strike(kd.Leg.human(), np.zeros(3), np.zeros(3), kd.Ball(),
                     kd.Contact([1, 0, 0.3], 0.8), ball_velocity=[-5, 0, 0])  # fmt: skip
-    assert "ball / foot" not in rows(panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))))
+    assert "ball / foot" not in rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))
 
 
 def test_a_ball_still_aloft(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
-    path = kd.fly(hit.ball, ball, time_limit=0.1)
+    path = kd.fly(hit.ball_after, ball, time_limit=0.1)
     assert rows(panel((hit, ball, path)))["carry"].endswith("(still aloft)")
 
 
 def test_a_flight_to_a_plane_is_no_carry(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 8.0)
-    said = rows(panel((hit, ball, kd.fly(hit.ball, ball, plane=kd.Plane((2, 0, 0), (-1, 0, 0))))))
+    said = rows(
+        panel((hit, ball, kd.fly(hit.ball_after, ball, plane=kd.Plane((2, 0, 0), (-1, 0, 0)))))
+    )
     assert "carry" not in said
     assert said["to the plane"].endswith(" m")
 
@@ -105,7 +107,7 @@ def test_many_joints_are_folded_the_most_loaded_first():
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
     hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
                        kd.Contact([4, 0, 1], 0.8))  # fmt: skip
-    plain, folded = panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))).split("<details>")
+    plain, folded = panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))).split("<details>")
     name, size = hit.worst_joint
     assert rows(plain)["worst joint"] == f"{size:.4g} N s at {name}"
     assert not any(joint in rows(plain) for joint in leg.joint_names)
@@ -124,7 +126,7 @@ def test_a_floating_robot_says_what_its_joints_transmit():
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
     hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
                        kd.Contact([4, 0, 1], 0.8))  # fmt: skip
-    folded = panel((hit, kd.Ball(), kd.fly(hit.ball, kd.Ball()))).split("<details>")[1]
+    folded = panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))).split("<details>")[1]
     said = rows(folded)
     assert "joints: impulse" in folded
     assert re.fullmatch(r"[\d.]+ N s", said["right_knee_joint"])

@@ -46,9 +46,9 @@ def test_what_moves(scene, kick):
     }
     _, places = tracks["/meshcat/ball", ".position"]
     impact = scene[1].pace.impact
-    np.testing.assert_allclose(places[:impact], np.tile(hit.ball.position, (impact, 1)))
+    np.testing.assert_allclose(places[:impact], np.tile(hit.ball_after.position, (impact, 1)))
     np.testing.assert_allclose(places[-1], path.landing.position, atol=1e-12)
-    floor = hit.ball.position[2] - ball.radius
+    floor = hit.ball_after.position[2] - ball.radius
     _, shadow = tracks["/meshcat/shadow", ".position"]
     np.testing.assert_allclose(shadow[:, :2], places[:, :2])
     np.testing.assert_allclose(shadow[:, 2], floor)
@@ -106,7 +106,7 @@ def test_the_ball_rests_on_the_ground(scene, kick):
 def test_a_flight_to_lower_ground_ends_on_it(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 5.0)
     viewer = recorder()
-    draw_kick(viewer, hit, ball, kd.fly(hit.ball, ball, ground=kd.Ground(-3.0)))
+    draw_kick(viewer, hit, ball, kd.fly(hit.ball_after, ball, ground=kd.Ground(-3.0)))
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
     (ground,) = (c["matrix"] for c in said
                  if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip

@@ -89,11 +89,11 @@ def test_the_ball_rests_then_flies_and_spins(struck):
     assert not before.spin.any()
     early = motion.ball_place(before, path, -0.1)
     np.testing.assert_array_equal(early[:3, :3], np.eye(3))
-    np.testing.assert_array_equal(early[:3, 3], hit.ball.position)
+    np.testing.assert_array_equal(early[:3, 3], hit.ball_after.position)
     late = motion.ball_place(before, path, 0.1)
     np.testing.assert_allclose(late[:3, 3], path.sample(0.1).position)
     # It turns about the spin by the right-hand rule: the axis stays, and the angle is |spin| t.
-    spin = hit.ball.spin
+    spin = hit.ball_after.spin
     np.testing.assert_allclose(late[:3, :3] @ spin, spin)
     angle = math.acos((np.trace(late[:3, :3]) - 1) / 2)
     assert angle == pytest.approx(np.linalg.norm(spin) * 0.1)
@@ -116,14 +116,14 @@ def test_a_ball_that_came_is_shown_coming():
     before = hit.ball_before
     np.testing.assert_allclose(before.velocity, velocity, atol=1e-8)
     np.testing.assert_allclose(before.spin, spin, atol=1e-8)
-    early = motion.ball_place(before, kd.fly(hit.ball, ball), -0.1)[:3, 3]
-    np.testing.assert_allclose(early, hit.ball.position - 0.1 * np.array(velocity))
+    early = motion.ball_place(before, kd.fly(hit.ball_after, ball), -0.1)[:3, 3]
+    np.testing.assert_allclose(early, hit.ball_after.position - 0.1 * np.array(velocity))
 
 
 def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):
     hit, ball, _ = struck
     thick = kd.Air(torque=lambda reynolds, spin_parameter: 1.0)  # a hundred times the default
-    launch = kd.BallState(hit.ball.position, hit.ball.velocity, (0, -3, 0))
+    launch = kd.BallState(hit.ball_after.position, hit.ball_after.velocity, (0, -3, 0))
     path = kd.fly(launch, ball, thick, orientation=True)
     end = motion.ball_place(hit.ball_before, path, path.duration + 1)[:3, :3]
     np.testing.assert_allclose(end, path.orientation(path.duration).as_matrix())

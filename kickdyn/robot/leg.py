@@ -17,7 +17,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Constraints, Support
 from kickdyn.robot.example_robots import robot, robot_file, robot_model
 from kickdyn.robot.joint_table import JointTable
-from kickdyn.robot.loop_closure import close_loops
+from kickdyn.robot.loop_closure import closed_configuration
 from kickdyn.robot.model_validation import check_model, frame_id
 from kickdyn.robot.posture import Posture
 from kickdyn.robot.urdf_file import UrdfFile, read_urdf, shipped_urdf
@@ -70,7 +70,11 @@ class Leg(JointTable, ReprMixin):
         self.contact_normal_cone = (
             None if contact_normal_cone is None else read_only(contact_normal_cone)
         )
-        self._held = {"supports": supports, "loops": loops, "outward": contact_normal_cone}
+        self._held = {
+            "supports": supports,
+            "loops": loops,
+            "contact_normal_cone": contact_normal_cone,
+        }
         self.constraints: Constraints | None = None
         if supports or loops:
             self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
@@ -255,7 +259,7 @@ class Leg(JointTable, ReprMixin):
         """
         return Posture(self, q)
 
-    def closed(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
+    def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
         Only joints between a loop's ends move, in their ranges or not. Where that fails, it starts
@@ -268,4 +272,4 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
         """
-        return close_loops(self, q, keep)
+        return closed_configuration(self, q, keep)

@@ -22,7 +22,7 @@ LEAD = 0.1
 """How far the kept joints are led at a time [rad, m]."""
 
 
-def close_loops(leg: Leg, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
+def closed_configuration(leg: Leg, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
     """Return a configuration near `q` with all loops closed, as `Leg.close_loops` says.
 
     Args:

@@ -200,8 +200,7 @@ class Posture(ReprMixin, ReadOnly):
         return Articulated(space.model, space.data, self.q)
 
     def delassus_factor(self) -> Array:
-        """Return `(3, n)` rows whose products are the Delassus matrix; `whitened_jacobian`
-        mostly."""
+        """Return `(3, n)` rows whose products are the entries of the Delassus matrix."""
         if self._give is None:
             self._give = self.whitened_jacobian
             if self.constraint_projector is None and self.is_ill_conditioned:

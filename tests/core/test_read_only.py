@@ -34,7 +34,7 @@ def parts():
         "posture": hit.posture,
         "hold": hit.posture.constraint_projector,
         "ball": hit.ball_after,
-        "touch": hit.contact,
+        "contact": hit.contact,
         "support": support,
         "scene": kd.Scene(
             hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.contact, spread={"q": 0.1}

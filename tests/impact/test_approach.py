@@ -14,7 +14,7 @@ KICK = {
     "q": Q,
     "v": LEG.posture(Q).joint_velocity((3, 0, 1)),
     "ball": kd.Ball(),
-    "touch": kd.Contact((1, 0, 0.3), 0.7),
+    "contact": kd.Contact((1, 0, 0.3), 0.7),
 }
 DOORS = (kd.strike, kd.engine_strike, kd.collide, kd.unilateral_strike)
 
@@ -28,7 +28,7 @@ DOORS = (kd.strike, kd.engine_strike, kd.collide, kd.unilateral_strike)
         ({"v": [0, math.nan, 0]}, kd.InvalidInput, r"^v is .*finite"),
         ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, r"^foot and ball meet at .*double precision"),
         ({"ball": None}, kd.InvalidInput, r"^ball is None"),
-        ({"touch": None}, kd.InvalidInput, r"^touch is None"),
+        ({"contact": None}, kd.InvalidInput, r"^contact is None"),
         ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"^ball velocity has shape \(2,\)"),
         ({"ball_velocity": (-1e150, 0, 0)}, kd.InvalidInput, r"^foot and ball meet at 1e\+150 m/s"),
         ({"ball_spin": (0, math.inf, 0)}, kd.InvalidInput, r"^ball spin is .*finite.*rad/s"),

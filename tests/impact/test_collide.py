@@ -249,7 +249,7 @@ def test_a_spring_without_damping_returns_all_energy():
         ({"tol": 0.1}, r"tol is 0\.1"),
         ({"torque": [1.0]}, r"torque has shape \(1,\): it must be \(3,\)"),
         ({"torque": lambda t, q, v: math.nan * v}, "torque is .*finite"),
-        ({"touch": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*at least 0\.01"),
+        ({"contact": kd.Contact((1, 0, 0.3), 0.0)}, r"restitution is 0\.0: .*at least 0\.01"),
         ({"ball_velocity": (14 - 1e-7, 0, 4)}, "approach speed is .*at least 1e-06"),
     ],
 )

@@ -14,7 +14,7 @@ import kickdyn as kd
 ARM = kd.Leg.from_robot("g1", base="floating")
 LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.with_supports("left_ankle_roll_link")}
 NAMES = [field.name for field in dataclasses.fields(kd.Impact)]
-NUMBERS = [name for name in NAMES if name not in ("posture", "ball", "touch", "law")]
+NUMBERS = [name for name in NAMES if name not in ("posture", "ball", "contact", "law")]
 
 
 def parts(hit):

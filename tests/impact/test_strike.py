@@ -159,7 +159,7 @@ ECCENTRIC = {
     "q": np.radians([85, 105, 45]),
     "v": [5, -2, 3],
     "ball": kd.Ball(mass=3.0),
-    "touch": kd.Contact(
+    "contact": kd.Contact(
         (math.cos(math.radians(20)), 0, -math.sin(math.radians(20))), restitution=0.9, friction=0.6
     ),
 }
@@ -285,7 +285,7 @@ def test_things_of_the_wrong_kind_are_named(wrong):
     arguments = [LEG, posture.q, posture.joint_velocity(ATTACK), kd.Ball(), kd.Contact(ATTACK, 0.8)]
     if wrong in (0, 3, 4):
         arguments[wrong] = None
-        with pytest.raises(kd.InvalidInput, match=r"(leg|ball|touch) is None"):
+        with pytest.raises(kd.InvalidInput, match=r"(leg|ball|contact) is None"):
             kd.strike(*arguments)
     else:
         arguments[4] = kd.Contact(ATTACK, 0.8, wrong, offset=(1e100, 0, 0))

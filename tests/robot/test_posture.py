@@ -241,7 +241,7 @@ def test_q_is_copied_and_nothing_can_be_written():
     posture = LEGS["human"][0].posture(q)
     q[:] = 9
     assert posture.q.tolist() == Q
-    arrays = ("q", "contact_point", "jacobian", "inertia", "joint_rotation", "mobility")
+    arrays = ("q", "contact_point", "jacobian", "inertia", "joint_rotation", "whitened_jacobian")
     for name in arrays:
         with pytest.raises(ValueError, match="read-only"):
             getattr(posture, name)[0] = 1

@@ -12,7 +12,7 @@ TOUCH = kd.Contact((1, 0, 0), 0.8, offset=(0, 0, 0.05))
 
 
 def scene(**changes):
-    parts = {"leg": LEG, "q": [0.1, 0.2, 0.0], "v": [3, 0, 0], "ball": kd.Ball(), "touch": TOUCH}
+    parts = {"leg": LEG, "q": [0.1, 0.2, 0.0], "v": [3, 0, 0], "ball": kd.Ball(), "contact": TOUCH}
     return kd.Scene(**{**parts, **changes})
 
 

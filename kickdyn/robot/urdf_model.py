@@ -52,11 +52,15 @@ def build_model(text: str, source: str, base: str) -> Any:
 def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
     """Return a model with joints, by name, locked as they are at `q`.
 
-    A link may have the name of a joint, which `pin.buildReducedModel` takes for one frame too many:
-    meanwhile it has another.
+    `pin.buildReducedModel` wants one frame of each joint's name: a link of that name has another
+    meanwhile, and a joint without a frame, with which it would crash, gets one.
     """
     own = model.copy()
     names, moving = list(own.names), pin.FrameType.JOINT
+    framed = {frame.name for frame in own.frames if frame.type == moving}
+    for joint, name in enumerate(names):
+        if joint and name not in framed:
+            own.addJointFrame(joint)
     renamed = {}
     for number, frame in enumerate(own.frames):
         if frame.name in names and frame.type != moving:

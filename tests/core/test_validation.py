@@ -159,5 +159,5 @@ def test_choice_takes_the_member_or_its_value():
     for value in (Colour.DARK_RED, "dark-red"):
         assert validation.choice("colour", value, Colour) is Colour.DARK_RED
     for value in ("dark red", None, 3, [1]):
-        with pytest.raises(InvalidInput, match="colour is .*: it must be one of dark-red, blue"):
+        with pytest.raises(InvalidInput, match=r"colour is .*: it must be one of dark-red, blue"):
             validation.choice("colour", value, Colour)

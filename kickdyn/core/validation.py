@@ -126,7 +126,7 @@ def flag(name: str, value: object) -> bool:
 def choice(name: str, value: object, kind: type[Choice]) -> Choice:
     """Return the member of a `StrEnum` that `value` is or names, or raise `InvalidInput`."""
     try:
-        return kind(value)
+        return kind(value)  # type: ignore[arg-type]
     except ValueError:
         valid = ", ".join(kind)
         raise InvalidInput(f"{name} is {brief(value)}: it must be one of {valid}") from None

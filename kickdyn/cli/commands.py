@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 from kickdyn._version import __version__
 from kickdyn.cli.command import run
-from kickdyn.core.resources import shipped
+from kickdyn.core.files import shipped
 
 COMMANDS = {
     "posture-sweep": (
@@ -41,7 +41,7 @@ class _Place(click.types.StringParamType):
 
 def _names(param: click.Parameter) -> list[str]:
     if param.name == "leg_name":
-        from kickdyn.robot.catalog import LEGS
+        from kickdyn.cli.named_inputs import LEGS
 
         return [*LEGS]
     if param.name in ("scene", "scene_file"):

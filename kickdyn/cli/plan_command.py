@@ -35,7 +35,7 @@ from kickdyn.planning.plan_report import (
 )
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_result import Swing
-from kickdyn.robot.catalog import AIRS, load_leg
+from kickdyn.cli.named_inputs import AIRS, load_leg
 
 CROUCH = 0.1
 """By how much lower a robot's hips are when it kicks, over the height of its straight leg: its

@@ -22,7 +22,7 @@ from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.robot.catalog import AIRS, SHIPPED, load_leg
+from kickdyn.cli.named_inputs import AIRS, SHIPPED, load_leg
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.block import Space
 from kickdyn.sweeps.expression import Expression

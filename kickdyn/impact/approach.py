@@ -14,7 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.digits import approach_rounding
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 MAX_SPEED = 1e140
 """[m/s]. Squares of it, times a mass, are energies that a float64 still holds."""

@@ -9,7 +9,7 @@ import numpy as np
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array, length
 from kickdyn.impact.contact_problem import ContactProblem, contact_axes
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 if TYPE_CHECKING:
     from kickdyn.impact.impact_result import Impact

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kickdyn.core.validation import Array
-from kickdyn.robot.constraint_projector import ConstraintProjector
+from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.constraints import Support
 
 ROUNDING = 1e-12

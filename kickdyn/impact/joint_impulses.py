@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross3
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 
 def joint_impulses(

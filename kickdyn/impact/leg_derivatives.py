@@ -14,10 +14,10 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.joint_impulses import at_joint
-from kickdyn.robot.constraint_projector import INDEPENDENT
+from kickdyn.robot.constraints import INDEPENDENT
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.model_validation import listed
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 ELSEWHERE, STEADY = 0.7, 1e-9
 """Joint angles [rad, m] and the change of their axes up to which these count as fixed."""

@@ -25,7 +25,7 @@ from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.strike import check_energy, strike
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 MAX_RESIDUAL = 1e-9
 WHY_NOT = {

@@ -12,7 +12,7 @@ from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape
 from kickdyn.planning.self_motion import self_motion
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 NAME = "Fig. 1"
 START_DEG = (25.0, 40.0, 10.0)

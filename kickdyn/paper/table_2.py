@@ -12,7 +12,7 @@ from kickdyn.impact.strike import strike_at
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import FITTED, Item, near
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 NAME = "Table 2"
 SPEED = 1.0  # [m/s]

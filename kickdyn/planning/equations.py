@@ -15,7 +15,7 @@ from kickdyn.impact.leg_derivatives import leg_slopes
 from kickdyn.planning.heading import heading_for, turned
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 FEASIBLE = 1e-4
 """How far constraints may be missed, each over its own scale; velocities are then made exact, and

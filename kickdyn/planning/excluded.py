@@ -9,7 +9,7 @@ from kickdyn.planning.equations import Objective
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.search import Search
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 
 def why_none(

@@ -22,7 +22,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 EDGE = 1e-6
 """By which a joint may be over its range [deg; m]."""

@@ -16,7 +16,7 @@ from kickdyn.aerodynamics import spin_decay as torque
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS
 from kickdyn.scene.scene import clash_of_time
 
 Check = Callable[[str, Any], Any]

@@ -16,7 +16,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.resources import shipped
+from kickdyn.core.files import shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground

@@ -1,4 +1,4 @@
-from kickdyn.core.resources import shipped
+from kickdyn.core.files import shipped
 
 
 def test_what_comes_along():
@@ -8,7 +8,7 @@ def test_what_comes_along():
 
 def test_the_wheel_has_them_beside_the_code(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        "kickdyn.core.resources.__file__", str(tmp_path / "kickdyn" / "core" / "resources.py")
+        "kickdyn.core.files.__file__", str(tmp_path / "kickdyn" / "core" / "resources.py")
     )
     (tmp_path / "kickdyn").mkdir()
     assert shipped("urdf") == tmp_path / "urdf"

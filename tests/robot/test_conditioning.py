@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from chains import random_leg
 
-from kickdyn.robot.conditioning import cholesky_with_condition
+from kickdyn.robot.model_validation import cholesky_with_condition
 
 
 @pytest.mark.parametrize("seed", range(40))

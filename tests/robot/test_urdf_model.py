@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.urdf_model import build_model
+from kickdyn.robot.urdf_file import build_model
 
 
 def test_floating_base_of_a_urdf(good_urdf, tmp_path):

@@ -43,7 +43,6 @@ if TYPE_CHECKING:  # loaded when they are asked for: see below
     from kickdyn.impact.sensitivity import Sensitivity as Sensitivity
     from kickdyn.impact.sensitivity import sensitivity as sensitivity
     from kickdyn.impact.strike import strike as strike
-    from kickdyn.impact.strike import strike_at as strike_at
     from kickdyn.impact.uncertainty import Uncertainty as Uncertainty
     from kickdyn.impact.uncertainty import uncertainty as uncertainty
     from kickdyn.impact.unilateral import UnilateralImpact as UnilateralImpact
@@ -102,7 +101,6 @@ _LATE = {
     "Sensitivity": "kickdyn.impact.sensitivity",
     "sensitivity": "kickdyn.impact.sensitivity",
     "strike": "kickdyn.impact.strike",
-    "strike_at": "kickdyn.impact.strike",
     "Uncertainty": "kickdyn.impact.uncertainty",
     "uncertainty": "kickdyn.impact.uncertainty",
     "UnilateralImpact": "kickdyn.impact.unilateral",

@@ -68,7 +68,7 @@ def disk_full(self, text, **_):
 @pytest.mark.parametrize("name", ["missing/kick.html", "folder", "file/kick.html", "/proc/a.html"])
 def test_a_page_that_cannot_be_written(tmp_path, name):
     (tmp_path / "folder").mkdir()
-    (tmp_path / "file").contact()
+    (tmp_path / "file").touch()
     with pytest.raises(kd.InvalidInput, match=name) as caught:
         write_page(tmp_path / name, "page")
     assert "\n" not in str(caught.value)

@@ -227,7 +227,7 @@ def test_random_scenes_that_once_claimed_too_little(seed, number, why):
 def test_everything_is_strike_and_flight():
     scene = kick()
     answer = kd.simulate(scene, None)
-    hit = kd.strike(LEG, scene.q, scene.v, scene.ball, scene.contact)
+    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
     path = kd.fly(hit.ball_after, scene.ball, scene.air, scene.ground)
     np.testing.assert_array_equal(answer.end.position, path.landing.position)
     assert answer.left_out == ()

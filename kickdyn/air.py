@@ -30,7 +30,7 @@ def density_of(temperature: float, pressure: float) -> float:
 
 
 def viscosity_of(temperature: float) -> float:
-    r"""Return Sutherland's dynamic viscosity :math:`1.458 \cdot 10^{-6} T^{1.5}/(T + 110.4)` [Pa s]."""
+    r"""Return :math:`1.458 \cdot 10^{-6} T^{1.5}/(T + 110.4)`, Sutherland's viscosity [Pa s]."""
     return 1.458e-6 * math.pow(temperature, 1.5) / (temperature + 110.4)
 
 
@@ -111,7 +111,7 @@ class Air(ReprMixin):
         return self.density, self.viscosity, wind, *models, self.buoyancy
 
     def __repr__(self) -> str:
-        """Name every value, and the models by name."""
+        """Return every value, and the models by name, in a line."""
         names = self._names()
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
@@ -203,10 +203,6 @@ class Air(ReprMixin):
         return steady
 
 
-AIRS: dict[str, Air | None] = {"standard": Air(), "paper": Air.paper(), "none": None}
-"""Airs by the names that command lines have for them; `none` is the vacuum."""
-
-
 def _checked_wind(wind: ArrayLike | Wind) -> Array | Wind:
     """Return a wind as a read-only array of shape `(3,)`, or the function that it is."""
     if not callable(wind):
@@ -224,3 +220,7 @@ def _checked_wind(wind: ArrayLike | Wind) -> Array | Wind:
         ) from fault
     validation.vector("wind at height 0", blowing, 3, unit="m/s")
     return wind
+
+
+AIRS: dict[str, Air | None] = {"standard": Air(), "paper": Air.paper(), "none": None}
+"""Airs by the names that command lines have for them; `none` is the vacuum."""

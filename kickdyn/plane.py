@@ -50,13 +50,13 @@ class Plane(ReprMixin):
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
         place = validation.vector("point of the plane", point, 3, unit="m")
         towards = validation.direction("normal of the plane", normal)
-        if reached_by not in list(ReachedBy):
-            raise InvalidInput(f"reached_by is {reached_by!r}: choose {', '.join(ReachedBy)}")
         for array in (place, towards):
             array.setflags(write=False)
         object.__setattr__(self, "point", place)
         object.__setattr__(self, "normal", towards)
-        object.__setattr__(self, "reached_by", ReachedBy(reached_by))
+        object.__setattr__(
+            self, "reached_by", validation.choice("reached_by", reached_by, ReachedBy)
+        )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plane) and self._values() == other._values()

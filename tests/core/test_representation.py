@@ -24,7 +24,7 @@ POSTURE = kd.Leg.human().posture(np.radians([5, 10, -5]))
 TOUCH = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
 HIT = kd.strike(POSTURE, POSTURE.joint_velocity([10, 0, 5]), kd.Ball(), TOUCH)
 LAUNCH = kd.BallState((0, 0, 0.11), (12, 9, 8))
-COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet grass"))
+COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet-grass"))
 GOAL = kd.Goal((20, 0, 0), time=1.5)
 ANSWERS = {
     "Leg": POSTURE.leg,

@@ -56,7 +56,7 @@ def approach(
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
-    posture = posture.touched_at(contact.offset)
+    posture = posture.with_contact_offset(contact.offset)
     velocity, spin, moves = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
         velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")

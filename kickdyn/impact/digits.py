@@ -45,7 +45,7 @@ def impulse_rounding(hit: Impact) -> float:
         scale = 1.0 / np.sqrt(matrix.diagonal())
         share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
     if posture.constraint_projector is not None:
-        share += EPS * posture.rounding
+        share += EPS * posture.rounding_gain
     return 2.0 * share
 
 

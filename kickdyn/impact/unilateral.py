@@ -24,8 +24,7 @@ from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.strike import check_energy, strike
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.leg import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 MAX_RESIDUAL = 1e-9
 WHY_NOT = {
@@ -80,8 +79,7 @@ class _Foot(NamedTuple):
 
 
 def unilateral_strike(
-    leg: Leg,
-    q: ArrayLike,
+    posture: Posture,
     v: ArrayLike,
     ball: Ball,
     contact: Contact,
@@ -113,9 +111,10 @@ def unilateral_strike(
     if law != "newton":
         raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
     validation.flag("strict", strict)
-    held = strike(leg, q, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
+    held = strike(posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
+    leg = posture.leg
     supports = _checked(leg)
-    free = leg.with_supports().posture(held.posture.q).touched_at(contact.offset)
+    free = leg.with_supports().posture(held.posture.q).with_contact_offset(contact.offset)
     feet = _feet(held, supports)
     contacts = _contacts(held, free, feet)
     bounced = contacts.before.copy()
@@ -191,7 +190,7 @@ def _outcome(
     changed = {
         "impulse": impulse,
         "effective_mass": free.effective_mass(normal),
-        "ball": BallState(before.position, before.velocity + impulse / ball.mass, spin),
+        "ball_after": BallState(before.position, before.velocity + impulse / ball.mass, spin),
         "v_after": v_after,
         "joint_impulses": transmitted,
         "constraint_impulses": stacked,

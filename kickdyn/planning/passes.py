@@ -70,7 +70,7 @@ class Pass(ReprMixin):
         }
         if not self.limit:
             return ""
-        there = self.course.status == "at plane"
+        there = self.course.status == "at-plane"
         near = (
             f"{self.time:.4g} s is nearest"
             if there
@@ -126,7 +126,7 @@ def plan_pass(
 
     def late(turn: float, speed: float) -> float:
         _, course = played(speed, turn)
-        return course.duration - wished if course.status == "at plane" else math.inf
+        return course.duration - wished if course.status == "at-plane" else math.inf
 
     turn, speed, hinder = 0.0, limit, ""
     for _ in range(8):  # the way bends little: the aim is turned by what it misses
@@ -137,7 +137,7 @@ def plan_pass(
             break
         turn -= math.atan2(aside, math.hypot(*place))
     error = course.duration - wished
-    met = course.status == "at plane" and abs(error) <= MEETS and abs(aside) <= MEETS
+    met = course.status == "at-plane" and abs(error) <= MEETS and abs(aside) <= MEETS
     return Pass(
         "met" if met else "unreachable",
         "" if met else hinder or "bounce",

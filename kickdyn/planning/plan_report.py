@@ -47,7 +47,7 @@ def _end(planned: KickPlan) -> str:
     path, missed = planned.path, planned.landing_error
     after = f"after {path.duration:.4g} s"
     off = "" if missed < NEAR else f", {missed:.3g} m from it"
-    if path.status == "at plane":
+    if path.status == "at-plane":
         late = planned.time_error
         return (
             f"The ball passes it {after}, {abs(late):.3g} s {'late' if late > 0 else 'early'}{off}."
@@ -118,12 +118,11 @@ def text(planned: KickPlan) -> list[str]:
     """Return a plan's numbers as lines of text."""
     launch, hit, leg = planned.launch, planned.hit, planned.leg
     up, left = planned.impact_target.place
-    angles = leg.angles_deg(planned.q)
     joints = [
-        f"  {name:24} {angles[name]:9.2f} {leg.joint_unit(name).replace('rad', 'deg')}  "
+        f"  {name:24} {value:9.2f} {unit}  "
         f"{planned.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
-        for name in angles
-        if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
+        for name, (value, unit) in leg.display_values(planned.q).items()
+        if planned.v[leg.velocity_index(name)] != 0.0 or value != 0.0
     ]
     value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
     how = f"{launch.steps} Newton steps" if launch.steps >= 0 else "found by search"
@@ -186,6 +185,7 @@ def as_json(
             "name": leg.name,
             "heading_deg": math.degrees(planned.heading),
             "q_deg": leg.angles_deg(planned.q),
+            "q_m": leg.positions_m(planned.q),
             "v": planned.v.tolist(),
             "objective": planned.objective,
             "value": planned.value,

@@ -141,7 +141,7 @@ class _Problem:
         still = chain.torque(q, v, ca.DM(n, 1)) / ca.DM(joints.effort)
         here = found.posture
         levers = [
-            here.touched_at(row).contact_lever - here.contact_lever
+            here.with_contact_offset(row).contact_lever - here.contact_lever
             for row in search.contact_normal_cone
         ]
         facing = [ca.dot(ca.DM(normal), chain.way(q, ca.DM(lever))) for lever in levers]

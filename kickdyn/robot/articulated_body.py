@@ -56,7 +56,7 @@ class _Body(NamedTuple):
         return np.asarray(lapack.dpotrs(self.factor, right, lower=1)[0])
 
     def pass_on(self, force: Array) -> tuple[Array, Array]:
-        """Return the joint velocity after a force on the body, D^-1 S^T f, and the parent's force."""
+        """Return the joint velocity D^-1 S^T f after a force f, and the force on the parent."""
         speed = self.solve(self.joint.T @ force)
         rest = self.across @ (self.across.T @ force - self.coupling @ speed)
         if self.rotor.any():

@@ -28,7 +28,7 @@ FLAT = 1e-6
 """Share of a sole's length below which its width counts as none."""
 
 VIOLATION_TOLERANCE = 1e-9
-"""Share of the speed that the fastest joint could give a constrained frame, allowed for rounding."""
+"""Share of the speed that the fastest joint could give a constrained frame: rounding."""
 
 INDEPENDENT = 1e-9
 """Share of a row, in the metric of inertia, that others must leave for it to count."""
@@ -204,7 +204,8 @@ class Constraints:
         """Return the configuration of `Leg.close_loops`.
 
         Args:
-            model, data: of the leg.
+            model: of the leg.
+            data: of the model.
             q: to start from, shape `(nq,)`.
             kept: indices in v of the joints that must not move.
 
@@ -226,7 +227,7 @@ class Constraints:
             if _is_open(led):
                 break
         else:
-            return here
+            return np.asarray(here)
         widths = np.linalg.norm(gaps, axis=1)
         a, b = self.loops[int(np.argmax(widths))]
         raise InvalidInput(

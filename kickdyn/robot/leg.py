@@ -53,7 +53,7 @@ SHOWN = 8
 
 
 class Leg(JointTable, ReprMixin):
-    """A leg, or a whole robot, with the frame that touches the ball.
+    r"""A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_armature`, `with_supports` and `with_loops` return
     another. It can be pickled and shared between threads.
@@ -69,7 +69,7 @@ class Leg(JointTable, ReprMixin):
             [rad/s, N m; m/s, N for prismatic joints].
         constraints: supports and loops; None without any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
-            ball, :math:`a \\cdot n \\ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
+            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
     """
 
     def __init__(
@@ -401,8 +401,8 @@ class Posture(ReprMixin):
         moved._whitened_jacobian = moved._delassus_factor = None
         moved.__dict__.pop("rounding_gain", None)
         moved.contact_point = self._frame_origin + rotation @ arm
-        moved.contact_lever = (
-            self.leg.contact_lever + self.rotation_world_joint.T @ (rotation @ arm)
+        moved.contact_lever = self.leg.contact_lever + self.rotation_world_joint.T @ (
+            rotation @ arm
         )
         moved.jacobian = rotation @ (local[:3] - pin.skew(arm) @ local[3:])
         for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
@@ -467,9 +467,7 @@ class Posture(ReprMixin):
     @property
     def is_ill_conditioned(self) -> bool:
         """Whether the rounding of M can be seen in the Delassus matrix."""
-        return (
-            self._condition_bound > CHECKED_CONDITION and self.rounding_gain > MAX_ROUNDING_GAIN
-        )
+        return self._condition_bound > CHECKED_CONDITION and self.rounding_gain > MAX_ROUNDING_GAIN
 
     @cached_property
     def articulated_bodies(self) -> ArticulatedBodies:

@@ -17,7 +17,7 @@ from scipy.linalg import blas, lapack
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
-MASS_RANGE = (1e-15, 1e15)
+MASS_RANGE = (1e-15, 1e18)
 """Of all that moves with a joint [kg]; beyond, squares and quotients leave the range of float64."""
 
 MAX_CONDITION = 1e13
@@ -99,7 +99,10 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         mass, moments = body.mass, body.inertia
         empty = mass == 0.0 and not moments.any()
         if not (np.isfinite([mass, *body.lever, *moments.flat]).all() and (mass > 0 or empty)):
-            raise InvalidInput(_unsound(name, body))
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above 0, "
+                "mass, centre and moments finite"
+            )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
     composites = list(data.Ycrb)[1:]  # all that moves with each joint
@@ -117,17 +120,11 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         # a point's moments are 0 but for the rounding of those about its joint
         largest = max(_spread(moved)[0], _spread(body)[0], moved.mass * moved.lever @ moved.lever)
         if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
-            raise InvalidInput(_unsound(name, body))
-
-
-def _unsound(name: str, body: Any) -> str:
-    """Return what is wrong with the body of a joint."""
-    moments = ", ".join(f"{moment:.3g}" for moment in sorted(np.linalg.eigvals(body.inertia).real))
-    return (
-        f"joint {name!r} moves an unsound inertia (mass {body.mass:g} kg, principal moments "
-        f"{moments} kg m2): mass must be above 0, and no moment may be negative or exceed the sum "
-        "of the others (triangle inequality)"
-    )
+            moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(body.inertia))
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia (principal moments {moments} kg m2): none "
+                "may be negative or exceed the sum of the others (triangle inequality)"
+            )
 
 
 def _spread(inertia: Any) -> Array:

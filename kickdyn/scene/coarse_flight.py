@@ -12,12 +12,13 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import bounce
 from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import GRAVITY, downward, forces
+from kickdyn.flight.forces import downward, forces
 from kickdyn.flight.roll import roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -96,13 +97,13 @@ def coarse_end(launch: BallState, way: FlightEnvironment, steps: int) -> CoarseE
         if landed is None:
             break
         clock += float(landed.time)
-        if status == "at plane":
+        if status == "at-plane":
             there = BallState(landed.position, landed.velocity, landed.spin, clock)
             return CoarseEnd(there, status, calls)
         state = bounce(landed, way.ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
             rest, more = _grounded(state, way, surface, steps, clock)
-            return CoarseEnd(rest, "at rest", calls + more)
+            return CoarseEnd(rest, "at-rest", calls + more)
     return CoarseEnd(None, "", calls)
 
 
@@ -152,7 +153,7 @@ def coarse_path(
         late, end, which = min(reached)
         nodes.append(end)
         there = _whole(launch, end, number * step + late)
-        return CoarseEnd(there, ("landed", "at plane")[which], calls), nodes
+        return CoarseEnd(there, ("landed", "at-plane")[which], calls), nodes
     return CoarseEnd(None, "", calls), nodes
 
 

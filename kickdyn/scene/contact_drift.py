@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.contact import Contact
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import KickdynError
-from kickdyn.flight.forces import GRAVITY
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.scene.envelope import Jump
 from kickdyn.scene.scene import Scene
 
@@ -51,12 +51,12 @@ def contact_drift(scene: Scene, hit: Impact) -> Jump:
     velocity = spin = 0.0
     for share in (0.5, 1.0):
         there = leg.posture(pin.integrate(space.model, scene.q, share * time * mean))
-        turn = there.joint_rotation @ posture.joint_rotation.T
+        turn = there.rotation_world_joint @ posture.rotation_world_joint.T
         tilted = Contact(
             turn @ contact.normal, contact.restitution, contact.friction, contact.offset
         )
         try:
-            again = strike_at(
+            again = strike(
                 there,
                 scene.v + share * time * drift,
                 scene.ball,
@@ -83,7 +83,7 @@ def _between_laws(scene: Scene, hit: Impact, motion: dict[str, Any]) -> tuple[fl
     """Return what a contact that sticks may change in velocity and spin, however brief it is."""
     if scene.contact.friction == 0.0:
         return 0.0, 0.0
-    other = strike_at(scene.posture, scene.v, scene.ball, scene.contact, "stronge", **motion)
+    other = strike(scene.posture, scene.v, scene.ball, scene.contact, "stronge", **motion)
     creep = CREEP * float(hit.ball_after.speed)
     law = float(np.linalg.norm(other.ball_after.velocity - hit.ball_after.velocity))
     turned = float(np.linalg.norm(other.ball_after.spin - hit.ball_after.spin))

@@ -48,7 +48,7 @@ def changed(scene: Scene, **parts: Any) -> Scene:
     other = copy.copy(scene)
     other.__dict__.update(parts)
     if "leg" in parts:
-        posture = other.leg.posture(scene.q).touched_at(scene.contact.offset)
+        posture = other.leg.posture(scene.q).with_contact_offset(scene.contact.offset)
         other.__dict__.update(posture=posture)
     return other
 

@@ -188,7 +188,7 @@ class _Builder:
         return v
 
     def _foot_velocity(self, leg: Leg, q: Array, contact: Contact) -> Array:
-        posture = leg.posture(q).touched_at(contact.offset)
+        posture = leg.posture(q).with_contact_offset(contact.offset)
         return posture.joint_velocity(self._said("posture")["foot_velocity_m_s"])
 
     def _ball(self) -> Ball:
@@ -250,7 +250,7 @@ class _Builder:
         plane: Plane | None,
     ) -> Scene:
         if ground is not None and "height_m" not in self._said("ground"):
-            foot = leg.posture(q).touched_at(contact.offset).contact_point
+            foot = leg.posture(q).with_contact_offset(contact.offset).contact_point
             place = foot + ball.radius * contact.normal
             ground = Ground(float(place[2]) - ball.radius, ground.surface)
         moving, section = self._said("ball"), self._said("contact")

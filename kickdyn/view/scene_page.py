@@ -52,7 +52,7 @@ def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
     start, end = answer.hit.ball_after.position[:2], answer.end.position[:2]
     ahead = np.mean([box.centre for box in boxes], axis=0)[:2] - start
     way = end - start
-    reached = answer.status == "at plane"
+    reached = answer.status == "at-plane"
     return reached or 0.0 < float(ahead @ way) < BEYOND * float(way @ way)
 
 
@@ -65,7 +65,8 @@ def numbers(answer: Simulation) -> dict[str, Any]:
         "leg": leg.name,
         "frame": leg.frame,
         "angles": {
-            name: round(angle, 9) + 0.0 for name, angle in leg.angles_deg(answer.scene.q).items()
+            name: round(value, 9) + 0.0
+            for name, (value, _) in leg.display_values(answer.scene.q).items()
         },
         "impulse": hit.impulse.tolist(),
         "joint_impulses": {name: push.tolist() for name, _, push in joint_pushes(hit)},

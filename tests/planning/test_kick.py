@@ -11,7 +11,7 @@ BALL, AIR = kd.Ball(), kd.Air()
 
 def check(leg, plan, ball_height=None):
     """Strike and fly again, by the public names only."""
-    hit = kd.strike(leg, plan.q, plan.v, BALL, plan.impact_target.contact)
+    hit = kd.strike(leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
     assert hit.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-8)
     assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=1e-7)
     wall = kd.Plane(hit.ball_after.position + plan.goal.target, -plan.goal.ahead, "centre")
@@ -47,7 +47,7 @@ def test_a_robot_turns_the_front_of_its_toe_to_the_ball(goal):
 
     def turned(plan):
         foot = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
-        axes = [foot.posture(plan.q).touched_at(axis).contact_point for axis in np.eye(3)]
+        axes = [foot.posture(plan.q).with_contact_offset(axis).contact_point for axis in np.eye(3)]
         normal = (
             np.array(axes) - foot.posture(plan.q).contact_point
         ) @ plan.impact_target.contact.normal

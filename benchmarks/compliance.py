@@ -65,8 +65,8 @@ def price() -> None:
             f"{1e3 * hit.deflection:.1f}",
             f"{1e3 * math.hypot(*hit.foot_displacement):.0f}",
             f"{math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1:+.1%}",
-            f"{float(hit.ball_after.speed) / float(INSTANT.ball.speed) - 1:+.1%}",
-            f"{angle(hit.ball_after.velocity, INSTANT.ball.velocity):.1f}",
+            f"{float(hit.ball_after.speed) / float(INSTANT.ball_after.speed) - 1:+.1%}",
+            f"{angle(hit.ball_after.velocity, INSTANT.ball_after.velocity):.1f}",
             f"{hit.energy_lost / INSTANT.energy_lost - 1:+.1%}",
         )
         print("| " + " | ".join(cells) + " |")
@@ -112,15 +112,15 @@ def causes() -> None:
         ("every joint with a tenth of its effort limit, along its motion", pushed),
     ):
         impulse = math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1
-        speed = float(hit.ball_after.speed) / float(INSTANT.ball.speed) - 1
+        speed = float(hit.ball_after.speed) / float(INSTANT.ball_after.speed) - 1
         print(f"| {name} | {1e3 * hit.contact_time:.1f} | {impulse:+.1%} | {speed:+.1%} |")
 
 
 def main() -> None:
     """Print the tables."""
     print(
-        f"instant: impulse {math.hypot(*INSTANT.impulse):.3f} N s, ball {INSTANT.ball.speed:.2f} "
-        f"m/s, energy lost {INSTANT.energy_lost:.2f} J\n"
+        f"instant: impulse {math.hypot(*INSTANT.impulse):.3f} N s, "
+        f"ball {INSTANT.ball_after.speed:.2f} m/s, energy lost {INSTANT.energy_lost:.2f} J\n"
     )
     order()
     print()

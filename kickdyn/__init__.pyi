@@ -32,7 +32,6 @@ from .impact.pinocchio_impact import engine_strike as engine_strike
 from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.sensitivity import sensitivity as sensitivity
 from .impact.strike import strike as strike
-from .impact.strike import strike_at as strike_at
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.uncertainty import uncertainty as uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact

@@ -11,7 +11,7 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from kickdyn.air import Air
+from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.command import busy
 from kickdyn.core import validation
@@ -36,7 +36,7 @@ from kickdyn.planning.plan_report import (
 )
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_result import Swing
-from kickdyn.robot.catalog import AIRS, load_leg
+from kickdyn.robot.catalog import load_leg
 
 CROUCH = 0.1
 """By how much lower a robot's hips are when it kicks, over the height of its straight leg: its
@@ -163,7 +163,7 @@ def plan(
         ball_height = float(standing.contact_point[2]) + ball.radius
         if leg.contact_normal_cone is not None:  # a robot, whose toe must point ahead
             ball_height -= CROUCH * float(standing.contact_point[2])
-    around = _blown(AIRS[air](), wind)
+    around = _blown(AIRS[air], wind)
     spread = None if robust is None else _spread(robust)
     if spread is not None:
         _check_robust(swing)

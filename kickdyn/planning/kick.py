@@ -20,7 +20,7 @@ from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
@@ -226,7 +226,7 @@ def _plan_pass_launch(
 
 def _struck(robot: Leg, limb: Limb, search: Search, found: Found) -> Impact:
     q, v = limb.whole(robot, found.posture.q, found.v)
-    return strike_at(robot.posture(q), v, search.impact_target.ball, search.impact_target.contact)
+    return strike(robot.posture(q), v, search.impact_target.ball, search.impact_target.contact)
 
 
 def _carried_out(

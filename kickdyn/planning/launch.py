@@ -391,6 +391,6 @@ def fly_to_target(
     if time is None:
         return flown(plane=plane)
     path = flown(plane=plane, time_limit=2 * time)
-    if path.status == "at plane" and abs(path.duration - time) < 0.5 * time:
+    if path.status == "at-plane" and abs(path.duration - time) < 0.5 * time:
         return path
     return flown(time_limit=time)

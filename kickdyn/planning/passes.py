@@ -74,7 +74,7 @@ class Pass(ReprMixin):
             LaunchLimit.ROLLING: "a ball so slow would stop before",
             LaunchLimit.BOUNCE: "the place where it bounces jumps as its speed changes",
         }[self.limit]
-        if self.course.status == "at plane":
+        if self.course.status == "at-plane":
             return f"{why}: {self.time:.4g} s is nearest"
         return f"{why}: {self.course.distance:.4g} m is farthest"
 
@@ -129,7 +129,7 @@ def plan_pass(
     def delay(turn: float, speed: float) -> float:
         """Return how much too late the ball comes to the target; inf where it does not."""
         _, course = play(speed, turn)
-        return course.duration - wished if course.status == "at plane" else math.inf
+        return course.duration - wished if course.status == "at-plane" else math.inf
 
     turn = 0.0
     for _ in range(8):  # the course bends little: the aim is turned by the error
@@ -139,7 +139,7 @@ def plan_pass(
         if abs(aside) <= ACCURACY:
             break
         turn -= math.atan2(aside, goal.distance)
-    on_time = course.status == "at plane" and abs(course.duration - wished) <= ACCURACY
+    on_time = course.status == "at-plane" and abs(course.duration - wished) <= ACCURACY
     if on_time and abs(aside) <= ACCURACY:
         return Pass(PlanStatus.MET, goal, None, velocity, course, aside)
     obstacle = obstacle or LaunchLimit.BOUNCE

@@ -46,7 +46,7 @@ def _end(planned: KickPlan) -> str:
     path, missed = planned.path, planned.landing_error
     after = f"after {path.duration:.4g} s"
     off = "" if missed < NEAR else f", {missed:.3g} m from it"
-    if path.status == "at plane":
+    if path.status == "at-plane":
         late = planned.time_error
         return (
             f"The ball passes it {after}, {abs(late):.3g} s {'late' if late > 0 else 'early'}{off}."

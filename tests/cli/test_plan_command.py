@@ -53,7 +53,7 @@ def test_json_on_stdout_is_a_kick_that_can_be_done_again():
         {k: v * 3.141592653589793 / 180 for k, v in report["leg"]["q_deg"].items()}
     )
     impact_target = kd.Contact(report["touch"]["normal"], 0.8, 0.4)
-    hit = kd.strike(leg, q, report["leg"]["v"], kd.Ball(), impact_target)
+    hit = kd.strike(leg.posture(q), report["leg"]["v"], kd.Ball(), impact_target)
     path = kd.fly(hit.ball_after, kd.Ball(), kd.Air(), kd.Ground(-5.0))
     start = hit.ball_after.position
     assert path.arrival(start[0] + 20.3).position[2] - start[2] == pytest.approx(2.2, abs=1e-6)

@@ -11,7 +11,7 @@ BALL, AIR = kd.Ball(), kd.Air()
 
 def check(leg, plan, ball_height=None):
     """Strike and fly again, by the public names only."""
-    hit = kd.strike(leg, plan.q, plan.v, BALL, plan.impact_target.contact)
+    hit = kd.strike(leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
     assert hit.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-8)
     assert hit.ball_after.spin == pytest.approx(plan.launch.spin, abs=1e-7)
     wall = kd.Plane(hit.ball_after.position + plan.goal.target, -plan.goal.ahead, "centre")

@@ -34,7 +34,7 @@ def test_late_and_beside():
         late
     )
     high = kd.plan_kick(LEG, kd.Goal((30, 0, 5), time=1.3), BALL, AIR)
-    assert high.path.status == "at plane"
+    assert high.path.status == "at-plane"
     assert f"late, {high.landing_error:.3g} m from it." in verdict(high)
     stops = kd.plan_kick(kd.Leg.testbed(), kd.Goal(40, time=9), BALL, AIR, surface="turf")
     assert f"stops {stops.path.distance:.4g} m away" in verdict(stops)

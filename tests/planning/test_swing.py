@@ -170,7 +170,7 @@ def test_too_weak_a_leg_gets_the_most_of_it_and_the_joint_at_fault(plan):
     assert swing.backswing.sample(0.0).v[0] == pytest.approx(swing.share * plan.v, abs=1e-9)
     after = swing.follow_through.sample(0.0).v[0]
     assert after == pytest.approx(swing.share * plan.hit.v_after, abs=1e-9)
-    hit = kd.strike(HUMAN, plan.q, swing.share * plan.v, BALL, plan.impact_target.contact)
+    hit = kd.strike(HUMAN.posture(plan.q), swing.share * plan.v, BALL, plan.impact_target.contact)
     assert hit.v_after == pytest.approx(after, abs=1e-9)  # a strike scales
     for stronger in (weaker(66.0), weaker(60.0, knee=231.0)):
         other = kd.plan_swing(stronger, plan, longest=0.2, nodes=12)

@@ -4,7 +4,6 @@ import importlib.util
 import subprocess
 import sys
 import tarfile
-import types
 import zipfile
 from pathlib import Path
 
@@ -64,16 +63,33 @@ def test_the_sdist_can_test_itself(built):
     assert {Path(name) for name in wanted.split()} <= rooms
 
 
+def test_type_checkers_find_the_names_in_the_wheel(built):
+    with zipfile.ZipFile(built[0]) as wheel:
+        assert {"kickdyn/py.typed", "kickdyn/__init__.pyi"} <= set(wheel.namelist())
+
+
+def test_the_import_is_clean_and_loads_nothing_heavy():
+    code = "import kickdyn, sys; print({'numpy', 'numba', 'pinocchio'} & sys.modules.keys())"
+    command = [sys.executable, "-W", "error", "-c", code]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert (ended.stdout, ended.stderr) == ("set()\n", "")
+
+
 def test_no_public_name_hides_a_module():
     for name in dir(kd):
-        if not name.startswith("_") and importlib.util.find_spec(f"kickdyn.{name}"):
-            assert isinstance(getattr(kd, name), types.ModuleType), name
+        assert importlib.util.find_spec(f"kickdyn.{name}") is None, name
 
 
 def test_a_star_brings_every_public_name():
     names: dict[str, object] = {}
     exec("from kickdyn import *", names)
-    public = {name for name in dir(kd) if name[0].isupper() or callable(getattr(kd, name))}
-    public = {n for n in public if getattr(getattr(kd, n), "__module__", "").startswith("kickdyn.")}
-    assert public <= names.keys()
-    assert {"Leg", "strike", "plan_kick", "open_sweep"} <= public
+    assert {"Leg", "strike", "plan_kick", "sweep", "open_sweep"} <= names.keys()
+    assert all(
+        value.__module__.startswith("kickdyn.") for name, value in names.items() if name in dir(kd)
+    )
+
+
+def test_the_list_of_public_names_is_sorted():
+    lines = (ROOT / "kickdyn" / "__init__.pyi").read_text().splitlines()
+    imports = [line for line in lines if line.startswith("from")]
+    assert imports == sorted(imports)

@@ -15,6 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.ballistic import time_to_fall
 from kickdyn.flight.bounce import bounce
+from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.forces import GRAVITY, downward, forces
@@ -84,13 +85,13 @@ def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) ->
         if landed is None:
             break
         clock += float(landed.time)
-        if status == "at plane":
+        if status == FlightStatus.AT_PLANE:
             end = BallState(landed.position, landed.velocity, landed.spin, clock)
             return CoarseEnd(end, status, evaluations)
         state = bounce(landed, ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
             rest, more = _roll_out(state, environment, surface, steps, clock)
-            return CoarseEnd(rest, "at rest", evaluations + more)
+            return CoarseEnd(rest, FlightStatus.AT_REST, evaluations + more)
     return CoarseEnd(None, "", evaluations)
 
 
@@ -110,7 +111,7 @@ def coarse_path(
         return CoarseEnd(None, "", 0), nodes
     if drop <= 0.0 and rise <= 0.0:
         end = BallState(launch.position, launch.velocity, launch.spin)
-        return CoarseEnd(end, "landed", 0), nodes
+        return CoarseEnd(end, FlightStatus.LANDED, 0), nodes
     drop, g = max(drop, 0.0), downward(ball, air)
     heights = [_height((0.0, 0.0, 1.0), drop)]
     longest = time_to_fall(rise, drop, g)
@@ -145,7 +146,7 @@ def coarse_path(
         position = launch.position + np.array(node[:3])
         velocity, spin = np.array(node[3:6]), node[6] * launch.spin
         end = BallState(position, velocity, spin, number * step + late)
-        return CoarseEnd(end, ("landed", "at plane")[which], evaluations), nodes
+        return CoarseEnd(end, (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which], evaluations), nodes
     return CoarseEnd(None, "", evaluations), nodes
 
 

@@ -11,7 +11,7 @@ from kickdyn.contact import Contact
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import GRAVITY
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.robot.posture import Posture
 from kickdyn.scene.envelope import LaunchError
 from kickdyn.scene.scene import Scene
@@ -83,7 +83,7 @@ def _strike(
     scene: Scene, posture: Posture, v: np.ndarray, contact: Contact, law: str = "newton"
 ) -> Impact:
     """Return the instantaneous impact of another posture, velocity, contact or law."""
-    return strike_at(
+    return strike(
         posture,
         v,
         scene.ball,

@@ -12,7 +12,7 @@ import numpy as np
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.flight_result import Flight, FlightStatus
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.flight.forces import is_ballistic
@@ -20,7 +20,7 @@ from kickdyn.impact.uncertainty import Uncertainty
 from kickdyn.scene.coarse_flight import coarse_end, refuses_extrapolation
 from kickdyn.scene.scene import FlightEnvironment
 
-ENDS = ("landed", "at plane", "at rest")
+ENDS = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT_REST)
 """Statuses of a path that has an end; any other says why the integration was given up."""
 
 FINEST = 1e-9

@@ -16,6 +16,7 @@ from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
+from kickdyn.plane import ReachedBy
 from kickdyn.robot.example_robots import ROBOTS
 from kickdyn.scene.scene import compliant_contact_faults
 
@@ -153,7 +154,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
     "plane": {
         "point_m": _vector("m"),
         "normal": _direction,
-        "reached_by": _choice("front", "centre", "back"),
+        "reached_by": _choice(*ReachedBy),
     },
     "uncertainty": {key: _number(unit, at_least=0.0) for key, (_, unit, _) in UNCERTAINTY.items()},
 }

@@ -13,7 +13,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.scene.contact_drift import contact_drift
 from kickdyn.scene.effects import Effect, EffectVerdict, effects_of, judge_effects, leave_out
 from kickdyn.scene.envelope import EXACT, Envelope
@@ -168,7 +168,7 @@ def _result(
 
 def _strike(scene: Scene) -> Impact:
     """Return the impact of an instant."""
-    return strike_at(
+    return strike(
         scene.posture,
         scene.v,
         scene.ball,
@@ -182,8 +182,7 @@ def _strike(scene: Scene) -> Impact:
 def _collide(scene: Scene, tol: float) -> Collision:
     """Return the impact that takes time, at a relative tolerance."""
     return collide(
-        scene.leg,
-        scene.q,
+        scene.posture,
         scene.v,
         scene.ball,
         scene.contact,

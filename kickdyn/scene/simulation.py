@@ -32,7 +32,7 @@ class Simulation(Printed):
         launch: the ball as it leaves the foot.
         end: where its path ends: on the ground, at the height of the launch, at the plane, or at
             rest on a ground with a surface. Its time counts from the launch.
-        status: which of them: `landed`, `at plane` or `at rest`. Any other status, as of `Flight`
+        status: which of them: `landed`, `at-plane` or `at-rest`. Any other status, as of `Flight`
             and `Course`, says why the path has no end; `end` is then its last state.
         path: the flight or the course; None where large steps were used.
         verdicts: on each effect of the scene.

@@ -15,7 +15,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.robot.posture import Posture
 from kickdyn.sweeps.speed_use import least_use, least_used, speed_use
 
@@ -98,6 +98,6 @@ def kick_from(posture: Posture, kick: Kick) -> Outcome:
     use = least_use(posture, wish)
     if use <= 1 < speed_use(posture, v):
         v = least_used(posture, wish)
-    hit = strike_at(posture, v, kick.ball, kick.contact)
+    hit = strike(posture, v, kick.ball, kick.contact)
     path = fly(hit.ball_after, kick.ball, kick.air)
     return Outcome(posture, "ok" if use <= 1 else "too fast", use, hit, path.range)

@@ -12,7 +12,7 @@ from kickdyn.scene.flight_end import CONTACT_SAFETY
 
 def struck(scene):
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
-    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.contact)
+    parts = (scene.posture, scene.v, scene.ball, scene.contact)
     return kd.strike(*parts, **motion), lambda tol: kd.collide(
         *parts, contact_time=scene.contact_time, tol=tol, **motion
     )

@@ -47,8 +47,8 @@ def folder(tmp_path):
     (robot / "loop.stl").symlink_to(robot / "loop.stl")
     (robot / "junk.stl").write_bytes(b"junk")
     (robot / "junk.dae").write_bytes(b"junk")
-    (robot / "empty.stl").contact()
-    (robot / "box.urdf").contact()
+    (robot / "empty.stl").touch()
+    (robot / "box.urdf").touch()
     (robot / "folder.stl").mkdir()
     os.mkfifo(robot / "pipe.stl")
     return robot

@@ -146,7 +146,9 @@ def coarse_path(
         position = launch.position + np.array(node[:3])
         velocity, spin = np.array(node[3:6]), node[6] * launch.spin
         end = BallState(position, velocity, spin, number * step + late)
-        return CoarseEnd(end, (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which], evaluations), nodes
+        return CoarseEnd(
+            end, (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which], evaluations
+        ), nodes
     return CoarseEnd(None, "", evaluations), nodes
 
 

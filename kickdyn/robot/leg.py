@@ -82,6 +82,7 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: Array | None = None,
     ) -> None:
         super().__init__(model.copy())
+        self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self.frame, self.urdf = frame, urdf
         self.frame_id = frame_id(self._model, frame)
@@ -171,20 +172,21 @@ class Leg(JointTable, ReprMixin):
 
         Args:
             model: with sound inertias, and mass that moves with every joint; on a fixed base, or
-                with a `JointModelFreeFlyer` as its first joint. Its gravity must be
-                (0, 0, -9.81) m/s2, which is Pinocchio's default.
+                with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0, -9.81) m/s2,
+                as the ball's in flight, or zero, which turns weight off for joint torques and
+                while `collide` follows the contact.
             frame: name of one of its frames.
 
         Raises:
-            InvalidInput: not a model, an unsound inertia or placement, another gravity (zero
-                included), or no such frame.
+            InvalidInput: not a model, an unsound inertia or placement, another gravity, or no such
+                frame.
         """
         if not isinstance(model, pin.Model):
             raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
-        if model.gravity.vector.tolist() != [0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0]:
+        if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
             raise InvalidInput(
                 f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
-                f"-{GRAVITY:g}) m/s2, with which the ball flies (an impact does not depend on it)"
+                f"-{GRAVITY:g}) m/s2, with which the ball flies, or zero"
             )
         check_model(model)
         return cls(model, frame)
@@ -292,7 +294,7 @@ class Leg(JointTable, ReprMixin):
     def model(self) -> Any:
         """A copy of the `pin.Model`; what is changed there does not change this leg."""
         model = self._model.copy()
-        model.gravity = pin.Motion(np.array([0.0, 0.0, -GRAVITY]), np.zeros(3))
+        model.gravity = self._gravity.copy()
         return model
 
     @property

@@ -100,8 +100,8 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         empty = mass == 0.0 and not moments.any()
         if not (np.isfinite([mass, *body.lever, *moments.flat]).all() and (mass > 0 or empty)):
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above 0, "
-                "mass, centre and moments finite"
+                f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
+                "0, and mass, centre and moments finite"
             )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
@@ -122,8 +122,8 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
             moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(body.inertia))
             raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (principal moments {moments} kg m2): none "
-                "may be negative or exceed the sum of the others (triangle inequality)"
+                f"joint {name!r} moves an unsound inertia (principal moments {moments} kg m2): "
+                "none may be negative or exceed the sum of the others (triangle inequality)"
             )
 
 

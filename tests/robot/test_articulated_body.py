@@ -63,7 +63,9 @@ def test_it_is_what_the_joint_space_inertia_says(first, seed):
 
 @pytest.mark.parametrize("lengths", [(0.1, 1, 1), (0.01, 1, 1), (1e-3, 1e3, 1), (1, 1e-3, 1e3)])
 def test_a_short_link_costs_no_digits(lengths):
-    hit = kd.strike(chain(lengths).posture(BENT), SPEEDS, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, 0.4))
+    hit = kd.strike(
+        chain(lengths).posture(BENT), SPEEDS, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, 0.4)
+    )
     exact = exact_impact(*given(hit))
     for name, found in answers(hit).items():
         assert exact[name].error(found) < 2e-14, name

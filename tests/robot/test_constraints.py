@@ -101,7 +101,7 @@ def test_an_open_loop_is_refused_with_its_gap():
         for side in ("left", "right")
     ]
     gap = np.linalg.norm(hands[0].contact_point - hands[1].contact_point)
-    with pytest.raises(kd.InvalidInput, match=rf"is open by {gap:.6g} m in Posture\(g1.*close_loops"):
+    with pytest.raises(kd.InvalidInput, match=rf"open by {gap:.6g} m in Posture\(g1.*close_loops"):
         leg.posture(q)
 
 

@@ -110,12 +110,12 @@ def test_mimic_joints_are_refused(spoil):
         kd.Leg.from_model(model, "toe")
 
 
-@pytest.mark.parametrize("other", [0.0, -1.62, 9.81, math.nan, math.inf])
+@pytest.mark.parametrize("other", [-1.62, 9.81, math.nan, math.inf])
 def test_another_gravity_is_refused(other):
     """The ball would fly with 9.81 m/s2, whatever the model says."""
     model = arm()
     model.gravity = pin.Motion(np.array([0, 0, other]), np.zeros(3))
-    with pytest.raises(kd.InvalidInput, match=r"^gravity of the model is .*: it must be \(0, 0, -9"):
+    with pytest.raises(kd.InvalidInput, match=r"^gravity of .* must be \(0, 0, -9.81\)"):
         kd.Leg.from_model(model, "toe")
 
 
@@ -159,8 +159,10 @@ def test_leg_is_its_own():
             array[0] = 0
 
 
-def test_model_comes_back_with_its_gravity():
+@pytest.mark.parametrize("gravity", [-9.81, 0.0])
+def test_model_comes_back_with_its_gravity(gravity):
     model = arm()
+    model.gravity = pin.Motion(np.array([0, 0, gravity]), np.zeros(3))
     leg = kd.Leg.from_model(model, "toe")
     assert leg.model.gravity == model.gravity
     assert leg.workspace.model.gravity == pin.Motion.Zero()  # an impact knows none

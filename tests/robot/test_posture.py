@@ -241,7 +241,14 @@ def test_q_is_copied_and_nothing_can_be_written():
     posture = LEGS["human"][0].posture(q)
     q[:] = 9
     assert posture.q.tolist() == Q
-    arrays = ("q", "contact_point", "jacobian", "inertia", "rotation_world_joint", "whitened_jacobian")
+    arrays = (
+        "q",
+        "contact_point",
+        "jacobian",
+        "inertia",
+        "rotation_world_joint",
+        "whitened_jacobian",
+    )
     for name in arrays:
         with pytest.raises(ValueError, match="read-only"):
             getattr(posture, name)[0] = 1

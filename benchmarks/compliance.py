@@ -39,7 +39,7 @@ def through_time(milliseconds: float, leg: kd.Leg = LEG, **options: object) -> k
 
 def order() -> None:
     """Print the way to the limit."""
-    print("| stiffness [N/m^1.5] | contact [ms] | impulse apart [N s] | of it | order in k |")
+    print("| stiffness [N/m^1.5] | contact [ms] | impulse difference [N s] | relative | order in k |")
     print("| ---: | ---: | ---: | ---: | ---: |")
     size, last = math.hypot(*INSTANT.impulse), None
     for milliseconds in 10.0 / 4.0 ** np.arange(7):
@@ -56,7 +56,7 @@ def order() -> None:
 def price() -> None:
     """Print the difference at the contact times of real balls."""
     heading = ("contact [ms]", "stiffness [N/m^1.5]", "peak force [N]", "deflection [mm]")
-    heading += ("foot moves [mm]", "impulse", "ball speed", "launch turned [deg]", "energy lost")
+    heading += ("foot moves [mm]", "impulse", "ball speed", "direction difference [deg]", "energy lost")
     print("| " + " | ".join(heading) + " |\n|" + " ---: |" * len(heading))
     for milliseconds in (8.0, 10.0, 12.0):
         hit = through_time(milliseconds)
@@ -77,10 +77,10 @@ def price() -> None:
 def motions() -> None:
     """Print what other ways of the leg to the same foot velocity pay, at the stiffness of 10 ms."""
     print(
-        "| hip, knee, ankle [deg] | v [rad/s] | of the speed limits | impulse | ball speed |",
+        "| hip, knee, ankle [deg] | v [rad/s] | share of the speed limits | impulse | ball speed |",
         end="",
     )
-    print(" launch turned [deg] |\n|" + " ---: |" * 6)
+    print(" direction difference [deg] |\n|" + " ---: |" * 6)
     upright = LEG.posture(np.radians([5.0, 10.0, -5.0]))
     for posture, v in (
         (POSTURE, V),
@@ -110,8 +110,8 @@ def causes() -> None:
     print("| 10 ms | contact [ms] | impulse | ball speed |\n| --- | ---: | ---: | ---: |")
     for name, hit in (
         ("no joint torque", usual),
-        ("and no gravity", through_time(10.0, still)),
-        ("every joint with a tenth of its effort limit, along its motion", pushed),
+        ("no joint torque, no gravity", through_time(10.0, still)),
+        ("every joint with a tenth of its torque limit, along its motion", pushed),
     ):
         impulse = math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1
         speed = float(hit.ball_after.speed) / float(INSTANT.ball_after.speed) - 1

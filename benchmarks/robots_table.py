@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS
 
 ATTACK = np.array([np.cos(np.radians(30)), 0.0, np.sin(np.radians(30))])
 CONTACT = kd.Contact(ATTACK, restitution=0.8)

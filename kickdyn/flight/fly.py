@@ -13,10 +13,11 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.ballistic import ballistic, time_to_fall
 from kickdyn.flight.flight_result import Flight
-from kickdyn.flight.forces import GRAVITY, STILL, brakes, downward, is_ballistic
+from kickdyn.flight.forces import STILL, brakes, downward, is_ballistic
 from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until
 from kickdyn.flight.state_layout import Motion
 from kickdyn.flight.tolerances import tolerances

@@ -5,7 +5,8 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.forces import GRAVITY, downward, forces, is_ballistic
+from kickdyn.core.vectors import GRAVITY
+from kickdyn.flight.forces import downward, forces, is_ballistic
 
 BALL = kd.Ball(mass=0.4, radius=0.12)
 

@@ -16,12 +16,12 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
+from kickdyn.flight.flight_result import outside_ranges
 from kickdyn.flight.fly import MAX_SPEED, check_scene
 from kickdyn.flight.forces import downward
 from kickdyn.flight.march import march
 from kickdyn.flight.steps import ALOFT, FAILED, LANDED
 from kickdyn.flight.tolerances import tolerances
-from kickdyn.flight.validity_ranges import left_by
 from kickdyn.ground import Ground
 
 STATUSES = ("landed", "aloft", "failed")
@@ -194,7 +194,7 @@ def _outside(
         (launch + flown[:, 3], flown[:, 4:7], flown[:, 7:8]),
         (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
     ):
-        for _, out in left_by(height, velocity, share * spin, ball, air):
+        for _, out in outside_ranges(height, velocity, share * spin, ball, air):
             left[rows] |= out
     left[~(nodes[:, 0] > 0.0)] = False  # failed: nobody knows; or never flew
     return left

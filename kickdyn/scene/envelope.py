@@ -10,8 +10,7 @@ from typing import NamedTuple
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.flight.forces import GRAVITY
+from kickdyn.flight.forces import GRAVITY, time_to_fall
 from kickdyn.scene.coarse_flight import FlightEnvironment, State, coarse_path, drop_of
 
 STEPS = 4

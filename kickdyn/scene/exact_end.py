@@ -69,5 +69,5 @@ def followed(launch: BallState, way: FlightEnvironment, tol: float) -> End:
         return 2.0 * float(np.linalg.norm(finer.rest.position - course.rest.position))
 
     calls = sum(flight.evaluations for flight in course.flights)
-    calls += sum(glide.evaluations for glide in course.glides)
+    calls += sum(phase.evaluations for phase in course.ground_phases)
     return End(course.rest, course.status, course, f"followed, tol {tol:g}", calls, again)

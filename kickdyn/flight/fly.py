@@ -76,7 +76,9 @@ def fly(
     check_launch(state, ball, air, ground, plane)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    ends = _Ends(_drop(state, ball, ground), wall_of(plane, ball, state), time_limit)
+    ends = _Ends(
+        float(drops(state.position, ball, ground)), wall_of(plane, ball, state), time_limit
+    )
     if air is None or _has_closed_form(state, ball, air, ends.drop):
         solution = _closed_form(state, downward(ball, air), ends)
     else:
@@ -133,17 +135,28 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
     return None if plane is None else (plane.normal, plane.gap(ball, state.position))
 
 
-def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
-    """Return how far below the launch the flight ends [m]."""
+def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
+    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
+
+    Args:
+        position: of the ball's centre at the launch, shape `(3,)` or `(n, 3)` [m, world frame].
+        ball: what flies.
+        ground: where flights end; None ends them at the height of the launch.
+
+    Raises:
+        InvalidInput: a ball starts inside the ground.
+    """
     if ground is None:
-        return 0.0
-    gap = float(state.position[2]) - ball.radius - ground.height
-    if gap < -1e-9 * max(ball.radius, abs(ground.height)):  # more than rounding
+        return np.zeros(position.shape[:-1])
+    gap = position[..., 2] - ball.radius - ground.height
+    inside = np.flatnonzero(gap < -1e-9 * max(ball.radius, abs(ground.height)))  # not by rounding
+    if inside.size:
+        which = f"flight {inside[0]}" if gap.ndim else "the ball"
         raise InvalidInput(
-            f"the ball starts {-gap:g} m inside the ground: its centre must be at or above "
-            f"{ground.height + ball.radius:g} m"
+            f"{which} starts {-gap.flat[inside[0]]:g} m inside the ground: the ball's centre must "
+            f"be at or above {ground.height + ball.radius:g} m"
         )
-    return max(gap, 0.0)
+    return np.maximum(gap, 0.0)
 
 
 def _has_closed_form(state: BallState, ball: Ball, air: Air, drop: float) -> bool:

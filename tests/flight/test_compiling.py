@@ -16,9 +16,10 @@ FLIGHTS = """
 import sys
 import numba
 import kickdyn as kd
-from kickdyn.flight.batch import march  # kept where it always is
+from kickdyn.flight.march import compiled_march
 from kickdyn.flight.compiling import compiled_rates
 
+compiled_march()  # kept where it always is
 numba.config.CACHE_DIR = sys.argv[1]
 
 def model(level):
@@ -73,7 +74,8 @@ def test_a_file_of_the_working_directory_does_not_say_where_code_is_kept(tmp_pat
     (tmp_path / ".numba_config.yaml").write_text("cache_dir: planted\n")
     script = (
         "import kickdyn, numba\n"
-        "from kickdyn.flight.batch import march\n"
+        "from kickdyn.flight.march import compiled_march\n"
+        "compiled_march()\n"
         "numba.config.reload_config()\n"
         "print([numba.config.CACHE_DIR])\n"
     )

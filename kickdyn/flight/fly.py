@@ -13,11 +13,11 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
 from kickdyn.flight.forces import (
-    GRAVITY,
     STILL,
     ballistic,
     brakes,

@@ -22,9 +22,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
-
-GRAVITY = 9.81
-"""[m/s2], the paper's."""
+from kickdyn.core.vectors import GRAVITY
 
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""

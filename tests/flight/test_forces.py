@@ -8,14 +8,8 @@ from mpmath import mp, mpf
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.forces import (
-    GRAVITY,
-    ballistic,
-    downward,
-    forces,
-    is_ballistic,
-    time_to_fall,
-)
+from kickdyn.core.vectors import GRAVITY
+from kickdyn.flight.forces import ballistic, downward, forces, is_ballistic, time_to_fall
 
 BALL = kd.Ball(mass=0.4, radius=0.12)
 

@@ -19,9 +19,10 @@ from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
 from kickdyn.planning.free_kick import OVER, Wall, scored
-from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import OutOfReach, plan_kick
+from kickdyn.planning.goal import Arc, Goal
+from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.plan_report import (
     aftermath,
@@ -63,7 +64,7 @@ knees are bent, by 52 degrees if it stood on that foot."""
               "distance, and say whether the ball goes in.")  # fmt: skip
 @click.option("--pass", "surface", metavar="SURFACE", type=click.Choice(list(SURFACES)),
               help="Play the ball along the ground in --time, on turf, carpet...")  # fmt: skip
-@click.option("--arc", default="low", show_default=True, type=click.Choice(["low", "high"]),
+@click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Which, where two launches meet the goal.")  # fmt: skip
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
               show_default=True, help="One of ours, a URDF file, or a robot by name, such as g1: "
@@ -180,7 +181,7 @@ def plan(
         ball_height=ball_height,
         ball_at=ball_position,
         limits=not no_limits,
-        arc="high" if arc == "high" else "low",
+        arc=arc,
         surface=surface,
         swing=swing,
     )
@@ -192,7 +193,7 @@ def plan(
             swung = plan_swing(leg, planned) if swing else None
     except OutOfReach as error:
         if json_file is not None:
-            write_json(json_file, unreachable_json(goal, error.found))
+            write_json(json_file, unreachable_json(goal, error))
         raise
     said = [verdict(planned)]
     if spread is not None:

@@ -17,7 +17,7 @@ from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.strike import strike
 from kickdyn.planning.equations import Equations, Objective
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.launch_result import Launch
+from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
 from kickdyn.robot.posture import Posture
 

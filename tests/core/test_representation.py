@@ -33,11 +33,9 @@ ANSWERS = {
     "Collision": kd.collide(POSTURE, HIT.v_before, kd.Ball(), TOUCH, tol=1e-6),
     "Flight": kd.fly(LAUNCH, kd.Ball()),
     "Course": COURSE,
-    "LaunchPlan": kd.plan_launch(20, 1.5, kd.Ball()),
-    "Launches": kd.plan_launches(GOAL, kd.Ball()),
-    "Launch": kd.plan_launches(GOAL, kd.Ball()).solutions[0],
+    "Launch": kd.plan_launch(GOAL, kd.Ball()),
     "KickPlan": kd.plan_kick(POSTURE.leg, GOAL, kd.Ball()),
-    "Pass": kd.plan_pass((8, 0), 2.0, kd.Ball()),
+    "Pass": kd.plan_pass(kd.Goal(8, time=2.0), kd.Ball()),
 }
 NOUNS = {
     "Posture": POSTURE,

@@ -17,7 +17,7 @@ FIELD = 44.0
 
 UP = math.tan(math.radians(FIELD / 2))
 LEFT, RIGHT = 0.9 * UP, 1.6 * UP
-"""Slopes within which the scene lies, of a picture 16 wide and 9 high with a caption at its left."""
+"""Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
 TOP, BOTTOM = 0.85 * UP, 0.88 * UP
 SHARE = 0.36
@@ -53,7 +53,7 @@ class Camera:
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
 
     def project(self, point: Array) -> Array:
-        """Return a point of the scene in the picture: right and up, over its depth, shape `(2,)`."""
+        """Return where the picture shows a point: right and up, over its depth, shape `(2,)`."""
         into = self.target - self.position
         into = into / np.linalg.norm(into)
         right = np.cross(into, (0.0, 0.0, 1.0))

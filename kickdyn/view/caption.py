@@ -1,17 +1,19 @@
-"""The panel of HTML beside the picture: the numbers of a kick."""
+"""The numbers of a kick: as a panel of HTML beside the picture, and of a scene as JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.impulses import JOINT, LEAST
+from kickdyn.scene.simulation import Simulation
+from kickdyn.view.impulses import JOINT, LEAST, joint_impulses_in_world
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
@@ -50,9 +52,7 @@ def kick_panel(impact: Impact, path: Flight | Course, pace: Pace, stripe: float,
 def panel_of(title: str, rows: Sequence[Row], text: str = "", end: str = "") -> str:
     """Return a panel: a title and a line of plain text, a table of HTML, and more HTML."""
     line = f"<p>{escape(text)}</p>\n" if text else ""
-    return (
-        f'<aside id="caption">\n<h1>{escape(title)}</h1>\n{line}{_table(rows)}\n{end}</aside>'
-    )
+    return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n{line}{_table(rows)}\n{end}</aside>'
 
 
 def _table(rows: Sequence[Row]) -> str:
@@ -148,3 +148,33 @@ def _pace(pace: Pace) -> str:
 def _times(slower: float) -> str:
     """Return a factor of time in words."""
     return f"{slower:.3g} times slower" if slower >= 1 else f"{1 / slower:.3g} times faster"
+
+
+def scene_numbers(simulation: Simulation, impact: Impact) -> dict[str, Any]:
+    """Return the numbers of a scene for JSON: SI units, joint angles in degrees as given."""
+    leg, after, end = impact.posture.leg, impact.ball_after, simulation.end
+    angles = leg.angles_deg(impact.posture.q)
+    impulses = joint_impulses_in_world(impact)
+    bounds = {v.effect: _finite(v.bound) for v in simulation.verdicts if not v.modelled}
+    return {
+        "scene": simulation.scene.name,
+        "leg": leg.name,
+        "frame": leg.frame,
+        "angles": {name: round(angle, 9) + 0.0 for name, angle in angles.items()},
+        "impulse": impact.impulse.tolist(),
+        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
+        "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
+        "ball_velocity": after.velocity.tolist(),
+        "ball_spin": after.spin.tolist(),
+        "launch_angle": float(after.elevation),
+        "end": end.position.tolist(),
+        "time": float(end.time),
+        "error": _finite(simulation.error),
+        "warnings": list(simulation.warnings),
+        "left_out": bounds,
+    }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None where it is not finite."""
+    return value if math.isfinite(value) else None

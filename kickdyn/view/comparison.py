@@ -48,7 +48,9 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
         InvalidInput: no flight, or too many.
     """
     _check_count(paths)
-    curves = [path.sample(np.linspace(0, path.duration, POINTS)).position for path in paths.values()]
+    curves = [
+        path.sample(np.linspace(0, path.duration, POINTS)).position for path in paths.values()
+    ]
     points = np.vstack(curves)
     first = next(iter(paths.values()))
     start = first.launch.position
@@ -70,7 +72,10 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
     floor = np.array([*start[:2], points[:, 2].min() - radius])
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
     rows = [
-        (f'<span class="key" style="background:#{colour:06x}"></span> {escape(name)}', _length(path))
+        (
+            f'<span class="key" style="background:#{colour:06x}"></span> {escape(name)}',
+            _length(path),
+        )
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
     ]
     return panel_of(title, [*rows, ("stripes", f"{stripe:g} m")])
@@ -101,9 +106,8 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     figures = []
     for number, impact in enumerate(impacts.values()):
         leg = draw_leg(viewer[f"{number}/leg"], impact.posture.leg, impact.posture.q)
-        figures.append(
-            np.vstack([leg, box_corners(impact.ball_before.position[None], impact.ball.radius)])
-        )
+        ball, radius = impact.ball_before.position, impact.ball.radius
+        figures.append(np.vstack([leg, ball - radius, ball + radius]))
     size = max(float(np.ptp(figure, axis=0).max()) for figure in figures)
     scale = LONGEST * size / most if most > 0 else 0.0
     tips = [impact.posture.contact_point + scale * impact.impulse for impact in impacts.values()]

@@ -91,7 +91,7 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
         )
         svg = (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * half}" height="{2 * middle}">'
-            f'{line if self.row else ""}'
+            f"{line if self.row else ''}"
             f'<rect x="{x}" y="{y - high / 2:g}" width="{wide}" height="{high}" rx="10" '
             f'fill="#ffffff" fill-opacity="0.88" stroke="#{self.colour:06x}" stroke-width="4"/>'
             f'<text x="{x + wide / 2}" y="{y + 0.2 * PIXELS:g}" text-anchor="middle" '
@@ -125,7 +125,8 @@ class LabelLayout:
         ahead = np.zeros(2) if start is None else seen - self._camera.project(start)
         left = bool(ahead[0] < 0.0)
         for row in ROWS:
-            for side in (left, not left):
+            # At the other side a label beside the tip would cover the arrow.
+            for side in (left, not left) if abs(row) >= 1 or start is None else (left,):
                 label = Label(text, colour, row=-row if ahead[1] < 0.0 else row, left=side)
                 centre, half = label.frame
                 if self._is_free(seen + centre, half):

@@ -33,7 +33,7 @@ UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
 
 
 def cylinder_pose(start: Array, end: Array) -> Array:
-    """Return the pose that lays meshcat's cylinder from `start` to another point `end`, `(4, 4)`."""
+    """Return the pose that lays meshcat's cylinder between two points, shape `(4, 4)`."""
     axis = np.asarray(end) - start
     y = axis / np.linalg.norm(axis)
     x = np.cross(y, np.eye(3)[np.argmin(np.abs(y))])
@@ -161,7 +161,7 @@ def _overlay(colour: int) -> Any:
 
 
 def draw_ball(viewer: Any, radius: float) -> None:
-    """Draw a ball around the origin of `viewer`: dark pentagons and light hexagons show its spin."""
+    """Draw a ball around the origin of `viewer`, in panels that show its spin."""
     for name, colour in (("hexagons", HEXAGON), ("pentagons", PENTAGON)):
         vertices, faces = _panels()[name]
         mesh = shapes.TriangularMeshGeometry(radius * vertices, faces)

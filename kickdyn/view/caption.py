@@ -71,8 +71,8 @@ def _angles(impact: Impact) -> dict[str, str]:
     if leg.nv != len(leg.joint_names):
         return {}
     return {
-        _name(name): f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°"
-        for name, value in leg.angles_deg(impact.posture.q).items()
+        _name(name): f"{value:.4g} m" if unit == "m" else f"{value:.1f}°"
+        for name, (value, unit) in leg.display_values(impact.posture.q).items()
     }
 
 
@@ -153,14 +153,16 @@ def _times(slower: float) -> str:
 def scene_numbers(simulation: Simulation, impact: Impact) -> dict[str, Any]:
     """Return the numbers of a scene for JSON: SI units, joint angles in degrees as given."""
     leg, after, end = impact.posture.leg, impact.ball_after, simulation.end
-    angles = leg.angles_deg(impact.posture.q)
     impulses = joint_impulses_in_world(impact)
     bounds = {v.effect: _finite(v.bound) for v in simulation.verdicts if not v.modelled}
     return {
         "scene": simulation.scene.name,
         "leg": leg.name,
         "frame": leg.frame,
-        "angles": {name: round(angle, 9) + 0.0 for name, angle in angles.items()},
+        "angles": {
+            name: round(value, 9) + 0.0
+            for name, (value, _) in leg.display_values(impact.posture.q).items()
+        },
         "impulse": impact.impulse.tolist(),
         "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
         "foot_speed": float(np.linalg.norm(impact.foot_velocity)),

@@ -14,7 +14,7 @@ from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, len
 from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.contact import Contact
 from kickdyn.core.vectors import cross
-from kickdyn.flight.ballistic import time_to_fall
+from kickdyn.flight.forces import time_to_fall
 from kickdyn.sweeps.exact_sum import ExactSum
 
 

@@ -22,8 +22,7 @@ from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.pinocchio_impact import engine_strike
 from kickdyn.impact.strike import strike
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 FOOT_SPEED = 10.0  # m/s
 CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s

@@ -63,8 +63,7 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "effects": [
             verdict._asdict() | {"bound": _finite(verdict.bound)} for verdict in answer.verdicts
         ],
-        "notes": list(answer.scene.notes),
-        "warnings": list(answer.warnings),
+        "warnings": [*answer.scene.notes, *answer.warnings],
     }
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,14 +14,12 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 RANGE_MARGIN = 1e-6
 """A joint may exceed its range by this much without a note [deg; m]."""
@@ -48,7 +45,7 @@ class FlightEnvironment(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Scene(ReprMixin, ReadOnly):
+class Scene(ReprMixin):
     """One kick, from the posture of the leg to the end of the ball's path.
 
     Args:
@@ -136,9 +133,9 @@ class Scene(ReprMixin, ReadOnly):
             air=air,
             ground=ground,
             plane=plane,
-            uncertainty=MappingProxyType(validation.mapping("uncertainty", uncertainty)),
+            uncertainty=validation.mapping("uncertainty", uncertainty),
             name=name,
-            posture=posture.touched_at(contact.offset),
+            posture=posture.with_contact_offset(contact.offset),
             **arrays,
         )
 
@@ -165,12 +162,11 @@ class Scene(ReprMixin, ReadOnly):
     def notes(self) -> tuple[str, ...]:
         """A line for each joint outside its range: the kick is computed all the same."""
         lines = []
-        for joint, value in self.leg.angles_deg(self.q).items():
+        for joint, (value, unit) in self.leg.display_values(self.q).items():
             low, high = self.leg.joint_range(joint)
-            unit = self.leg.joint_unit(joint)
             continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
-            if unit == "rad":
-                low, high, unit = math.degrees(low), math.degrees(high), "deg"
+            if unit == "deg":
+                low, high = math.degrees(low), math.degrees(high)
             if not (continuous or low - RANGE_MARGIN <= value <= high + RANGE_MARGIN):
                 lines.append(
                     f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"

@@ -1,4 +1,4 @@
-"""The pages tell the truth: snippets print what they say, and every public name is explained."""
+"""The snippets of the pages print the outputs that they show; the API has every public name."""
 
 import ast
 import contextlib
@@ -26,7 +26,7 @@ def comparable(text):
 
 
 @pytest.mark.parametrize("page", SNIPPETS, ids=lambda page: page.stem)
-def test_snippets_print_what_is_said(page, tmp_path):
+def test_snippets_print_the_outputs_shown(page, tmp_path):
     """Blocks of a page run one after the other, as a reader would run them."""
     for folder in ("urdf", "scenes"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
@@ -37,7 +37,7 @@ def test_snippets_print_what_is_said(page, tmp_path):
     printed = None
     for kind, text in blocks:
         if kind == "python":
-            assert not (printed or "").strip(), f"nothing says that this prints: {printed}"
+            assert not (printed or "").strip(), f"no output block shows: {printed}"
             out = io.StringIO()
             with contextlib.redirect_stdout(out), contextlib.chdir(tmp_path):
                 exec(compile(text, page.name, "exec"), names)
@@ -45,19 +45,19 @@ def test_snippets_print_what_is_said(page, tmp_path):
         elif kind == "text" and printed is not None:
             assert comparable(printed) == comparable(text)
             printed = None
-    assert not (printed or "").strip(), f"nothing says that this prints: {printed}"
+    assert not (printed or "").strip(), f"no output block shows: {printed}"
 
 
 def test_every_public_name_is_in_the_api():
-    source = Path(kickdyn.__file__).read_text("utf-8")
-    public = set(re.findall(r"import \w+ as (\w+)$", source, re.MULTILINE)) - {"__version__"}
+    stub = Path(kickdyn.__file__).with_suffix(".pyi").read_text("utf-8")
+    public = set(re.findall(r"import \w+ as (\w+)$", stub, re.MULTILINE))
     api = (DOCS / "api.md").read_text("utf-8")
     listed = re.findall(r"auto\w+:: kickdyn\.(\w+)$", api, re.MULTILINE)
     assert sorted(listed) == sorted(public)
 
 
 def imported():
-    """Return what readers are told to import from inside kickdyn, by its module and name."""
+    """Return the full names that snippets and notebooks import from modules of kickdyn."""
     notebooks = sorted((ROOT / "notebooks").glob("*.ipynb"))
     cells = [cell for file in notebooks for cell in json.loads(file.read_text("utf-8"))["cells"]]
     code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
@@ -73,16 +73,16 @@ def imported():
     }
 
 
-def test_what_readers_are_told_to_import_is_in_the_api():
+def test_imports_of_snippets_and_notebooks_are_in_the_api():
     api = (DOCS / "api.md").read_text("utf-8")
     listed = set(re.findall(r"auto\w+:: (kickdyn\.\S+)$", api, re.MULTILINE))
-    told = imported()
-    assert "kickdyn.view.inline.Inline" in told
-    assert sorted(name for name in told - listed if name.rpartition(".")[0] not in listed) == []
+    names = imported()
+    assert "kickdyn.view.inline.Inline" in names
+    assert sorted(name for name in names - listed if name.rpartition(".")[0] not in listed) == []
 
 
 def test_the_site_builds_without_a_warning(tmp_path):
-    """But for the notebooks' outputs: those are run by their own tests."""
+    """The notebooks are not executed here; their own tests do that."""
     pytest.importorskip("sphinx")
     pytest.importorskip("latex2mathml")
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q"]

@@ -30,7 +30,7 @@ def test_snippets_print_the_outputs_shown(page, tmp_path):
     """Blocks of a page run one after the other, as a reader would run them."""
     for folder in ("urdf", "scenes"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
-    if "save_photo" in page.read_text("utf-8") and not any(map(shutil.which, BROWSERS)):
+    if '.save("picture.png")' in page.read_text("utf-8") and not any(map(shutil.which, BROWSERS)):
         pytest.skip("no chromium or google-chrome to take a picture with")
     blocks = re.findall(r"```(\w+)\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
     names = {"__name__": "__main__"}

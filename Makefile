@@ -16,6 +16,7 @@ sweep: $(VENV)/.run
 
 ## extremes: kickdyn against 50 digits where numbers get difficult
 extremes: $(VENV)/.run
+	$(PIP) --editable ".[accuracy]"
 	$(BIN)/python -m kickdyn extremes
 
 ## test: the whole suite

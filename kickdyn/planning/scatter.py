@@ -72,7 +72,7 @@ def scatter(hit: Impact, air: Air | None = None, **spread: float) -> Scatter:
     """
     sizes = checked_spread(spread)
     landing, slopes = landing_slopes(hit.ball_after, hit.ball, air)
-    parts = of_launch(hit, slopes, sizes)
+    parts = launch_covariances(hit, slopes, sizes)
     if "drag" in sizes:
         moved = _drag_slope(hit, air)
         parts["drag"] = sizes["drag"] ** 2 * np.outer(moved, moved)
@@ -155,7 +155,7 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
     return (path.landing.position - state.position)[:2], level
 
 
-def of_launch(hit: Impact, slopes: Array, sizes: Mapping[str, float]) -> dict[str, Array]:
+def launch_covariances(hit: Impact, slopes: Array, sizes: Mapping[str, float]) -> dict[str, Array]:
     """Return the landing's covariance by source of the launch, each of shape `(2, 2)` [m2].
 
     Args:

@@ -17,13 +17,13 @@ from click.core import ParameterSource
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
+from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.robot.catalog import SHIPPED, load_leg
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.block import Space
 from kickdyn.sweeps.expression import Expression

@@ -22,7 +22,7 @@ from kickdyn.impact.footing import judged
 from kickdyn.impact.joint_impulses import joint_impulses, struck
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 ENERGY_ROUNDING = 1e-12
 """Share of impulse times contact speed below which energy gained is rounding."""

@@ -134,7 +134,7 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
 def _check_stays(hit: Impact) -> None:
     """Raise `InvalidInput` if what the supports hold moves after the impact."""
     hold = hit.posture.constraint_projector
-    if hold is not None and hold.moved(hit.v_after) is not None:
+    if hold is not None and hold.find_violation(hit.v_after) is not None:
         raise InvalidInput(
             f"a support moves at {hit.support_residual:.3g} after the impact (footing "
             f"{hit.footing}): sensitivities are for supports that hold"

@@ -38,7 +38,9 @@ class CasadiChain:
         zero = ca.SX(self.n, 1)
         self.momentum = ca.Function("momentum", [q, v], [self._newton_euler(q, zero, v, False)])
         place = self._place(q, ca.DM(lever))
-        self.direction = ca.Function("direction", [q, f], [self._place(q, f) - self._place(q, ca.DM(3, 1))])
+        self.direction = ca.Function(
+            "direction", [q, f], [self._place(q, f) - self._place(q, ca.DM(3, 1))]
+        )
         slope = ca.jacobian(place, q)
         self.point = ca.Function("point", [q, v], [slope @ v])
         self.place = ca.Function("place", [q], [place])

@@ -146,11 +146,10 @@ class KickPlan(ReprMixin):
     @property
     def into_stop(self) -> tuple[str, ...]:
         """Joints at an end of their range that move on beyond it just after the impact."""
-        found, angles = [], self.leg.angles_deg(self.q)
+        found, values = [], self.leg.joint_values(self.q)
         for name, i in self._moving():
             (low, high), v = self.leg.joint_range(name), self.impact.v_after[i]
-            unit = 1.0 if self.leg.joint_unit(name) == "m" else math.radians(1.0)
-            at = unit * angles[name]
+            at = values[name]
             if (at - low < AT_END and v < 0.0) or (high - at < AT_END and v > 0.0):
                 found.append(name)
         return tuple(found)
@@ -158,7 +157,7 @@ class KickPlan(ReprMixin):
     def _moving(self) -> list[tuple[str, int]]:
         """Return the joints that move just after the impact, with their index in v."""
         leg, speed = self.leg, np.abs(self.impact.v_after)
-        every = [(name, leg.velocity_index(name)) for name in leg.angles_deg(self.q)]
+        every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
         return [(name, i) for name, i in every if speed[i] > STILL * speed.max()]
 
 
@@ -307,18 +306,14 @@ def _checked_ball_position(
     """Return the height or the position of the ball's centre; None where it is free."""
     if ball_at is None:
         return (
-            None
-            if ball_height is None
-            else validation.number("ball height", ball_height, unit="m")
+            None if ball_height is None else validation.number("ball height", ball_height, unit="m")
         )
     if ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
     return validation.vector("ball_at", ball_at, 3, unit="m")
 
 
-def _plan_flight_launch(
-    goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str
-) -> Launch:
+def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
     """Return the launch into the air, without the part of the spin that is along it."""
     across = spin
     for _ in range(30):

@@ -1,4 +1,4 @@
-"""The objectives of a kick: what `plan_kick` makes least, or most, of posture and joint velocity."""
+"""The objectives of a kick: functions of posture and joint velocity to be least, or most."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, launch_covariances
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 SMOOTH = 12
 """Power of the norm that stands for the largest of several impulses, within 10 % for six joints."""

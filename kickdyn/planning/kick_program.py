@@ -29,8 +29,7 @@ from kickdyn.impact.leg_derivatives import leg_slopes
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_cost import Cost, KickObjective, make_cost
 from kickdyn.robot.kicking_chain import kicking_chain
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 FEASIBLE = 1e-4
 """Largest violation of a constraint, over its own scale. Velocities are then made exact, and limits
@@ -127,7 +126,7 @@ class KickProgram:
         """Return the posture for the coordinates of the joints that move the foot."""
         whole = self.leg.configuration()
         whole[self.qs] = q
-        return self.leg.posture(whole).touched_at(self.target.contact.offset)
+        return self.leg.posture(whole).with_contact_offset(self.target.contact.offset)
 
     def whole_velocity(self, v: Array) -> Array:
         """Return the joint velocity of the whole leg, shape `(nv,)`."""
@@ -206,7 +205,7 @@ class KickProgram:
     def facing(self, posture: Posture) -> Array:
         """Return the components of the contact normal along the cone: 0 or more inside it."""
         axes = [
-            posture.touched_at(row).contact_point - posture.contact_point
+            posture.with_contact_offset(row).contact_point - posture.contact_point
             for row in self.contact_normal_cone
         ]
         return np.reshape(axes, (-1, 3)) @ self.target.contact.normal
@@ -402,7 +401,7 @@ class ProgramPoint:
             use = (torque / program.torque_limit**2)[:, None]
             rows += list(np.hstack([-2 * use * by_q, -2 * use * by_v * scale, np.zeros((n, 1))]))
         for row in program.contact_normal_cone:
-            turning = target.contact.normal @ (posture.touched_at(row).jacobian - jacobian)
+            turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)
             rows.append(np.append(turning[program.vs], np.zeros(n + 1)))
         return np.array(rows)
 

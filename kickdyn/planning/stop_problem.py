@@ -170,7 +170,9 @@ class StopEquations:
         sizes = [int(value.numel()) for value in values]
         self.constraints = ca.densify(ca.vertcat(*values))
         self.labels = [
-            (block[0], i % n) for block, size in zip(blocks, sizes, strict=True) for i in range(size)
+            (block[0], i % n)
+            for block, size in zip(blocks, sizes, strict=True)
+            for i in range(size)
         ]
         self._low, self._high = (
             np.repeat([block[end] for block in blocks], sizes) for end in (2, 3)
@@ -374,7 +376,9 @@ class StopSolver:
             share=float(x[-1]),
             value=float(self._cost(x)),
             unknowns=x,
-            binding=self._binding(*(np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))),
+            binding=self._binding(
+                *(np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
+            ),
         )
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:

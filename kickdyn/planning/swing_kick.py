@@ -33,7 +33,7 @@ from kickdyn.planning.stop_problem import (
     StopSolver,
 )
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 GRIDS = ((12, 0.03), (24, 0.01))
 """Intervals of each stop, and share of the torque limits left over for torques between so many.
@@ -155,7 +155,7 @@ class _SwingKickProblem:
         static = symbols.torque(q, v, ca.DM(n, 1)) / ca.DM(chain.effort_limit)
         here, normal = found.posture, ca.DM(program.target.contact.normal)
         levers = [
-            here.touched_at(row).contact_lever - here.contact_lever
+            here.with_contact_offset(row).contact_lever - here.contact_lever
             for row in program.contact_normal_cone
         ]
         facing = [ca.dot(normal, symbols.direction(q, ca.DM(lever))) for lever in levers]

@@ -12,14 +12,13 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.flight.bounce import bounce
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import GRAVITY, downward, forces
-from kickdyn.flight.roll import roll, slide
+from kickdyn.flight.forces import downward, forces, time_to_fall
+from kickdyn.flight.ground_motion import bounce, roll, slide
 from kickdyn.ground import Surface
 from kickdyn.scene.scene import FlightEnvironment
 

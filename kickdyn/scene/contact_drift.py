@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.contact import Contact
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import KickdynError
-from kickdyn.flight.forces import GRAVITY
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 from kickdyn.scene.envelope import LaunchError
 from kickdyn.scene.scene import Scene
 
@@ -54,7 +54,7 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     velocity = spin = 0.0
     for share in (0.5, 1.0):
         moved = leg.posture(pin.integrate(space.model, scene.q, share * time * mean))
-        turn = moved.joint_rotation @ posture.joint_rotation.T
+        turn = moved.rotation_world_joint @ posture.rotation_world_joint.T
         turned = Contact(
             turn @ contact.normal, contact.restitution, contact.friction, contact.offset
         )

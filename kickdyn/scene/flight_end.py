@@ -139,7 +139,7 @@ def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> 
         return 2.0 * float(np.linalg.norm(finer.rest.position - course.rest.position))
 
     evaluations = sum(flight.evaluations for flight in course.flights)
-    evaluations += sum(glide.evaluations for glide in course.glides)
+    evaluations += sum(phase.evaluations for phase in course.ground_phases)
     method = f"followed, tol {tol:g}"
     return FlightEnd(course.rest, course.status, course, method, evaluations, by_refinement)
 

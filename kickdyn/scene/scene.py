@@ -21,8 +21,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 RANGE_MARGIN = 1e-6
 """A joint may exceed its range by this much without a note [deg; m]."""
@@ -138,7 +137,7 @@ class Scene(ReprMixin, ReadOnly):
             plane=plane,
             uncertainty=MappingProxyType(validation.mapping("uncertainty", uncertainty)),
             name=name,
-            posture=posture.touched_at(contact.offset),
+            posture=posture.with_contact_offset(contact.offset),
             **arrays,
         )
 
@@ -165,12 +164,11 @@ class Scene(ReprMixin, ReadOnly):
     def notes(self) -> tuple[str, ...]:
         """A line for each joint outside its range: the kick is computed all the same."""
         lines = []
-        for joint, value in self.leg.angles_deg(self.q).items():
+        for joint, (value, unit) in self.leg.display_values(self.q).items():
             low, high = self.leg.joint_range(joint)
-            unit = self.leg.joint_unit(joint)
             continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
-            if unit == "rad":
-                low, high, unit = math.degrees(low), math.degrees(high), "deg"
+            if unit == "deg":
+                low, high = math.degrees(low), math.degrees(high)
             if not (continuous or low - RANGE_MARGIN <= value <= high + RANGE_MARGIN):
                 lines.append(
                     f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"

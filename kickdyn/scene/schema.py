@@ -17,7 +17,7 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
 from kickdyn.plane import ReachedBy
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS
 from kickdyn.scene.scene import compliant_contact_faults
 
 Check = Callable[[str, Any], Any]

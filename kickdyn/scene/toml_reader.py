@@ -16,7 +16,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.resources import shipped
+from kickdyn.core.files import shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
@@ -192,7 +192,7 @@ class _Builder:
 
     def _from_foot_velocity(self, leg: Leg, q: Array, contact: Contact) -> Array:
         """Return v from the velocity of the contact point."""
-        posture = leg.posture(q).touched_at(contact.offset)
+        posture = leg.posture(q).with_contact_offset(contact.offset)
         return posture.joint_velocity(self._section("posture").read("foot_velocity_m_s"))
 
     def _ball(self) -> Ball:

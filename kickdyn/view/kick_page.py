@@ -11,7 +11,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.swing import Swing
 from kickdyn.view.caption import caption_panel
 from kickdyn.view.document import static_document
 from kickdyn.view.kick_scene import draw_kick

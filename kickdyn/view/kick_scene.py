@@ -16,7 +16,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.swing import Swing
 from kickdyn.view import playback as motion
 from kickdyn.view.ball_figure import draw_ball
 from kickdyn.view.camera import Camera, camera_for, set_camera

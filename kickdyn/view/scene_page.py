@@ -65,7 +65,8 @@ def numbers(answer: Simulation) -> dict[str, Any]:
         "leg": leg.name,
         "frame": leg.frame,
         "angles": {
-            name: round(angle, 9) + 0.0 for name, angle in leg.angles_deg(answer.scene.q).items()
+            name: round(value, 9) + 0.0
+            for name, (value, _) in leg.display_values(answer.scene.q).items()
         },
         "impulse": hit.impulse.tolist(),
         "joint_impulses": {name: push.tolist() for name, _, push in joint_pushes(hit)},

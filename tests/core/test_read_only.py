@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.read_only import read_only
+from kickdyn.core.validation import read_only
 
 COPIES = {
     "pickle": lambda one: pickle.loads(pickle.dumps(one)),

@@ -35,12 +35,15 @@ def inertia(xx, yy, zz, xy=0):
 
 def mass(value, said=None):
     text = re.escape(repr(value))
-    said = said or rf"^link 'thigh' mass value is {text}: it must be a finite number \[kg\]$"
+    said = (
+        said
+        or rf"^link 'thigh' mass value is {text}: it must be a finite number, 0 or more \[kg\]$"
+    )
     return THIGH_MASS, f'<mass value="{value}"/>', said
 
 
 def moments(*values, said, xy=0):
-    return THIGH_INERTIA, inertia(*values, xy=xy), f"^link 'thigh' inertia {said}"
+    return THIGH_INERTIA, inertia(*values, xy=xy), said
 
 
 REFUSED = {
@@ -48,10 +51,21 @@ REFUSED = {
     "wrong root": ('<robot name="leg">', "<model>", "not a URDF: its root is <model>"),
     "no robot name": ('name="leg"', "", "^a robot has no name"),
     # mass and inertia
-    "zero mass": (THIGH_MASS, '<mass value="0"/>', r"^link 'thigh' mass is 0 kg: it must be 1e-15"),
-    "negative mass": (THIGH_MASS, '<mass value="-7"/>', r"^link 'thigh' mass is -7 kg"),
-    "mass 1e308": (THIGH_MASS, '<mass value="1e308"/>', r"^link 'thigh' mass is 1e\+308 kg"),
-    "mass 1e-320": (THIGH_MASS, '<mass value="1e-320"/>', r"^link 'thigh' mass is 9.*e-321 kg"),
+    "zero mass": (
+        THIGH_MASS,
+        '<mass value="0"/>',
+        r"^joint 'hip' moves an unsound .*\(mass 0",
+    ),
+    "negative mass": (
+        THIGH_MASS,
+        '<mass value="-7"/>',
+        r"^link 'thigh' mass value is '-7': .*0",
+    ),
+    "mass 1e308": (
+        THIGH_MASS,
+        '<mass value="1e308"/>',
+        r"^joint 'hip' moves .*1e\+308 kg\)",
+    ),
     "mass heavy": mass("heavy"),
     "mass 1,5": mass("1,5"),
     "mass nan": mass("nan"),
@@ -62,18 +76,17 @@ REFUSED = {
     "mass of Arabic digits": mass("\u0667"),
     "mass empty": mass(""),
     "mass of a million digits": mass(
-        "9" * 1_000_000, r"'9{60}'\.\.\.: it must be a finite number \[kg\]$"
+        "9" * 1_000_000, r"'9{60}'\.\.\.: it must be a finite number, 0 or more \[kg\]$"
     ),
     "mass without value": (THIGH_MASS, "<mass/>", "^link 'thigh' mass has no value: it"),
     "mass missing": (THIGH_MASS, "", "^link 'thigh' inertial has no mass"),
     "inertia missing": (THIGH_INERTIA, "", "^link 'thigh' inertial has no inertia"),
-    "inertia nan": moments(1, "nan", 1, said="iyy is 'nan'"),
+    "inertia nan": moments(1, "nan", 1, said="^link 'thigh' inertia iyy is 'nan'"),
     "inertia entry missing": ('ixx="0.08"', "", r"inertia has no ixx: .*\[kg m2\]$"),
-    "inertia zero": moments(0, 0, 0, said="is not positive definite"),
-    "not positive semidefinite": moments(1, 1, -1, said="is not positive definite"),
-    "indefinite": moments(1, 1, 1, xy=2, said="is not positive definite"),
-    "triangle": moments(1, 1, 2.1, said="violates the triangle inequality"),
-    "triangle, turned": moments(1.5, 1.5, 1, xy=1, said="violates the triangle inequality"),
+    "not positive semidefinite": moments(1, 1, -1, said="^joint 'hip' moves .*triangle"),
+    "indefinite": moments(1, 1, 1, xy=2, said="^joint 'hip' moves .*triangle"),
+    "triangle": moments(1, 1, 2.1, said="^joint 'hip' moves .*triangle"),
+    "triangle, turned": moments(1.5, 1.5, 1, xy=1, said="^joint 'hip' moves .*triangle"),
     "two masses": (THIGH_MASS, THIGH_MASS * 2, "^link 'thigh' inertial has 2 of <mass>"),
     "two inertials": ("</inertial>", "</inertial><inertial/>", "^link 'thigh' has 2 inertials"),
     "inertial origin nan": ('xyz="0 0 -0.2"', 'xyz="0 0 nan"', "^link 'thigh' inertial origin xyz"),
@@ -134,7 +147,7 @@ REFUSED = {
     "two axes": (KNEE_AXIS, KNEE_AXIS * 2, "^joint 'knee' has 2 of <axis>"),
     "mimic": (KNEE_AXIS, KNEE_AXIS + '<mimic joint="hip"/>', "^joint 'knee' mimics another"),
     "mimic of nothing": (KNEE_AXIS, KNEE_AXIS + '<mimic joint="?"/>', "^joint 'knee' mimics"),
-    "moves no mass": (SHANK_INERTIAL, "", "^link 'shank' moves with joint 'knee' but has no mass"),
+    "moves no mass": (SHANK_INERTIAL, "", "^joint 'knee' moves .*mass 0 kg.* give a link"),
     # names
     "universe": (KNEE, 'name="universe" type="revolute"', "joint name 'universe' is Pinocchio's"),
     "empty joint name": (KNEE, 'name="" type="revolute"', "^a joint has no name"),

@@ -18,7 +18,7 @@ def scene(**changes):
 
 def test_the_ball_lies_before_the_contact_point():
     made = scene()
-    point = LEG.posture(made.q).touched_at(TOUCH.offset).contact_point
+    point = LEG.posture(made.q).with_contact_offset(TOUCH.offset).contact_point
     np.testing.assert_array_equal(made.ball_position, point + kd.Ball().radius * TOUCH.normal)
 
 

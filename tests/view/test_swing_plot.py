@@ -18,7 +18,7 @@ def swing():
 
 def test_curves_are_the_swings_over_its_limits(swing):
     speed, torque, power = swing_figure(swing).axes
-    way = swing.backswing.fine()
+    way = swing.backswing.fine
     many = len(way.time)
     for joint, name in enumerate(swing.joints):
         lines = [axes.lines[joint] for axes in (speed, torque, power)]
@@ -36,11 +36,11 @@ def test_curves_are_the_swings_over_its_limits(swing):
 
 def test_the_page_shows_all_of_the_backswing(swing):
     plan = swing.plan
-    pace = draw_kick(recorder(), plan.hit, kd.Ball(), plan.path, swing=swing).pace
+    pace = draw_kick(recorder(), plan.impact, kd.Ball(), plan.path, swing=swing).pace
     assert pace.times[0] == pytest.approx(-swing.backswing.duration)
     assert pace.times[pace.impact] == pytest.approx(0, abs=1e-12)
-    shown = kick_page(plan.hit, kd.Ball(), plan.path, swing=swing)
-    assert shown != kick_page(plan.hit, kd.Ball(), plan.path)
+    shown = kick_page(plan.impact, kd.Ball(), plan.path, swing=swing)
+    assert shown != kick_page(plan.impact, kd.Ball(), plan.path)
 
 
 def test_a_swing_that_falls_short_is_not_shown_as_this_kick(swing):
@@ -48,4 +48,4 @@ def test_a_swing_that_falls_short_is_not_shown_as_this_kick(swing):
     model.effortLimit = np.array([30.0, 210.0, 122.0])
     short = kd.plan_swing(kd.Leg.from_model(model, "toe"), swing.plan, longest=0.1, nodes=12)
     with pytest.raises(kd.InvalidInput, match="does not reach this impact: backswing"):
-        kick_page(swing.plan.hit, kd.Ball(), swing.plan.path, swing=short)
+        kick_page(swing.plan.impact, kd.Ball(), swing.plan.path, swing=short)

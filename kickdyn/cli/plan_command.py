@@ -282,20 +282,12 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
 
 def _write_page(report: PlanReport, file: str, caption: str) -> None:
     """Write a 3-D page of the kick, with wall and goal."""
-    from kickdyn.view.kick_page import kick_page, write_page
+    from kickdyn.view.page import page
     from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
-    planned, swing = report.plan, report.swing
-    ball, goal = planned.impact.ball, planned.goal
-    foot = planned.path.launch.position - np.array([0.0, 0.0, ball.radius])
-    boxes = [] if report.wall is None else wall_boxes(foot, goal.ahead, *report.wall)
-    boxes += goal_boxes(foot, float(goal.target[0])) if report.goal_mouth else []
-    html = kick_page(
-        planned.impact,
-        ball,
-        planned.path,
-        caption=caption,
-        scenery=boxes,
-        swing=swing if swing is not None and swing.status == "met" else None,
-    )
-    write_page(file, html)
+    plan, swing = report.plan, report.swing
+    foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
+    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *report.wall)
+    boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
+    shown = swing if swing is not None and swing.status == "met" else plan
+    page(shown, caption=caption, scenery=boxes).save(file)

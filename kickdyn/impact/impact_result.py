@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
@@ -33,7 +32,7 @@ RESIDUAL_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impact(ReadOnly, ReprMixin):
+class Impact(ReprMixin):
     """What a strike does, with the residuals that prove it.
 
     What the leg does after the impulse is computed when it is first read, and kept.

@@ -270,7 +270,7 @@ def test_the_way_that_a_plan_promises_keeps_its_limits_and_is_found(leg, goal):
 
 
 def test_a_plan_without_a_swing_promises_none():
-    assert kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR).parts is None
+    assert kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR).phases is None
 
 
 def test_the_way_a_plan_carries_is_the_answer_where_the_solver_finds_none():

@@ -302,7 +302,7 @@ def _shown(lines: Sequence[Line], kick: Kick) -> Shown:
     for line in lines:
         hit = line.outcome.hit
         if hit is not None:
-            return hit, fly(hit.ball_after, kick.ball, kick.air, orientation=True)
+            return hit, fly(hit.ball_after, kick.ball, kick.air)
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 

@@ -380,7 +380,7 @@ def _carry_out(
 ) -> Flight | Course:
     """Return the path of the ball after the strike, to the target or to its end before."""
     if surface is None:
-        return fly_to_target(start, goal, ball, air, time, orientation=True)
+        return fly_to_target(start, goal, ball, air, time)
     ground = Ground(float(start.position[2]) - ball.radius, surface)
     plane = Plane(start.position + goal.target, -goal.ahead, "centre")
     return follow(start, ball, air, ground, plane=plane)

@@ -157,7 +157,7 @@ def page(
         return _comparison(shown, caption, height)
     name = impact.posture.leg.name or "leg"
     if path is None:
-        path = fly(impact.ball_after, impact.ball, Air(), orientation=True)
+        path = fly(impact.ball_after, impact.ball, Air())
     viewer = recording_viewer()
     pace, stripe = draw_kick(viewer, impact, path, scenery, swing)
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"

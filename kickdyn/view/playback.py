@@ -122,8 +122,6 @@ def ball_pose(before: BallState, path: Flight | Course, time: float) -> Array:
     if isinstance(path, Course):
         times = np.linspace(0.0, time, 65)  # as if the ball turned about one axis
         rotation = pin.exp3(np.trapezoid(path.sample(times).spin, times, axis=0))
-    elif path.has_orientation:
-        rotation = path.orientation(time).as_matrix()
     else:
-        rotation = pin.exp3(path.launch.spin * time)
+        rotation = path.orientation(time).as_matrix()
     return pose_of(rotation, path.sample(time).position)

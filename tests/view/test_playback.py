@@ -124,7 +124,7 @@ def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):
     hit, ball, _ = struck
     thick = kd.Air(torque=lambda reynolds, spin_parameter: 1.0)  # a hundred times the default
     launch = kd.BallState(hit.ball_after.position, hit.ball_after.velocity, (0, -3, 0))
-    path = kd.fly(launch, ball, thick, orientation=True)
+    path = kd.fly(launch, ball, thick)
     end = motion.ball_pose(hit.ball_before, path, path.duration + 1)[:3, :3]
     np.testing.assert_allclose(end, path.orientation(path.duration).as_matrix())
     turned = path.orientation(path.duration).magnitude()

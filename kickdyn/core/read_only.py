@@ -47,4 +47,7 @@ def _sealed(value: Any) -> Any:
     elif isinstance(value, dict):
         parts = {key: _sealed(part) for key, part in value.items()}
         return MappingProxyType(parts) if isinstance(value, _Opened) else parts
+    elif isinstance(value, tuple):  # its arrays; the tuple itself does not change
+        for part in value:
+            _sealed(part)
     return value

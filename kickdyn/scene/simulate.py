@@ -12,7 +12,7 @@ from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.flight.forces import is_ballistic
 from kickdyn.impact.collide import Collision, collide
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.scene.coarse_flight import FlightEnvironment, coarse_end
@@ -58,7 +58,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     """
     validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
-        check_free(scene.leg, "a contact that takes time is")
+        check_unconstrained(scene.leg, "a contact that takes time is")
     named = [effect for effect in EFFECTS if effect.named(scene)]
     if tolerance is None:
         return _everything(scene, named)

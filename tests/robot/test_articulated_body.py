@@ -8,7 +8,7 @@ from chains import random_inertia, random_rotation
 import kickdyn as kd
 from kickdyn.accuracy.exact_impact import answers, exact_impact, given
 from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, chain
-from kickdyn.impact.joint_impulses import on_foot
+from kickdyn.impact.leg_response import foot_wrench
 from kickdyn.robot.articulated_body import Articulated
 
 KINDS = {
@@ -63,7 +63,9 @@ def test_it_is_what_the_joint_space_inertia_says(first, seed):
 
 @pytest.mark.parametrize("lengths", [(0.1, 1, 1), (0.01, 1, 1), (1e-3, 1e3, 1), (1, 1e-3, 1e3)])
 def test_a_short_link_costs_no_digits(lengths):
-    hit = kd.strike(chain(lengths), BENT, SPEEDS, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, 0.4))
+    hit = kd.strike(
+        chain(lengths).posture(BENT), SPEEDS, kd.Ball(), kd.Contact((2, 0.3, 1), 0.8, 0.4)
+    )
     exact = exact_impact(*given(hit))
     for name, found in answers(hit).items():
         assert exact[name].error(found) < 2e-14, name
@@ -81,7 +83,7 @@ def test_a_point_elsewhere_on_the_foot_is_judged_anew():
     leg = chain((0.01, 1.0, 1.0))
     posture = leg.posture(BENT)
     moved = posture.touched_at((0.1, 0.0, 0.05))
-    pushes = np.array([on_foot(moved, axis) for axis in np.eye(3)])
+    pushes = np.array([foot_wrench(moved, axis) for axis in np.eye(3)])
     rows = moved.articulated.give(leg.contact_joint, pushes)
     assert moved.is_ill_conditioned
     assert moved.delassus() == pytest.approx(rows @ rows.T, rel=1e-14)

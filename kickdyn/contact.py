@@ -27,7 +27,8 @@ class Contact(ReprMixin, ReadOnly):
             nine match balls against leather (Proceedings 2020, 49(1):92).
         offset: of the contact point from the origin of the leg's contact frame, in that frame's
             axes, so that it stays on the foot as the foot turns, shape `(3,)` [m]; it replaces
-            that of a posture from `touched_at`. None, which leaves the point alone, when not named.
+            that of a posture from `with_contact_offset`. None, which leaves the point alone, when
+            not named.
 
     Raises:
         InvalidInput: a normal of length 0, or a coefficient outside its range.

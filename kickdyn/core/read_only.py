@@ -6,14 +6,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-
-def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy that cannot be written to."""
-    own = array.copy()
-    own.setflags(write=False)
-    return own
 
 
 class ReadOnly:

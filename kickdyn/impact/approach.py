@@ -15,7 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.contact_problem import ContactProblem
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
 
@@ -103,7 +103,7 @@ def find_approach(
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
-    posture = posture.touched_at(contact.offset)
+    posture = posture.with_contact_offset(contact.offset)
     velocity, spin, ball_speed = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
         velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")

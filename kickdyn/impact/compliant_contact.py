@@ -16,7 +16,7 @@ from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.hertz import HertzContact
-from kickdyn.robot.workspace import Workspace
+from kickdyn.robot.leg import Workspace
 
 Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since touch, q and v."""
@@ -86,7 +86,7 @@ class CompliantContact:
         self.evaluations = 0
         self.foot = posture.contact_point
         self.arm = posture.contact_lever
-        self.normal = posture.joint_rotation.T @ contact.normal
+        self.normal = posture.rotation_world_joint.T @ contact.normal
         self.lever = self.ball.radius * contact.normal
 
     @property

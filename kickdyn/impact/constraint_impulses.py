@@ -8,8 +8,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraint_projector import ConstraintProjector
-from kickdyn.robot.constraints import Support
+from kickdyn.robot.constraints import ConstraintProjector, Support
 from kickdyn.robot.leg import Leg
 
 ROUNDING = 1e-12

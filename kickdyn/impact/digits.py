@@ -23,7 +23,7 @@ def impulse_rounding(approach: Approach) -> float:
         scale = 1.0 / np.sqrt(matrix.diagonal())
         share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
     if approach.posture.constraint_projector is not None:
-        share += EPS * approach.posture.rounding
+        share += EPS * approach.posture.rounding_gain
     return 2.0 * share
 
 

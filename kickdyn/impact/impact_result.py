@@ -30,7 +30,7 @@ from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 ENERGY_ROUNDING = 1e-12
 """Share of impulse times contact speed below which created energy is rounding."""

@@ -14,10 +14,9 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_response import joint_wrench
-from kickdyn.robot.constraint_projector import INDEPENDENT
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.constraints import INDEPENDENT
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import listed
-from kickdyn.robot.posture import Posture
 
 TEST_ANGLE, FIXED_AXIS = 0.7, 1e-9
 """Joint position [rad, m] of a test, and the change of axes up to which these count as fixed."""
@@ -78,7 +77,7 @@ def leg_derivatives(
     check_fixed_axes(leg)
     model, data, nv, still = space.model, space.data, leg.nv, space.still
     wrench = np.concatenate([-impulse, np.zeros(3)])
-    foot = _Load(leg.contact_joint, posture.joint_rotation, posture.contact_lever, wrench)
+    foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
     loads = [foot, *(load for _, load in _constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
     space.pushes.fill(0.0)

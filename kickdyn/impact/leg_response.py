@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross3, largest
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 NO_CONSTRAINTS = np.zeros(0)
 """Constraint impulses of a leg without supports and loops."""
@@ -112,7 +112,7 @@ def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array
     leg, space = posture.leg, posture.leg.workspace
     wrench = foot_wrench(posture, impulse)
     if posture.is_ill_conditioned:
-        return posture.articulated.respond(leg.contact_joint, np.array(wrench))
+        return posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
     model, data, still = space.model, space.data, space.still
     space.pushes.fill(0.0)  # of the impact before
     space.pushes[leg.contact_joint] = wrench
@@ -123,7 +123,7 @@ def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array
 
 def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
     """Return `joint_wrench` of an impulse at the contact point, shape `(3,)` [N s]."""
-    linear = impulse.dot(posture.joint_rotation).tolist()
+    linear = impulse.dot(posture.rotation_world_joint).tolist()
     return (*linear, *cross3(posture.contact_lever.tolist(), linear))
 
 

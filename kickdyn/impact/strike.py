@@ -14,7 +14,7 @@ from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import ImpactLaw, solve_contact
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 
 def strike(

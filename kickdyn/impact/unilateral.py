@@ -24,8 +24,7 @@ from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.leg_response import LegResponse, as_response, joint_impulses
 from kickdyn.impact.strike import ball_after, check_energy
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 MAX_RESIDUAL = 1e-9
 
@@ -196,7 +195,9 @@ def _feet(posture: Posture, supports: tuple[Support, ...]) -> list[_Foot]:
 def _without_supports(approach: Approach) -> Posture:
     """Return the posture of the same leg without supports."""
     posture = approach.posture
-    return posture.leg.with_supports().posture(posture.q).touched_at(approach.contact.offset)
+    return (
+        posture.leg.with_supports().posture(posture.q).with_contact_offset(approach.contact.offset)
+    )
 
 
 def _contacts(approach: Approach, feet: list[_Foot], supports: tuple[Support, ...]) -> _Contacts:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -14,9 +12,9 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.goal import Goal
+from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.launch_result import Launch
+from kickdyn.planning.launch import Launch
 from kickdyn.planning.objectives import SAID, UNITS
 from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.robot.leg import Leg
@@ -33,7 +31,7 @@ class KickPlan(ReprMixin):
     """A kick, planned and then carried out by `strike` and `fly`.
 
     Attributes:
-        status: `met`; or `beyond limits`: the leg is not fast or strong enough, and this is the
+        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
             kick in the planned direction that gives the ball the most speed.
         goal: wished for.
         launch: that meets it.
@@ -55,7 +53,7 @@ class KickPlan(ReprMixin):
             there `plan_swing` goes on.
     """
 
-    status: Literal["met", "beyond limits"]
+    status: PlanStatus
     goal: Goal
     launch: Launch
     objective: str
@@ -110,9 +108,9 @@ class KickPlan(ReprMixin):
     @property
     def into_stop(self) -> tuple[str, ...]:
         """Joints at an end of their range that run on beyond it just after the impact."""
-        found = []
+        found, values = [], self.leg.joint_values(self.q)
         for name, i in self._joints():
-            (low, high), at, v = self.leg.joint_range(name), self._angle(name), self.hit.v_after[i]
+            (low, high), at, v = self.leg.joint_range(name), values[name], self.hit.v_after[i]
             if (at - low < AT_END and v < 0.0) or (high - at < AT_END and v > 0.0):
                 found.append(name)
         return tuple(found)
@@ -120,13 +118,9 @@ class KickPlan(ReprMixin):
     def _joints(self) -> list[tuple[str, int]]:
         """Return the joints that move just after the impact, with their place in v."""
         leg = self.leg
-        every = [(name, leg.velocity_index(name)) for name in leg.angles_deg(self.q)]
+        every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
         fast = float(np.abs(self.hit.v_after).max())
         return [(name, i) for name, i in every if abs(self.hit.v_after[i]) > STILL * fast]
-
-    def _angle(self, name: str) -> float:
-        value = self.leg.angles_deg(self.q)[name]
-        return value if self.leg.joint_unit(name) == "m" else math.radians(value)
 
     @property
     def q(self) -> Array:

@@ -75,7 +75,7 @@ def unweigh(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
     """Replace z, shape `(n + 1, LANES)`, by L^-1 z; doubt what M's rounding is seen in.
 
     An error of M by e of its diagonal changes v^T M v = z^T z by e sum M_ii v_i^2, about: see
-    `kickdyn.robot.posture.Posture.rounding`.
+    `kickdyn.robot.leg.Posture.rounding_gain`.
     """
     whole, parts = v[0], lower[0, 0]  # of no joint
     whole[:] = 0.0

@@ -168,7 +168,7 @@ def _time(postures: float) -> str:
 
 
 def _joints(leg: Leg) -> list[str]:
-    return list(leg.angles_deg(leg.configuration()))  # a floating base has no one value
+    return leg.single_joints  # a floating base has no one value
 
 
 def _default(leg: Leg) -> dict[str, Array]:

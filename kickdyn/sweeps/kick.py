@@ -16,7 +16,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 from kickdyn.sweeps.speed_use import least_use, least_used, speed_use
 
 Status = Literal["ok", "too fast", "out of reach"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from kickdyn._version import __version__
 from kickdyn.air import Air
-from kickdyn.flight.fingerprint import fingerprint
+from kickdyn.flight.compiling import fingerprint
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.grid import DIGITS, Grid
 from kickdyn.sweeps.kick import Kick

@@ -15,7 +15,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 ROUNDING = 1e-12
 """Share of a product's terms that is no more than their rounding."""

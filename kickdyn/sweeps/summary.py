@@ -119,7 +119,8 @@ def worst_residual(data: xr.Dataset) -> float:
 
 def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> Line:
     outcome = kick_from(leg.posture(q), kick)
-    angles = {name: round(value, DIGITS) + 0.0 for name, value in leg.angles_deg(q).items()}
+    joints = leg.display_values(q)
+    angles = {name: round(value, DIGITS) + 0.0 for name, (value, _) in joints.items()}
     return Line(label, angles, outcome, numbers(outcome, kick), paper)
 
 

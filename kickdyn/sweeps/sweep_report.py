@@ -33,7 +33,7 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Tab
         f"e {kick.restitution:g}, mu {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
-    joints = list(leg.angles_deg(leg.configuration()))  # a floating base has no one angle
+    joints = leg.single_joints  # a floating base has no one angle
     units = {name: "m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
     heads = (" / " if len(joints) <= 3 else " /\n").join(joints)
     paper = any(line.paper for line in lines)

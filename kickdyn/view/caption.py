@@ -50,8 +50,8 @@ def _angles(hit: Impact) -> dict[str, str]:
     if leg.nv != len(leg.joint_names):
         return {}  # a floating base has no one angle
     return {
-        _name(name): f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°"
-        for name, value in leg.angles_deg(hit.posture.q).items()
+        _name(name): f"{value:.4g} m" if unit == "m" else f"{value:.1f}°"
+        for name, (value, unit) in leg.display_values(hit.posture.q).items()
     }
 
 
@@ -85,7 +85,7 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[Row]:
         ]
     else:
         aloft = " (still aloft)" if path.status == "aloft" else ""
-        flown = "to the plane" if path.status == "at plane" else "carry"
+        flown = "to the plane" if path.status == "at-plane" else "carry"
         way = [
             (f"{flown} {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
             ("flight time", f"{path.duration:.4g} s"),

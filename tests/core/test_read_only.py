@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.read_only import read_only
+from kickdyn.core.validation import read_only
 
 COPIES = {
     "pickle": lambda one: pickle.loads(pickle.dumps(one)),
@@ -37,7 +37,12 @@ def parts():
         "contact": hit.contact,
         "support": support,
         "scene": kd.Scene(
-            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.contact, spread={"q": 0.1}
+            hit.posture.leg,
+            hit.posture.q,
+            hit.v_before,
+            kd.Ball(),
+            hit.contact,
+            uncertainty={"q": 0.1},
         ),
         "sensitivity": hit.sensitivity(),
         "uncertainty": hit.uncertainty(q=0.1, normal=0.02),

@@ -24,7 +24,7 @@ POSTURE = kd.Leg.human().posture(np.radians([5, 10, -5]))
 TOUCH = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
 HIT = kd.strike(POSTURE, POSTURE.joint_velocity([10, 0, 5]), kd.Ball(), TOUCH)
 LAUNCH = kd.BallState((0, 0, 0.11), (12, 9, 8))
-COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet grass"))
+COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet-grass"))
 GOAL = kd.Goal((20, 0, 0), time=1.5)
 ANSWERS = {
     "Leg": POSTURE.leg,
@@ -33,11 +33,9 @@ ANSWERS = {
     "Collision": kd.collide(POSTURE, HIT.v_before, kd.Ball(), TOUCH, tol=1e-6),
     "Flight": kd.fly(LAUNCH, kd.Ball()),
     "Course": COURSE,
-    "LaunchPlan": kd.plan_launch(20, 1.5, kd.Ball()),
-    "Launches": kd.plan_launches(GOAL, kd.Ball()),
-    "Launch": kd.plan_launches(GOAL, kd.Ball()).solutions[0],
+    "Launch": kd.plan_launch(GOAL, kd.Ball()),
     "KickPlan": kd.plan_kick(POSTURE.leg, GOAL, kd.Ball()),
-    "Pass": kd.plan_pass((8, 0), 2.0, kd.Ball()),
+    "Pass": kd.plan_pass(kd.Goal(8, time=2.0), kd.Ball()),
 }
 NOUNS = {
     "Posture": POSTURE,

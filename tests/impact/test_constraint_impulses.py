@@ -9,7 +9,7 @@ from stacked import held_rows, inertia_of, rows_of, solved, struck
 import kickdyn as kd
 from kickdyn.impact.constraint_impulses import footing
 from kickdyn.impact.leg_response import joint_impulses
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS
 
 FREE = {
     **{

@@ -54,3 +54,4 @@ from .scene.toml_reader import load_scene as load_scene
 from .sweeps.kick import Kick as Kick
 from .sweeps.opened import open_sweep as open_sweep
 from .sweeps.run import sweep as sweep
+from .view.page import page as page

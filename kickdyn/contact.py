@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Contact(ReprMixin, ReadOnly):
+class Contact(ReprMixin):
     """One point contact, for the instant of the impact.
 
     Args:

@@ -142,15 +142,15 @@ def _scipy(name: str, ball: Ball, air: Air) -> Flown:
         for state in states:
             motion = FlightEquations(state, ball, air)
 
-            def down(_: float, y: Array, rise: int = motion.rise) -> float:
-                return float(y[rise])
+            def down(_: float, y: Array) -> float:
+                return float(y[2])
 
             down.terminal, down.direction = True, -1  # type: ignore[attr-defined]
             scale = np.maximum(np.abs(motion.begin), 1.0)
             answer = solve_ivp(
                 motion.rates, (0, 30), motion.begin, name, events=down, rtol=tol, atol=tol * scale
             )
-            landings.append(state.position + motion.whole(answer.y_events[0][-1])[:3])
+            landings.append(state.position + answer.y_events[0][-1][:3])
             calls += answer.nfev
         return np.array(landings), calls / len(states), len(states)
 

@@ -16,7 +16,6 @@ import xarray as xr
 from click.core import ParameterSource
 
 from kickdyn.air import AIRS
-from kickdyn.ball import Ball
 from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -283,9 +282,9 @@ def _writers(
 ) -> list[Callable[[], None]]:
     writers: list[Callable[[], None]] = []
     if view is not None and shown:
-        from kickdyn.view.kick_page import kick_page, write_page
+        from kickdyn.view.page import page
 
-        writers.append(partial(write_page, view, kick_page(*shown)))
+        writers.append(partial(page(*shown).save, view))
     if found is not None and plot is not None:
         from kickdyn.sweeps.sweep_plot import save_figure
 
@@ -295,7 +294,7 @@ def _writers(
     return writers
 
 
-Shown = tuple[Impact, Ball, Flight]
+Shown = tuple[Impact, Flight]
 
 
 def _shown(lines: Sequence[Line], kick: Kick) -> Shown:
@@ -303,14 +302,15 @@ def _shown(lines: Sequence[Line], kick: Kick) -> Shown:
     for line in lines:
         hit = line.outcome.hit
         if hit is not None:
-            return hit, kick.ball, fly(hit.ball_after, kick.ball, kick.air, orientation=True)
+            return hit, fly(hit.ball_after, kick.ball, kick.air)
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 
 def _serve(shown: Shown) -> None:
-    from kickdyn.view.live import serve
+    """Serve the page of a kick until Ctrl-C."""
+    from kickdyn.view.page import page
 
-    with serve(*shown) as server:
+    with page(*shown).serve() as server:
         click.echo(f"showing the kick at {server.url} (this machine only) until Ctrl-C", err=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()

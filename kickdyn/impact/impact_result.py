@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -40,7 +39,7 @@ RESIDUAL_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impact(ReadOnly, ReprMixin):
+class Impact(ReprMixin):
     """The result of a strike, with the residuals that prove it.
 
     What the leg does after the impulse is computed when it is first read, and then kept.
@@ -286,7 +285,7 @@ class Impact(ReadOnly, ReprMixin):
     def __getstate__(self) -> dict[str, Any]:
         """Pickle all of it, read or not, so that a copy has the same digits."""
         _ = self.leg_response, self.effective_mass, self.restitution_residual
-        return super().__getstate__()
+        return self.__dict__
 
     def _rows(self) -> Iterable[Row]:
         joint, most = self.worst_joint

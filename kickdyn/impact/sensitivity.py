@@ -6,13 +6,11 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.ball import BallState
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -75,7 +73,7 @@ class Branch(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(ReadOnly, ReprMixin):
+class Sensitivity(ReprMixin):
     """Derivatives of an impact's results, one Jacobian per source.
 
     Each attribute of type `Jacobians` maps the name of a source, see `UNITS`, to an array of shape
@@ -178,7 +176,7 @@ def sensitivity(
 
     def named(rows: Array) -> Jacobians:
         rows.setflags(write=False)
-        return MappingProxyType({name: rows[:, place] for name, place in at.items()})
+        return {name: rows[:, place] for name, place in at.items()}
 
     return Sensitivity(
         impulse=named(impulse),

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ROUNDING, Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -35,7 +33,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uncertainty(ReadOnly, Printed):
+class Uncertainty(Printed):
     r"""Covariances of an impact's results, and the budget: which source makes which part.
 
     To first order, :math:`\Sigma_y = \sum_x J_x \Sigma_x J_x^T` over independent sources x (JCGM
@@ -146,9 +144,9 @@ def uncertainty(
     for name, value in spread.items():
         margin_slope = slopes.margin_slope[name]
         covariance = _covariance(name, value, margin_slope.shape[1])
-        by_source[name] = MappingProxyType(
-            {result: _propagated(getattr(slopes, result)[name], covariance) for result in RESULTS}
-        )
+        by_source[name] = {
+            result: _propagated(getattr(slopes, result)[name], covariance) for result in RESULTS
+        }
         margin_variance += float(_propagated(margin_slope, covariance)[0, 0])
     totals = {
         result: np.sum([parts[result] for parts in by_source.values()], axis=0)
@@ -161,8 +159,8 @@ def uncertainty(
         **totals,
         impulse_size=math.sqrt(_variance_along(directions["impulse_size"], totals["impulse"])),
         speed=math.sqrt(_variance_along(directions["speed"], totals["velocity"])),
-        directions=MappingProxyType(directions),
-        by_source=MappingProxyType(by_source),
+        directions=directions,
+        by_source=by_source,
         branch=slopes.branch,
         branch_sigmas=_sigmas(slopes, margin_variance),
     )

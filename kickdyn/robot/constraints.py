@@ -308,7 +308,7 @@ class ConstraintProjector:
                 f"{self.rank} of {len(rows)} rows, and leave none of {rows.shape[1]} degrees of "
                 f"freedom in {where!r}"
             )
-        for array in (rows, self._basis):
+        for array in (rows, self._basis, self.independent):
             array.setflags(write=False)
 
     def project(self, whitened: Array) -> Array:

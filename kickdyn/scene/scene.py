@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -47,7 +45,7 @@ class FlightEnvironment(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Scene(ReprMixin, ReadOnly):
+class Scene(ReprMixin):
     """One kick, from the posture of the leg to the end of the ball's path.
 
     Args:
@@ -135,7 +133,7 @@ class Scene(ReprMixin, ReadOnly):
             air=air,
             ground=ground,
             plane=plane,
-            uncertainty=MappingProxyType(validation.mapping("uncertainty", uncertainty)),
+            uncertainty=validation.mapping("uncertainty", uncertainty),
             name=name,
             posture=posture.with_contact_offset(contact.offset),
             **arrays,

@@ -1,8 +1,9 @@
+import re
+
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.view.postures_page import postures_page
 
 
 @pytest.fixture(scope="module")
@@ -14,7 +15,7 @@ def hits(make_kick):
 
 
 def test_legs_stand_side_by_side_with_arrows_to_one_scale(hits, commands_of):
-    said = commands_of(postures_page(hits, title="three"))
+    said = commands_of(kd.page(hits, caption="three").html)
     moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T
              for c in said if c["type"] == "set_transform"}  # fmt: skip
     places = [moved[f"/meshcat/{number}"][:3, 3] for number in range(3)]
@@ -31,7 +32,7 @@ def test_legs_stand_side_by_side_with_arrows_to_one_scale(hits, commands_of):
 
 
 def test_the_panel_says_both_impulses_and_escapes(hits):
-    html = postures_page(hits, title="<i>three")
+    html = kd.page(hits, caption="<i>three").html
     assert "<b></th>" not in html
     assert "&lt;b&gt;" in html
     assert "<h1>&lt;i&gt;three</h1>" in html
@@ -44,4 +45,30 @@ def test_the_panel_says_both_impulses_and_escapes(hits):
 @pytest.mark.parametrize("count", [0, 9])
 def test_too_few_or_too_many(hits, count):
     with pytest.raises(kd.InvalidInput, match="1 to 8"):
-        postures_page({str(number): hits["a"] for number in range(count)}, title="t")
+        kd.page([hits["a"]] * count)
+
+
+BALL = kd.Ball()
+
+
+def path(spin, speed=20.0):
+    return kd.fly(kd.BallState(velocity=(speed, 0, 9), spin=(0, spin, 0)), BALL, kd.Air())
+
+
+def test_every_curve_stands_in_the_legend():
+    page = kd.page({"top": path(40), "<b>back</b>": path(-40)}, caption="a & b").html
+    assert "<title>a &amp; b</title>" in page
+    assert "&lt;b&gt;back&lt;/b&gt;" in page
+    assert "<b>back" not in page
+    assert f"{path(40).range:.4g} m" in page
+    assert not re.findall(r'(?:src|href)=["\']http', page)
+
+
+@pytest.mark.parametrize("number", [0, 9])
+def test_too_few_or_too_many_flights(number):
+    with pytest.raises(kd.InvalidInput, match="one page compares 1 to 8"):
+        kd.page([path(0)] * number)
+
+
+def test_a_ball_that_does_not_fly_can_be_shown():
+    assert "0 m" in kd.page({"rest": kd.fly(kd.BallState(), BALL)}).html

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.accuracy.exact import DIGITS, mp
-from kickdyn.aerodynamics import drag, lift
-from kickdyn.aerodynamics import spin_decay as torque
+from kickdyn.accuracy.references.exact_leg import DIGITS, mp
+from kickdyn.aerodynamics import drag, lift, spin_decay
 
 NUDGE = 10.0 ** -(DIGITS // 2)
+"""Relative change of numbers, by which conditions are estimated."""
 
 
 class Constants:
@@ -47,6 +47,7 @@ Formula = Callable[[Constants, float, float], Any]
 
 
 def _joined(c: Constants, x: Any, low: Any, high: Any) -> Any:
+    """Return the weight of a smooth transition from 0 to 1."""
     m = c.m
     if x <= low:
         return m.zero
@@ -56,15 +57,18 @@ def _joined(c: Constants, x: Any, low: Any, high: Any) -> Any:
 
 
 def _stokes(c: Constants, reynolds: float, _: float) -> Any:
+    """Return the drag of creeping flow."""
     return 24 / c(reynolds)
 
 
 def _brown_lawler(c: Constants, reynolds: float, _: float) -> Any:
+    """Return the drag of a sphere by Brown and Lawler."""
     re = c(reynolds)
     return 24 / re * (1 + c(0.150) * re ** c(0.681)) + c(0.407) / (1 + c(8710.0) / re)
 
 
 def _sphere(c: Constants, reynolds: float, spin: float) -> Any:
+    """Return the drag of a smooth sphere."""
     weight = _joined(c, c.m.mpf(reynolds), 1, 10)
     creeping = _stokes(c, reynolds, spin)
     if weight == 0:
@@ -73,7 +77,7 @@ def _sphere(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _level(c: Constants, ball: drag.SoccerBall, reynolds: float) -> Any:
-    """Return Eq. 5 of Kiratidis and Leinweber with its straight line bent level at `v_max`."""
+    """Return Eq. 5 of Kiratidis and Leinweber, its straight line turned level at `v_max`."""
     m, v = c.m, c(reynolds) / c(drag.REYNOLDS_PER_SPEED)
     a, v_c, v_s, low, high = (c(x) for x in (ball.a, ball.v_c, ball.v_s, ball.b_min, ball.b_max))
     v_min, v_max = c(ball.v_min), c(ball.v_max)
@@ -85,6 +89,8 @@ def _level(c: Constants, ball: drag.SoccerBall, reynolds: float) -> Any:
 
 
 def _soccer(ball: drag.SoccerBall) -> Formula:
+    """Return the formula of a soccer ball's drag."""
+
     def formula(c: Constants, reynolds: float, spin: float) -> Any:
         m = c.m
         weight = _joined(c, m.mpf(reynolds), m.mpf(20000), m.mpf(70000))
@@ -99,6 +105,7 @@ def _soccer(ball: drag.SoccerBall) -> Formula:
 
 
 def _goff_carre(c: Constants, reynolds: float, spin: float) -> Any:
+    """Return the drag by Goff and Carre."""
     m, v, middle = c.m, c(reynolds) / c(drag.REYNOLDS_PER_SPEED), c(12.19)
     level = c(0.155) + c(0.346) / (1 + m.exp((v - middle) / c(1.309)))
     weight = _joined(c, v, c(0.9) * middle, c(1.1) * middle)
@@ -107,6 +114,7 @@ def _goff_carre(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _saturating(c: Constants, reynolds: float, spin: float) -> Any:
+    """Return the lift that saturates."""
     plateau, sp = c(0.4740), c(spin)
     drop = plateau - _level(c, drag.BALLS["brazuca"], reynolds)
     gate = min(max(drop / (plateau - c(0.1748588996)), c.m.zero), c.m.one)
@@ -114,10 +122,12 @@ def _saturating(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _wang(c: Constants, _: float, spin: float) -> Any:
+    """Return the lift by Wang."""
     return c(spin) ** c(0.4) / 2
 
 
 def _kiratidis_leinweber(c: Constants, reynolds: float, spin: float) -> Any:
+    """Return the lift by Kiratidis and Leinweber."""
     a, sp = c(0.4927), c(spin)
     now = _level(c, drag.BALLS["teamgeist"], reynolds) + c(0.514) * sp
     drop = (a - min(now, a)) / (a - c(0.144) - c(0.514) * c(0.19))
@@ -125,6 +135,7 @@ def _kiratidis_leinweber(c: Constants, reynolds: float, spin: float) -> Any:
 
 
 def _nathan(c: Constants, _: float, spin: float) -> Any:
+    """Return the lift by Nathan."""
     sp = c(spin)
     return c(1.12) * sp / (c(0.583) + c(2.333) * sp)
 
@@ -144,5 +155,5 @@ FORMULAS: dict[tuple[str, str], Formula] = {
 }
 """By kind and name."""
 
-MODELS = {"drag": drag.MODELS, "lift": lift.MODELS, "torque": torque.MODELS}
+MODELS = {"drag": drag.MODELS, "lift": lift.MODELS, "torque": spin_decay.MODELS}
 """What they are compared with."""

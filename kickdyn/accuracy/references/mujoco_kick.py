@@ -1,4 +1,4 @@
-"""A kick in MuJoCo: a contact of finite stiffness, integrated in time; not a dependency."""
+"""A kick in MuJoCo: a contact of finite stiffness, integrated in time, where it is installed."""
 
 from __future__ import annotations
 
@@ -19,34 +19,29 @@ STIFFEST_CONSTRAINT = 0.9999
 """MuJoCo's largest impedance."""
 
 
-def simulated(hit: Impact, stiffness: float, dt: float) -> Array:
-    """Return the impulse on the ball by MuJoCo [N s]; arguments as for `simulation`."""
-    return simulation(hit, stiffness, dt)()
-
-
-def simulation(hit: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
+def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
     """Return a function that runs a kick in MuJoCo and gives the impulse on the ball [N s].
 
     Args:
-        hit: posture, velocities and contact are taken from it.
+        impact: posture, velocities and contact are taken from it.
         stiffness: of the contact along the normal [N/m].
         dt: time step [s].
     """
-    n, e = hit.contact.normal, hit.contact.restitution
-    give = float(n @ hit.posture.delassus() @ n) + 1.0 / hit.ball.mass
+    n, e = impact.contact.normal, impact.contact.restitution
+    give = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
     rate = stiffness * give  # MuJoCo's stiffness is per unit of mass
     damping = 2.0 * damping_ratio(e) * math.sqrt(rate)
-    model = mujoco.MjModel.from_xml_string(scene(hit, rate, damping, dt))
-    data, n_joints = mujoco.MjData(model), len(hit.v_before)
+    model = mujoco.MjModel.from_xml_string(scene(impact, rate, damping, dt))
+    data, n_joints = mujoco.MjData(model), len(impact.v_before)
 
     def run() -> Array:
         mujoco.mj_resetData(model, data)
-        data.qpos[:n_joints], data.qvel[:n_joints] = hit.posture.q, hit.v_before
+        data.qpos[:n_joints], data.qvel[:n_joints] = impact.posture.q, impact.v_before
         mujoco.mj_forward(model, data)
         for step in range(round(1.0 / dt)):
             mujoco.mj_step(model, data)
             if step > 2 and data.ncon == 0:
-                return np.array(hit.ball.mass * data.qvel[n_joints : n_joints + 3])
+                return np.array(impact.ball.mass * data.qvel[n_joints : n_joints + 3])
         raise KickdynError("leg and ball did not part within a second")
 
     return run
@@ -65,9 +60,9 @@ def damping_ratio(restitution: float) -> float:
     )
 
 
-def scene(hit: Impact, rate: float, damping: float, dt: float) -> str:
+def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
     """Return the leg, with a flat face at its toe, and the ball before it, as MJCF."""
-    model, contact, ball = hit.posture.leg.model, hit.contact, hit.ball
+    model, contact, ball = impact.posture.leg.model, impact.contact, impact.ball
     data = model.createData()
     zero = pin.neutral(model)
     bodies = ends = ""
@@ -81,10 +76,10 @@ def scene(hit: Impact, rate: float, damping: float, dt: float) -> str:
             f'fullinertia="{row(moments)}"/><joint type="hinge" axis="{row(axis)}"/>'
         )
         ends += "</body>"
-    normal = hit.posture.rotation_world_joint.T @ contact.normal
+    normal = impact.posture.rotation_world_joint.T @ contact.normal
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     bodies += f'<geom type="box" size="1 1 0.1" quat="{quaternion(face)}" '
-    bodies += f'pos="{row(hit.posture.contact_lever - 0.1 * normal)}"/>'
+    bodies += f'pos="{row(impact.posture.contact_lever - 0.1 * normal)}"/>'
     d = STIFFEST_CONSTRAINT
     friction = (
         'condim="1"' if contact.friction == 0 else f'condim="3" friction="{contact.friction} 0 0"'
@@ -93,7 +88,7 @@ def scene(hit: Impact, rate: float, damping: float, dt: float) -> str:
   <option gravity="0 0 0" timestep="{dt!r}" cone="elliptic" impratio="100" tolerance="1e-14"/>
   <default><geom {friction} solref="{-rate!r} {-damping!r}" solimp="{d} {d} 1 0.5 1"/></default>
   <worldbody>{bodies}{ends}
-    <body pos="{row(hit.ball_after.position)}"><freejoint/>
+    <body pos="{row(impact.ball_after.position)}"><freejoint/>
       <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
       <geom type="sphere" size="{ball.radius!r}"/>
     </body>

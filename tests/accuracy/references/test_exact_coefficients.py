@@ -2,8 +2,8 @@
 
 import pytest
 
-from kickdyn.accuracy.exact import mp
-from kickdyn.accuracy.exact_coefficients import FORMULAS, MODELS, Constants
+from kickdyn.accuracy.references.exact_coefficients import FORMULAS, MODELS, Constants
+from kickdyn.accuracy.references.exact_leg import mp
 
 
 def test_every_shipped_model_has_a_formula():

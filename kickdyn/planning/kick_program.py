@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_derivatives import leg_slopes
+from kickdyn.impact.leg_derivatives import leg_derivatives
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_cost import Cost, KickObjective, make_cost
 from kickdyn.robot.kicking_chain import kicking_chain
@@ -383,7 +383,7 @@ class ProgramPoint:
         n, scale, jacobian = program.n, program.velocity_scale, posture.jacobian
         target, at_v = program.target, slice(n, 2 * n)
         v_after = v + posture.solve(-target.impulse @ jacobian)
-        leg = leg_slopes(posture, v, v_after, target.impulse, np.zeros(0))
+        leg = leg_derivatives(posture, v, v_after, target.impulse, np.zeros(0))
         # of J M^-1 J^T p by q
         change = leg.foot_q - leg.foot_q_after - jacobian @ leg.v_after_q
         wish_q = target.foot_gain @ change

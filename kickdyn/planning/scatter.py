@@ -24,7 +24,6 @@ from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.sensitivity import sensitivity
 from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
@@ -123,7 +122,7 @@ def launch_covariances(
 
 def _launch_slopes(impact: Impact) -> dict[str, Array]:
     """Return derivatives of velocity and spin by each source's components, shape `(6, k)`."""
-    slopes, ball = sensitivity(impact, of_leg=False), impact.ball
+    slopes, ball = impact.sensitivity(of_leg=False), impact.ball
     by = {
         source: np.vstack([slopes.velocity[source], slopes.spin[source]])
         for source in ("normal", "restitution")

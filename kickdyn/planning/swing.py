@@ -15,7 +15,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.goal import PlanStatus
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.swing_phase import LONGEST, Motion, SwingPhase, check_solver, swing_chain
@@ -174,7 +174,7 @@ def plan_swing(
             swing is found; a leg with supports or loops, joints that move but are not between base
             and foot, or joints without limits; a value out of range.
     """
-    check_free(leg, "swings are planned")
+    check_unconstrained(leg, "swings are planned")
     validation.check_type(KickPlan, plan=plan)
     check_solver()
     from kickdyn.planning.casadi_chain import CasadiChain

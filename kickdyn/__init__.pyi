@@ -2,6 +2,8 @@
 
 __version__: str
 
+from .accuracy.references.pinocchio_impact import EngineImpact as EngineImpact
+from .accuracy.references.pinocchio_impact import engine_strike as engine_strike
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
@@ -27,13 +29,9 @@ from .impact.impact_result import Impact as Impact
 from .impact.joint_load import JointLoad as JointLoad
 from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
-from .impact.pinocchio_impact import EngineImpact as EngineImpact
-from .impact.pinocchio_impact import engine_strike as engine_strike
 from .impact.sensitivity import Sensitivity as Sensitivity
-from .impact.sensitivity import sensitivity as sensitivity
 from .impact.strike import strike as strike
 from .impact.uncertainty import Uncertainty as Uncertainty
-from .impact.uncertainty import uncertainty as uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
 from .plane import Plane as Plane

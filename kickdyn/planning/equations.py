@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_derivatives import leg_slopes
+from kickdyn.impact.leg_derivatives import leg_derivatives
 from kickdyn.planning.heading import heading_for, turned
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.robot.leg import Leg, Posture
@@ -245,7 +245,7 @@ class Equations:
         v, share, n, at_v = self._velocity(x), float(x[-1]), self.n, slice(self.n, 2 * self.n)
         impulse, kic = self.impact_target.impulse, posture.jacobian
         v_after = v + posture.solve(-impulse.dot(kic))
-        leg = leg_slopes(posture, v, v_after, impulse, NOTHING_HELD)
+        leg = leg_derivatives(posture, v, v_after, impulse, NOTHING_HELD)
         given = leg.foot_q - leg.foot_q_after - kic @ leg.v_after_q  # of J M^-1 J^T p by q
         wish_q = self.impact_target.foot_gain @ given
         fast = math.sqrt(wish @ wish)

@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
@@ -106,7 +106,7 @@ def plan_kick(
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective.
     """
-    check_free(leg, "kicks are planned")
+    check_unconstrained(leg, "kicks are planned")
     if objective not in (*OBJECTIVES, "scatter"):
         raise InvalidInput(
             f"objective {objective!r} is unknown: choose {', '.join(OBJECTIVES)}, scatter"

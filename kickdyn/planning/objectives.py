@@ -13,7 +13,7 @@ from kickdyn.air import Air
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import NoImpact
-from kickdyn.impact.joint_impulses import joint_impulses
+from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
 from kickdyn.planning.equations import Equations, Objective
 from kickdyn.planning.impact_target import ImpactTarget

@@ -21,10 +21,8 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
-from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import LAWS
-from kickdyn.impact.sensitivity import sensitivity
+from kickdyn.impact.newton_law import solve_newton
 from kickdyn.planning.shooting import ShootingProblem
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
@@ -170,7 +168,7 @@ def of_launch(hit: Impact, slopes: Array, sizes: Mapping[str, float]) -> dict[st
 
 def _launch_slopes(hit: Impact) -> dict[str, Array]:
     """Return derivatives of velocity and spin by each source's components, shape `(6, k)`."""
-    slopes, ball = sensitivity(hit, of_leg=False), hit.ball
+    slopes, ball = hit.sensitivity(of_leg=False), hit.ball
     # the foot faster is the ball slower; only their relative velocity makes the impulse
     by_foot = -np.vstack(
         [slopes.impulse["ball_velocity"] / ball.mass, slopes.spin["ball_velocity"]]
@@ -208,12 +206,12 @@ def _struck(hit: Impact, errors: Array) -> tuple[Array, Array]:
     upper, lefter = _across(n)
     normal = n - (high * upper + over * lefter) / ball.radius
     normal /= math.hypot(*normal)
-    problem = ContactProblem.of(hit)._replace(
+    problem = hit.approach.contact_problem()._replace(
         normal=normal,
         centre_velocity=hit.ball_before.velocity - foot,
         restitution=min(max(hit.contact.restitution + e, 0.0), 1.0),
     )
-    impulse, _, _, tangential_impulse = LAWS["newton"](problem)
+    impulse, _, _, tangential_impulse = solve_newton(problem)
     spin = hit.ball_before.spin - cross(normal, tangential_impulse) * (ball.radius / ball.inertia)
     return hit.ball_before.velocity + impulse / ball.mass, spin
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.goal import PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.swing_joints import LONGEST, Joints, check_solver, joints_of
@@ -60,7 +60,7 @@ def plan_swing(
             swing is found; a leg that is held by more than its joints, moves what is not between
             base and foot, or has no limits; a value out of range.
     """
-    check_free(leg, "swings are planned")
+    check_unconstrained(leg, "swings are planned")
     validation.check_type(KickPlan, plan=plan)
     check_solver()
     if objective not in ("effort", "time"):

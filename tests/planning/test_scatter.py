@@ -31,7 +31,7 @@ def test_drag_alone_is_a_difference_of_flights():
     thin, thick = (
         kd.Air(drag=lambda re, s, k=k: k * kd.Air().drag.function(re, s)) for k in (0.98, 1.02)
     )
-    ends = [kd.fly(HIT.ball, BALL, air).landing.position for air in (thin, thick)]
+    ends = [kd.fly(HIT.ball_after, BALL, air).landing.position for air in (thin, thick)]
     expected = np.linalg.norm((ends[0] - ends[1])[:2]) / 2
     assert scatter(HIT, AIR, drag=0.02).radius == pytest.approx(expected, rel=1e-3)
 

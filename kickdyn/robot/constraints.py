@@ -89,6 +89,17 @@ class Support:
         corners.setflags(write=False)
         return corners
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Support) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return what two supports that are equal have in common, which can be hashed."""
+        sole = None if self.sole is None else self.sole.tobytes()
+        return self.frame, self.point, self.friction, sole
+
     @property
     def size(self) -> int:
         """Number of velocities that are 0: 3 or 6."""

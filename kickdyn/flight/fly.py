@@ -85,7 +85,7 @@ def fly(
 
 
 class _Ends(NamedTuple):
-    """Where a flight ends: `drop` below the launch [m], at a wall (normal, gap [m]), or in time [s]."""
+    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s]."""
 
     drop: float
     wall: tuple[Array, float] | None

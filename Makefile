@@ -45,7 +45,7 @@ docs: $(VENV)/.dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/trees docs build/site
 	@echo "build/site/index.html"
 
-## lint: format, style, types, layers
+## lint: format, style, types, layers of imports and their cycles
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .

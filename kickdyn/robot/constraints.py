@@ -356,7 +356,7 @@ class ConstraintProjector:
             return None
         worst = speeds.index(max(speeds))
         at = next(i for i, block in enumerate(self.blocks) if worst < block.rows.stop)
-        unit = "m/s" if worst - self.blocks[at].at.start < 3 else "rad/s"
+        unit = "m/s" if worst - self.blocks[at].rows.start < 3 else "rad/s"
         return self.constraints.names[at], speeds[worst], unit
 
     @cached_property

@@ -36,14 +36,14 @@ from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
+from .planning.kick import KickPlan as KickPlan
 from .planning.kick import plan_kick as plan_kick
-from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
+from .planning.swing import Swing as Swing
 from .planning.swing import plan_swing as plan_swing
-from .planning.swing_result import Swing as Swing
 from .robot.constraints import Support as Support
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture

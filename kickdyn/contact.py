@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Contact(ReprMixin):
+class Contact(ValueEquality, ReprMixin):
     """One point contact between foot and ball; equal numbers make equal contacts.
 
     Args:
@@ -55,17 +55,6 @@ class Contact(ReprMixin):
         object.__setattr__(self, "restitution", e)
         object.__setattr__(self, "friction", validation.number("friction", friction, at_least=0))
         object.__setattr__(self, "offset", offset)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Contact) and self._values() == other._values()
-
-    def __hash__(self) -> int:
-        return hash(self._values())
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return the numbers that equal contacts share, which can be hashed."""
-        offset = None if self.offset is None else tuple(self.offset.tolist())
-        return *self.normal.tolist(), self.restitution, self.friction, offset
 
     def __repr__(self) -> str:
         """Return all values in a line."""

@@ -96,10 +96,14 @@ def joint_impulses(
     pushes[leg.contact_joint] = foot_wrench(posture, impulse)
     if posture.constraint_projector is not None and len(constraint_impulses):
         for block in posture.constraint_projector.blocks:
-            part = constraint_impulses[block.at]
-            pushes[block.joint] += joint_wrench(block.turns[0], block.levers[0], part)
+            part = constraint_impulses[block.rows]
+            pushes[block.joint] += joint_wrench(
+                block.rotations_joint_world[0], block.levers[0], part
+            )
             if block.other:
-                pushes[block.other] -= joint_wrench(block.turns[1], block.levers[1], part)
+                pushes[block.other] -= joint_wrench(
+                    block.rotations_joint_world[1], block.levers[1], part
+                )
     unbalanced = pin.rnea(space.model, space.data, posture.q, space.still, jump, space.external)
     return space.forces.copy(), unbalanced.copy()
 

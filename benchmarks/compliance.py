@@ -21,7 +21,7 @@ POSTURE = LEG.posture(np.radians([40.0, 30.0, -20.0]))
 ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
 TOUCH = kd.Contact(ATTACK, restitution=0.7)
 V = np.array([8.25, -18.15, 2.48])
-INSTANT = kd.strike_at(POSTURE, V, BALL, TOUCH)
+INSTANT = kd.strike(POSTURE, V, BALL, TOUCH)
 
 
 def angle(a: Array, b: Array) -> float:
@@ -32,7 +32,9 @@ def angle(a: Array, b: Array) -> float:
 def through_time(milliseconds: float, leg: kd.Leg = LEG, **options: object) -> kd.Collision:
     """Return the same kick with a contact of this length."""
     seconds = 1e-3 * milliseconds
-    return kd.collide(leg, POSTURE.q, V, BALL, TOUCH, contact_time=seconds, tol=1e-11, **options)  # type: ignore[arg-type]
+    return kd.collide(
+        leg.posture(POSTURE.q), V, BALL, TOUCH, contact_time=seconds, tol=1e-11, **options
+    )  # type: ignore[arg-type]
 
 
 def order() -> None:
@@ -65,8 +67,8 @@ def price() -> None:
             f"{1e3 * hit.deflection:.1f}",
             f"{1e3 * math.hypot(*hit.foot_displacement):.0f}",
             f"{math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1:+.1%}",
-            f"{float(hit.ball_after.speed) / float(INSTANT.ball.speed) - 1:+.1%}",
-            f"{angle(hit.ball_after.velocity, INSTANT.ball.velocity):.1f}",
+            f"{float(hit.ball_after.speed) / float(INSTANT.ball_after.speed) - 1:+.1%}",
+            f"{angle(hit.ball_after.velocity, INSTANT.ball_after.velocity):.1f}",
             f"{hit.energy_lost / INSTANT.energy_lost - 1:+.1%}",
         )
         print("| " + " | ".join(cells) + " |")
@@ -85,8 +87,8 @@ def motions() -> None:
         (POSTURE, POSTURE.joint_velocity(14.0 * ATTACK)),
         (upright, upright.joint_velocity(14.0 * ATTACK)),
     ):
-        hit = kd.collide(LEG, posture.q, v, BALL, TOUCH, contact_time=0.01, tol=1e-11)
-        instant = kd.strike_at(posture, v, BALL, TOUCH)
+        hit = kd.collide(posture, v, BALL, TOUCH, contact_time=0.01, tol=1e-11)
+        instant = kd.strike(posture, v, BALL, TOUCH)
         cells = (
             ", ".join(f"{value:.0f}" for value in LEG.angles_deg(posture.q).values()),
             ", ".join(f"{value:.1f}" for value in v),
@@ -112,15 +114,15 @@ def causes() -> None:
         ("every joint with a tenth of its effort limit, along its motion", pushed),
     ):
         impulse = math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1
-        speed = float(hit.ball_after.speed) / float(INSTANT.ball.speed) - 1
+        speed = float(hit.ball_after.speed) / float(INSTANT.ball_after.speed) - 1
         print(f"| {name} | {1e3 * hit.contact_time:.1f} | {impulse:+.1%} | {speed:+.1%} |")
 
 
 def main() -> None:
     """Print the tables."""
     print(
-        f"instant: impulse {math.hypot(*INSTANT.impulse):.3f} N s, ball {INSTANT.ball.speed:.2f} "
-        f"m/s, energy lost {INSTANT.energy_lost:.2f} J\n"
+        f"instant: impulse {math.hypot(*INSTANT.impulse):.3f} N s, "
+        f"ball {INSTANT.ball_after.speed:.2f} m/s, energy lost {INSTANT.energy_lost:.2f} J\n"
     )
     order()
     print()

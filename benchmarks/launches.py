@@ -1,4 +1,4 @@
-"""Random goals for `plan_launches`: 1,000 that can be met, 200 that cannot; and for `plan_kick`.
+"""Random goals for `plan_launch`: 1,000 that can be met, 200 that cannot; and for `plan_kick`.
 
     python benchmarks/launches.py [REACHABLE UNREACHABLE [KICKS]]
 
@@ -18,7 +18,8 @@ from collections import Counter
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.planning.shooting import Range
+from kickdyn.planning.goal import nominal_velocity
+from kickdyn.planning.shooting import ShootingProblem
 
 BALL, LIMIT = kd.Ball(), 40.0
 
@@ -32,7 +33,9 @@ def reachable(n: int, seed: int = 1) -> list[tuple[kd.Goal, kd.Air, np.ndarray]]
         velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
         spin, wind = draw.normal(0, 20, 3), np.append(draw.normal(0, 3, 2), 0.0)
         air = kd.Air(wind=wind)
-        shot = Range(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * draw.uniform(0.6, 1))
+        shot = ShootingProblem(BALL, air, spin).shoot(
+            velocity, 2 * velocity[2] / 9.81 * draw.uniform(0.6, 1)
+        )
         if shot is None or shot.place(shot.time)[1][2] >= 0:
             continue
         target = shot.place(shot.time)[0]
@@ -100,9 +103,11 @@ def main() -> None:
     many, few = (int(text) for text in sys.argv[1:3]) if len(sys.argv) > 2 else (1000, 200)
     steps, solved, began = [], 0, time.perf_counter()
     for goal, air, spin in reachable(many):
-        found = kd.plan_launches(goal, BALL, air, spin=spin)
-        solved += found.status == "met"
-        steps += [one.steps for one in found.solutions if one.steps >= 0][:1]
+        launch = kd.plan_launch(goal, BALL, air, spin=spin)
+        solved += launch.status == "met"
+        starts = [nominal_velocity(goal.target, t) for t in goal.nominal_times()]
+        from_nominal = any(np.array_equal(launch.history[0], start) for start in starts)
+        steps += [launch.iterations] if from_nominal else []
     spent = time.perf_counter() - began
     print(
         f"{solved} of {many} met in {1e3 * spent / many:.0f} ms each, {len(steps)} by Newton from"
@@ -110,17 +115,16 @@ def main() -> None:
     print(f"the nominal launch, in median {np.median(steps):g} and at most {max(steps)} steps")
     limits, began = Counter[str](), time.perf_counter()
     for goal, air in unreachable(few):
-        found = kd.plan_launches(goal, BALL, air, speed_limit=LIMIT)
-        limits[found.limit if found.status == "unreachable" else "MET"] += 1
-        limits["without a nearest"] += found.nearest is None
+        launch = kd.plan_launch(goal, BALL, air, speed_limit=LIMIT)
+        limits[launch.limit or "MET"] += 1
     spent = time.perf_counter() - began
     print(f"{few} out of reach: {dict(limits)}; {spent / few:.2f} s each")
     for name, air in (("standard", kd.Air()), ("the paper's", kd.Air.paper())):
         for distance, flown in ((30, 1.5), (50, 2.0), (100, 3.0)):
-            launch = kd.plan_launches(kd.Goal(distance, time=flown), BALL, air).solutions[0]
+            launch = kd.plan_launch(kd.Goal(distance, time=flown), BALL, air)
             missed = np.abs(launch.errors).max()
             print(
-                f"({distance} m, {flown:g} s) in {name} air: {launch.steps} steps, missed by "
+                f"({distance} m, {flown:g} s) in {name} air: {launch.iterations} steps, missed by "
                 f"{missed:.1e}"
             )
     kicks(int(sys.argv[3]) if len(sys.argv) > 3 else 30)

@@ -61,7 +61,7 @@ def ours(kick: Kick) -> kd.Impact:
     """Return the instant impact."""
     posture = LEG.posture(np.radians(kick.angles))
     contact = kd.Contact(kick.normal, kick.restitution, kick.friction)
-    return kd.strike_at(posture, posture.joint_velocity(kick.foot), BALL, contact, "stronge")
+    return kd.strike(posture, posture.joint_velocity(kick.foot), BALL, contact, "stronge")
 
 
 def relaxed(kick: Kick) -> np.ndarray:

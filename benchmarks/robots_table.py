@@ -63,7 +63,7 @@ def kicks() -> Iterator[tuple[str, str, kd.Impact]]:
 
 def struck(bent: kd.Posture) -> kd.Impact:
     """Return the kick from a posture."""
-    return kd.strike_at(bent, bent.joint_velocity(ATTACK), kd.Ball(), TOUCH)
+    return kd.strike(bent, bent.joint_velocity(ATTACK), kd.Ball(), TOUCH)
 
 
 def table() -> str:

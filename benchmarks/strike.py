@@ -75,7 +75,7 @@ def struck(
     """Return a strike, after which attributes are read."""
 
     def calls() -> Any:
-        hit = kd.strike(leg, q, v, BALL, contact, law)
+        hit = kd.strike(leg.posture(q), v, BALL, contact, law)
         return [getattr(hit, name) for name in read]
 
     return calls

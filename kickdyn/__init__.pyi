@@ -32,7 +32,6 @@ from .impact.pinocchio_impact import engine_strike as engine_strike
 from .impact.sensitivity import Sensitivity as Sensitivity
 from .impact.sensitivity import sensitivity as sensitivity
 from .impact.strike import strike as strike
-from .impact.strike import strike_at as strike_at
 from .impact.uncertainty import Uncertainty as Uncertainty
 from .impact.uncertainty import uncertainty as uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
@@ -41,11 +40,8 @@ from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
 from .planning.kick import plan_kick as plan_kick
 from .planning.kick_plan import KickPlan as KickPlan
-from .planning.launch import LaunchPlan as LaunchPlan
+from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
-from .planning.launch_family_solver import plan_launches as plan_launches
-from .planning.launch_result import Launch as Launch
-from .planning.launch_result import Launches as Launches
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
 from .planning.swing import plan_swing as plan_swing

@@ -1,4 +1,4 @@
-"""Run a command: `python -m kickdyn COMMAND`."""
+"""The commands without the console script: `python -m kickdyn COMMAND`."""
 
 from __future__ import annotations
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from numbers import Real
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
-from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel, find
+from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
@@ -26,36 +25,21 @@ Wind = Callable[[float], Sequence[float]]
 
 
 def density_of(temperature: float, pressure: float) -> float:
-    """Return the density of dry air [kg/m3] at a temperature [K] and a pressure [Pa]."""
+    r"""Return the density of dry air :math:`p/(R T)` [kg/m3] at T [K] and p [Pa]."""
     return pressure / (GAS_CONSTANT * temperature)
 
 
 def viscosity_of(temperature: float) -> float:
-    """Return the dynamic viscosity of air [Pa s] at a temperature [K], Sutherland's formula."""
+    r"""Return :math:`1.458 \cdot 10^{-6} T^{1.5}/(T + 110.4)`, Sutherland's viscosity [Pa s]."""
     return 1.458e-6 * math.pow(temperature, 1.5) / (temperature + 110.4)
 
 
-def standard(altitude: float) -> tuple[float, float]:
+def standard_atmosphere(altitude: float) -> tuple[float, float]:
     """Return temperature [K] and pressure [Pa] of the standard atmosphere up to 11 km [m]."""
     height = 6_356_766 * altitude / (6_356_766 + altitude)  # geopotential
     temperature = 288.15 - 0.0065 * height
     exponent = 9.80665 / (GAS_CONSTANT * 0.0065)
     return temperature, 101_325 * math.pow(temperature / 288.15, exponent)
-
-
-def _model(
-    kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient | None
-) -> Coefficient | None:
-    """Return the model that is named; say how a number becomes one."""
-    if choice is None:
-        return None
-    if isinstance(choice, Real) and not isinstance(choice, bool) and math.isfinite(choice):
-        raise InvalidInput(
-            f"{kind} model is the number {float(choice):g}: pass "
-            f"kickdyn.aerodynamics.drag.constant({float(choice):g}) for a coefficient that is the "
-            f"same everywhere, or choose {', '.join(models)}"
-        )
-    return find(kind, models, choice)
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -101,28 +85,33 @@ class Air(ReprMixin):
         *,
         buoyancy: bool = True,
     ) -> None:
-        rho = validation.number("air density", density, at_least=0, unit="kg/m3")
-        mu = validation.number("air viscosity", viscosity, above=0, unit="Pa s")
-        blowing: Array | Wind
-        if callable(wind):
-            blowing = wind
-            with suppress(ArithmeticError, ValueError):  # as a logarithm, not defined there
-                validation.vector("wind at height 0", wind(0.0), 3, unit="m/s")
-        else:
-            blowing = validation.vector("wind", wind, 3, unit="m/s")
-            blowing.setflags(write=False)
-        object.__setattr__(self, "density", rho)
-        object.__setattr__(self, "viscosity", mu)
-        object.__setattr__(self, "wind", blowing)
-        object.__setattr__(self, "drag", _model("drag", drag_models.MODELS, drag))
-        object.__setattr__(self, "lift", _model("lift", lift_models.MODELS, lift))
-        object.__setattr__(self, "torque", _model("torque", torque_models.MODELS, torque))
-        if not isinstance(buoyancy, bool):
-            raise InvalidInput(f"buoyancy is {buoyancy!r}: it must be True or False")
-        object.__setattr__(self, "buoyancy", buoyancy)
+        values = {
+            "density": validation.number("air density", density, at_least=0, unit="kg/m3"),
+            "viscosity": validation.number("air viscosity", viscosity, above=0, unit="Pa s"),
+            "wind": _checked_wind(wind),
+            "drag": find_model("drag", drag_models.MODELS, drag),
+            "lift": find_model("lift", lift_models.MODELS, lift),
+            "torque": find_model("torque", torque_models.MODELS, torque),
+            "buoyancy": validation.flag("buoyancy", buoyancy),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __eq__(self, other: object) -> bool:
+        """Compare all values; functions are equal if they are the same function."""
+        return isinstance(other, Air) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return what two airs that are equal have in common, which can be hashed."""
+        wind = self.wind if callable(self.wind) else tuple(self.wind.tolist())
+        models = self.drag, self.lift, self.torque
+        return self.density, self.viscosity, wind, *models, self.buoyancy
 
     def __repr__(self) -> str:
-        """Name every value, and the models by name."""
+        """Return every value, and the models by name, in a line."""
         names = self._names()
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
@@ -132,6 +121,7 @@ class Air(ReprMixin):
         )
 
     def _names(self) -> dict[str, object]:
+        """Return the models and the wind, by their names where they have one."""
         models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
         return {
             key: getattr(model, "name", getattr(model, "__name__", model))
@@ -188,7 +178,7 @@ class Air(ReprMixin):
             InvalidInput: a value outside its range.
         """
         height = validation.number("altitude", altitude, at_least=-1000, at_most=11_000, unit="m")
-        kelvin, pascal = standard(height)
+        kelvin, pascal = standard_atmosphere(height)
         if temperature_c is not None:
             celsius = validation.number(
                 "temperature", temperature_c, at_least=-80, at_most=60, unit="degC"
@@ -211,3 +201,26 @@ class Air(ReprMixin):
             return (x, y, z)
 
         return steady
+
+
+def _checked_wind(wind: ArrayLike | Wind) -> Array | Wind:
+    """Return a wind as a read-only array of shape `(3,)`, or the function that it is."""
+    if not callable(wind):
+        steady = validation.vector("wind", wind, 3, unit="m/s")
+        steady.setflags(write=False)
+        return steady
+    try:
+        blowing = wind(0.0)
+    except (ArithmeticError, ValueError):  # as a logarithm, not defined there
+        return wind
+    except Exception as fault:
+        raise InvalidInput(
+            f"wind is a function that raised {type(fault).__name__} at height 0: {fault}; it must "
+            "take a height [m] and return three floats [m/s]"
+        ) from fault
+    validation.vector("wind at height 0", blowing, 3, unit="m/s")
+    return wind
+
+
+AIRS: dict[str, Air | None] = {"standard": Air(), "paper": Air.paper(), "none": None}
+"""Airs by the names that command lines have for them; `none` is the vacuum."""

@@ -21,7 +21,7 @@ SMALLEST = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Ball(ReprMixin):
-    """A ball: a thin spherical shell, the paper's Eq. (22), if not told otherwise.
+    """A ball, by default a thin spherical shell, the paper's Eq. (22).
 
     The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
     (IFAB, Laws of the Game 2023/24, Law 2).
@@ -92,16 +92,20 @@ class Ball(ReprMixin):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class BallState(ReadOnly):
-    """Where a ball is and how it moves, at one time or at many.
+    """Where a ball is and how it moves: one state, or many.
+
+    Shapes `(3,)` make one state; where any argument has n rows, there are n states, and what has
+    none is the same for all of them: `BallState(velocity=velocities)` is n launches from the origin
+    at time 0.
 
     Args:
         position: centre of the ball, shape `(3,)` or `(n, 3)` [m, world frame].
-        velocity: of the centre, same shape [m/s, world frame].
-        spin: angular velocity, same shape [rad/s, world frame].
-        time: [s], a float, or shape `(n,)`.
+        velocity: of the centre, likewise [m/s, world frame].
+        spin: angular velocity, likewise [rad/s, world frame].
+        time: [s], a number or shape `(n,)`.
 
     Raises:
-        InvalidInput: shapes differ or an entry is not finite.
+        InvalidInput: shapes that do not go together, or an entry that is not finite.
     """
 
     position: Array
@@ -116,29 +120,32 @@ class BallState(ReadOnly):
         spin: ArrayLike = (0.0, 0.0, 0.0),
         time: ArrayLike = 0.0,
     ) -> None:
-        moments = validation.floats("time", time, unit="s")
-        if moments.ndim > 1:
-            raise InvalidInput(f"time has shape {moments.shape}: it must be a number or (n,)")
-        for name, value, unit in (
-            ("position", position, "m"),
-            ("velocity", velocity, "m/s"),
-            ("spin", spin, "rad/s"),
-        ):
-            array = validation.floats(name, value, unit=unit)
-            if array.shape != (*moments.shape, 3):
-                raise InvalidInput(
-                    f"{name} has shape {array.shape}: it must be {(*moments.shape, 3)}"
-                )
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        moments.setflags(write=False)
-        object.__setattr__(self, "time", float(moments) if moments.ndim == 0 else moments)
+        arrays = {
+            "position": validation.floats("position", position, unit="m"),
+            "velocity": validation.floats("velocity", velocity, unit="m/s"),
+            "spin": validation.floats("spin", spin, unit="rad/s"),
+            "time": validation.floats("time", time, unit="s"),
+        }
+        rows: tuple[int, ...] = ()
+        for name, array in arrays.items():
+            one = () if name == "time" else (3,)
+            if array.shape == one:
+                continue
+            valid = f"{one or 'a number'} or ({rows[0] if rows else 'n'},{' 3' if one else ''})"
+            rows = rows or array.shape[:1]
+            if array.shape != (*rows, *one):
+                raise InvalidInput(f"{name} has shape {array.shape}: it must be {valid}")
+        for name, array in arrays.items():
+            shape = rows if name == "time" else (*rows, 3)
+            value = array if array.shape == shape else np.array(np.broadcast_to(array, shape))
+            value.setflags(write=False)
+            object.__setattr__(self, name, value if value.ndim else float(value))
 
     @classmethod
     def computed(cls, position: Array, velocity: Array, spin: Array) -> BallState:
-        """Return the state at time 0 made of finite arrays of shape `(3,)` that are its own now.
+        """Return the state at time 0 of finite arrays of shape `(3,)`, which it owns from then on.
 
-        What was computed from checked values needs no check, which takes as long as an impact.
+        It skips the checks, which take as long as an impact: for values computed from checked ones.
         """
         state = cls.__new__(cls)
         for array in (position, velocity, spin):

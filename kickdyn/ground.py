@@ -54,7 +54,7 @@ SURFACES = {
             "speed (derived); roll 4-10 m from a 1 m ramp (derived)",
         ),
         Surface(
-            "wet grass",
+            "wet-grass",
             0.60,
             0.4,
             0.59,
@@ -62,12 +62,12 @@ SURFACES = {
             "on 7 of 9 match balls (Proceedings 2020, 49(1):92)",
         ),
         Surface(
-            "hard floor",
+            "hard-floor",
             0.82,
             0.4,
             0.49,
             source="FIFA ball rebound 135 cm from 2 m on steel (derived); EN 12234 roll 12 m "
-            "(derived); friction as wet grass",
+            "(derived); friction as wet-grass",
         ),
         Surface(
             "carpet",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -13,7 +15,17 @@ from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
-_PARTS = {"front": -1.0, "centre": 0.0, "back": 1.0}
+
+class ReachedBy(StrEnum):
+    """The part of a ball that is on a plane when the plane counts as reached."""
+
+    FRONT = "front"
+    CENTRE = "centre"
+    BACK = "back"
+
+
+_RADII = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
+"""How many radii behind the centre that part is, along the normal."""
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -33,23 +45,33 @@ class Plane(ReprMixin):
 
     point: Array
     normal: Array
-    reached_by: str
+    reached_by: ReachedBy
 
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
         place = validation.vector("point of the plane", point, 3, unit="m")
         towards = validation.direction("normal of the plane", normal)
-        if reached_by not in _PARTS:
-            raise InvalidInput(f"reached_by is {reached_by!r}: choose {', '.join(_PARTS)}")
         for array in (place, towards):
             array.setflags(write=False)
         object.__setattr__(self, "point", place)
         object.__setattr__(self, "normal", towards)
-        object.__setattr__(self, "reached_by", reached_by)
+        object.__setattr__(
+            self, "reached_by", validation.choice("reached_by", reached_by, ReachedBy)
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Plane) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return what two planes that are equal have in common, which can be hashed."""
+        return *self.point.tolist(), *self.normal.tolist(), self.reached_by
 
     def __repr__(self) -> str:
         """Name every value, in a line."""
-        said = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
-        return f"Plane({said}, reached_by={self.reached_by!r})"
+        place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
+        return f"Plane({place}, reached_by={self.reached_by.value!r})"
 
     def _rows(self) -> Iterable[Row]:
         yield "point", self.point, "m"
@@ -57,16 +79,18 @@ class Plane(ReprMixin):
         yield "reached by", f"the ball's {self.reached_by}", ""
 
     def gap(self, ball: Ball, position: Array) -> float:
-        """Return how far a ball still is from reaching the plane, 0 or more, along its normal [m].
+        r"""Return how far a ball still is from reaching the plane along its normal [m], 0 or more.
+
+        :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
 
         Args:
-            ball: what is to reach it.
-            position: of its centre, shape `(3,)` [m].
+            ball: what is to reach the plane.
+            position: of its centre, shape `(3,)` [m, world frame].
 
         Raises:
             InvalidInput: the ball is beyond it already.
         """
-        away = float(self.normal @ (position - self.point)) + _PARTS[self.reached_by] * ball.radius
+        away = float(self.normal @ (position - self.point)) + _RADII[self.reached_by] * ball.radius
         scale = max(ball.radius, float(abs(self.point).max()), float(abs(position).max()))
         if away < -1e-9 * scale:  # more than rounding
             raise InvalidInput(

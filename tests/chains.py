@@ -48,10 +48,11 @@ def random_kick(rng, leg, **contact):
     v = rng.normal(size=leg.nv) * 3
     ball = kd.Ball(mass=rng.uniform(0.05, 2), radius=rng.uniform(0.02, 0.2))
     ball_velocity, ball_spin = rng.normal(size=3), rng.normal(size=3) * 20
-    closing = leg.posture(q).point_velocity(v) - ball_velocity
+    posture = leg.posture(q)
+    closing = posture.point_velocity(v) - ball_velocity
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
     contact = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **contact})
-    return (leg, q, v, ball, contact), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    return (posture, v, ball, contact), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
 
 
 def any_kick(rng, leg, **contact):
@@ -66,7 +67,10 @@ def any_kick(rng, leg, **contact):
     closing = posture.point_velocity(v) - ball_velocity
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.3, 0.3, size=3)
     contact = kd.Contact(normal, **{"restitution": rng.uniform(0, 1), **contact})
-    return (leg, q, v, kd.Ball(), contact), {"ball_velocity": ball_velocity, "ball_spin": ball_spin}
+    return (posture, v, kd.Ball(), contact), {
+        "ball_velocity": ball_velocity,
+        "ball_spin": ball_spin,
+    }
 
 
 def floating_leg(rng):
@@ -88,8 +92,9 @@ def floating_kick(rng, **contact):
     leg = floating_leg(rng)
     q = pin.integrate(leg.model, pin.neutral(leg.model), rng.normal(size=leg.nv))
     v = rng.normal(size=leg.nv) * 3
-    closing = leg.posture(q).point_velocity(v)
+    posture = leg.posture(q)
+    closing = posture.point_velocity(v)
     normal = closing / np.linalg.norm(closing) + rng.uniform(-0.55, 0.55, size=3)
     contact = kd.Contact(normal, rng.uniform(0, 1), **contact)
     options = {"ball_velocity": np.zeros(3), "ball_spin": 20 * rng.normal(size=3)}
-    return (leg, q, v, kd.Ball(), contact), options
+    return (posture, v, kd.Ball(), contact), options

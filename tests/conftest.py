@@ -93,7 +93,7 @@ def kick_of(leg, speed, degrees=(5, 10, -5), attack=30.0, air=None, friction=0.4
     way = np.array([math.cos(angle), 0.0, math.sin(angle)])
     contact = kd.Contact(way, restitution=0.8, friction=friction)
     ball = kd.Ball()
-    hit = kd.strike_at(posture, posture.joint_velocity(speed * way), ball, contact)
+    hit = kd.strike(posture, posture.joint_velocity(speed * way), ball, contact)
     return hit, ball, kd.fly(hit.ball_after, ball, air)
 
 

@@ -184,7 +184,7 @@ def run_urdf(text: str, folder: Path) -> None:
         leg = kd.Leg.from_urdf(file)
         posture = leg.posture(leg.configuration())
         contact = kd.Contact((2, 0.3, 1), restitution=0.8, friction=0.4)
-        hit = kd.strike_at(posture, np.ones(leg.nv), kd.Ball(), contact)
+        hit = kd.strike(posture, np.ones(leg.nv), kd.Ball(), contact)
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said, "a refusal says why"

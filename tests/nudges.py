@@ -8,7 +8,8 @@ import kickdyn as kd
 
 def nudged(kick, options, name, step):
     """The same strike with one source moved by `step`, shape `(n,)`; what holds the leg holds."""
-    (leg, q, v, ball, contact), options = kick, dict(options)
+    (posture, v, ball, contact), options = kick, dict(options)
+    leg, q = posture.leg, posture.q
     normal, e, mu, mass, radius = (
         contact.normal,
         contact.restitution,
@@ -34,7 +35,7 @@ def nudged(kick, options, name, step):
         options[name] = options[name] + step
     else:
         leg = reweighed(leg, name, step)
-    return kd.strike(leg, q, v, kd.Ball(mass, radius), kd.Contact(normal, e, mu), **options)
+    return kd.strike(leg.posture(q), v, kd.Ball(mass, radius), kd.Contact(normal, e, mu), **options)
 
 
 def reweighed(leg, name, step):

@@ -8,6 +8,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift
+from kickdyn.air import AIRS
 
 
 @pytest.mark.parametrize(
@@ -17,6 +18,10 @@ from kickdyn.aerodynamics import drag, lift
         *[("viscosity", mu, "air viscosity .*above 0") for mu in (0, -1, math.nan, True)],
         ("wind", (1, 2), "wind has shape"),
         ("wind", (0, math.nan, 0), "wind .*finite"),
+        ("wind", lambda h: (1, 2), r"wind at height 0 has shape \(2,\)"),
+        ("wind", lambda h: (1, math.nan, 0), "wind at height 0 .*finite"),
+        ("wind", lambda: (1, 2, 3), "wind is a function that raised TypeError"),
+        *[("buoyancy", value, "buoyancy is .*True or False") for value in (1, None, "no")],
         ("drag", "brazooka", "drag model 'brazooka' is unknown: choose stokes, .*brazuca, "),
         ("lift", "", "lift model '' is unknown: choose saturating, wang"),
     ],
@@ -53,6 +58,29 @@ def test_every_drag_model_is_found_by_name(name):
 @pytest.mark.parametrize("name", lift.MODELS)
 def test_every_lift_model_is_found_by_name(name):
     assert kd.Air(lift=name).lift is lift.MODELS[name]
+
+
+@pytest.mark.parametrize("value", [True, False, np.True_, np.False_])
+def test_buoyancy_is_any_kind_of_bool(value):
+    assert kd.Air(buoyancy=value).buoyancy is bool(value)
+
+
+def test_airs_of_the_same_values_are_equal():
+    def blowing(height):
+        return (height, 0, 0)
+
+    for options in ({}, {"wind": (1, 2, 0)}, {"wind": blowing}, {"drag": "sphere", "lift": None}):
+        one, other = kd.Air(**options), kd.Air(**options)
+        assert one == other
+        assert hash(one) == hash(other)
+        assert one != kd.Air(**{**options, "density": 1.0})
+    assert kd.Air() != kd.Air(wind=(1, 0, 0)) != kd.Air(wind=blowing)
+    assert kd.Air() != 3
+
+
+def test_airs_by_name():
+    assert list(AIRS) == ["standard", "paper", "none"]
+    assert list(AIRS.values()) == [kd.Air(), kd.Air.paper(), None]
 
 
 def test_any_function_will_do():

@@ -53,8 +53,9 @@ def test_ball_is_frozen_and_holds_floats():
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        ((1, 2), r"shape \(2,\): it must be \(3,\)"),
-        ([[1, 2, 3]], r"shape \(1, 3\)"),
+        ((1, 2), r"shape \(2,\): it must be \(3,\) or \(n, 3\)"),
+        ([[1, 2]], r"shape \(1, 2\)"),
+        ([[[1, 2, 3]]], r"shape \(1, 1, 3\)"),
         ((1, 2, math.nan), "finite"),
         ("abc", "real numbers"),
     ],
@@ -65,11 +66,32 @@ def test_state_refuses(name, value, said):
 
 
 @pytest.mark.parametrize(
-    ("time", "said"), [(math.nan, "finite"), ([0, 1], "position"), ([[0]], "time has shape")]
+    ("time", "said"), [(math.nan, "finite"), ([[0]], r"time has .*a number or \(n,\)")]
 )
 def test_state_refuses_time(time, said):
     with pytest.raises(kd.InvalidInput, match=said):
         kd.BallState(time=time)
+
+
+def test_many_states_share_what_has_no_rows():
+    velocity = np.arange(6.0).reshape(2, 3)
+    states = kd.BallState(velocity=velocity, spin=(0, -30, 0), position=(0, 0, 0.11))
+    assert states.position.tolist() == [[0, 0, 0.11]] * 2
+    assert states.velocity.tolist() == velocity.tolist()
+    assert states.spin.tolist() == [[0, -30, 0]] * 2
+    assert states.time.tolist() == [0, 0]
+    assert kd.BallState(velocity=velocity, time=3).time.tolist() == [3, 3]
+    assert kd.BallState(time=[1, 2]).position.shape == (2, 3)
+    assert kd.BallState(np.empty((0, 3))).velocity.shape == (0, 3)
+    with pytest.raises(ValueError, match="read-only"):
+        states.spin[0, 0] = 1.0
+
+
+def test_many_states_have_the_same_number():
+    with pytest.raises(kd.InvalidInput, match=r"spin has shape \(3, 3\): .* \(3,\) or \(2, 3\)"):
+        kd.BallState(velocity=np.ones((2, 3)), spin=np.ones((3, 3)))
+    with pytest.raises(kd.InvalidInput, match=r"time has shape \(3,\): .*number or \(2,\)"):
+        kd.BallState(velocity=np.ones((2, 3)), time=[0, 1, 2])
 
 
 @pytest.mark.parametrize("shape", [(3,), (5, 3)])

@@ -45,7 +45,7 @@ class Kick(NamedTuple):
     def struck(self) -> Impact:
         """Return what kickdyn says."""
         return strike(
-            self.leg, self.q, self.v, self.ball, self.contact,
+            self.leg.posture(self.q), self.v, self.ball, self.contact,
             ball_velocity=self.ball_velocity, ball_spin=self.ball_spin,
         )  # fmt: skip
 
@@ -288,9 +288,12 @@ def _spoilt_strikes(bad: float) -> dict[str, Callable[[], object]]:
     leg, ball, contact = chain(USUAL), Ball(), Contact(OBLIQUE, 0.8, 0.4)
     good: dict[str, Any] = {"q": BENT, "v": SPEEDS, "ball_velocity": (0.0,) * 3}
     good["ball_spin"] = (0.0,) * 3
+
+    def attempt(q: ArrayLike, v: ArrayLike, **motion: Any) -> Impact:
+        return strike(leg.posture(q), v, ball, contact, **motion)
+
     tries: dict[str, Callable[[], object]] = {
-        name: partial(strike, leg, ball=ball, contact=contact, **(good | {name: (*value[:2], bad)}))
-        for name, value in good.items()
+        name: partial(attempt, **(good | {name: (*value[:2], bad)})) for name, value in good.items()
     }
     return tries | {
         "normal": lambda: Contact((1.0, bad, 0.0), 0.8),

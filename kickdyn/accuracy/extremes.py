@@ -39,7 +39,7 @@ def rows(longest: int = LONGEST, drags: Sequence[str] = extreme_air.DRAGS) -> It
 def extremes(json_file: str | None) -> None:
     """Compare kickdyn at the extremes with 50 digits; exit 1 if an answer is wrong.
 
-    Example: python -m kickdyn extremes
+    Example: kickdyn extremes --json extremes.json
     """
     check_outputs(json_file=json_file)
     found = []

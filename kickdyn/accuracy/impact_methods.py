@@ -60,7 +60,7 @@ def kick(friction: float) -> Impact:
     posture = leg.posture(np.radians([5.0, 10.0, -5.0]))
     attack = np.array([math.cos(math.pi / 6), 0.0, math.sin(math.pi / 6)])
     v = posture.joint_velocity(FOOT_SPEED * attack)
-    return strike(leg, posture.q, v, Ball.paper(), Contact(attack, 0.8, friction))
+    return strike(posture, v, Ball.paper(), Contact(attack, 0.8, friction))
 
 
 def measure_impact(told: Callable[[str], None] | None = None) -> list[MeasuredImpact]:
@@ -112,10 +112,10 @@ Method = tuple[str, str, Callable[[], Array]]
 
 def _methods(hit: Impact) -> Iterator[Method]:
     leg, q, v, ball, contact = hit.posture.leg, hit.posture.q, hit.v_before, hit.ball, hit.contact
-    yield "closed form, float64", "", lambda: strike(leg, q, v, ball, contact).impulse
+    yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
     yield "closed form, float32", "", lambda: in_float32(leg, q, v, ball, contact)
     if contact.friction == 0.0:
-        yield "engine", "", lambda: engine_strike(leg, q, v, ball, contact).impulse
+        yield "engine", "", lambda: engine_strike(leg.posture(q), v, ball, contact).impulse
     yield "stacked KKT", "", lambda: stacked(leg, q, v, ball, contact)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
@@ -128,7 +128,7 @@ def _methods(hit: Impact) -> Iterator[Method]:
     for seconds in CONTACT_TIMES:
 
         def compliant(seconds: float = seconds) -> Array:
-            return collide(leg, q, v, ball, contact, contact_time=seconds).impulse
+            return collide(leg.posture(q), v, ball, contact, contact_time=seconds).impulse
 
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
     yield from _in_mujoco(hit)

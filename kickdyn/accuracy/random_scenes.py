@@ -117,4 +117,4 @@ def _ground(rng: np.random.Generator, below: float) -> Ground | None:
         return None
     if kind < 0.75:
         return Ground(below - rng.uniform(0, 0.5) * (rng.random() < 0.5))
-    return Ground(below, surface=("turf", "wet grass", "carpet")[rng.integers(3)])
+    return Ground(below, surface=("turf", "wet-grass", "carpet")[rng.integers(3)])

@@ -1,11 +1,12 @@
-"""A coefficient of a sphere as a function of Reynolds number and spin parameter."""
+"""Coefficients of a ball in the air as functions of Reynolds number and spin parameter."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from importlib import import_module
+from dataclasses import dataclass, fields
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,26 +15,31 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
 Coefficient = Callable[[float, float], float]
+"""A function `(reynolds, spin_parameter) -> coefficient`."""
+
+_REGISTERED: dict[tuple[str, str], CoefficientModel] = {}
 
 
 @dataclass(frozen=True)
 class CoefficientModel:
-    """One published (or composed) coefficient, callable as `model(reynolds, spin_parameter)`.
+    r"""One published (or composed) coefficient, callable as `model(reynolds, spin_parameter)`.
 
-    Any function of the same two floats can stand in for it; one that uses `math` only can be
-    compiled.
+    The Reynolds number is :math:`Re = 2 \rho v r / \mu`, the spin parameter
+    :math:`Sp = r |\omega_\perp| / v`, with the velocity relative to the air and the part of the
+    spin that is perpendicular to it. Any function of the same two floats can stand in for a model;
+    `fly_many` compiles one that uses only floats and `math`.
 
     Args:
         kind: `drag`, `lift` or `torque`.
         name: by which `Air` finds it.
         function: `(reynolds, spin_parameter) -> coefficient`, for reynolds > 0.
-        reynolds: range it is meant for, `rho v D / mu` with D the diameter.
-        spin: range of the spin parameter `r |omega_perp| / v` it is meant for.
+        reynolds: range it is meant for.
+        spin: range of the spin parameter it is meant for.
         source: where the numbers come from.
         refuses: whether it is wrong, not just unproven, outside its range: a flight that leaves
-            it then ends in an error.
-        straight: a Reynolds number and a function without branches that is the same from there on,
-            for machines that compute many flights side by side.
+            the range then ends in an error.
+        branch_free: a Reynolds number, and a function without branches that is the same from there
+            on: `fly_many` computes it for several flights with one instruction.
     """
 
     kind: str
@@ -43,14 +49,16 @@ class CoefficientModel:
     spin: tuple[float, float]
     source: str
     refuses: bool = False
-    straight: tuple[float, Coefficient] | None = None
+    branch_free: tuple[float, Coefficient] | None = None
 
-    def __reduce__(self) -> tuple[Callable[[str, str], CoefficientModel], tuple[str, str]]:
-        """Pickle by kind and name: some of the functions are closures."""
-        return _shipped, (self.kind, self.name)
+    def __reduce__(self) -> tuple[Callable[..., CoefficientModel], tuple[Any, ...]]:
+        """Pickle a registered model by its name, any other by its values."""
+        if _REGISTERED.get((self.kind, self.name)) is self:
+            return _registered, (self.kind, self.name)
+        return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
-    def range_left(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
-        """Return where this is outside what the model is meant for."""
+    def is_outside(self, reynolds: Array, spin_parameter: Array) -> NDArray[np.bool_]:
+        """Return where an array of each lies outside the range this is meant for."""
         low, high = self.reynolds
         least, most = self.spin
         inside = (low <= reynolds) & (reynolds <= high)
@@ -71,18 +79,45 @@ class CoefficientModel:
         return self.function(reynolds, spin_parameter)
 
 
-MODULES = {"torque": "spin_decay"}
+def registry(*models: CoefficientModel) -> dict[str, CoefficientModel]:
+    """Return models by name; copies and pickles of them are the very same objects from now on."""
+    _REGISTERED.update({(model.kind, model.name): model for model in models})
+    return {model.name: model for model in models}
 
 
-def _shipped(kind: str, name: str) -> CoefficientModel:
-    model = import_module(f"kickdyn.aerodynamics.{MODULES.get(kind, kind)}").MODELS[name]
-    assert isinstance(model, CoefficientModel)
-    return model
+def _registered(kind: str, name: str) -> CoefficientModel:
+    """Return a model of one of the registries, which `kickdyn.aerodynamics` fills on import."""
+    return _REGISTERED[kind, name]
+
+
+def find_model(
+    kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient | None
+) -> Coefficient | None:
+    """Return the model that a name stands for, a function as it is, None for None.
+
+    Raises:
+        InvalidInput: an unknown name, or a number; the message says how a number becomes a model.
+    """
+    if choice is None or callable(choice):
+        return choice
+    if isinstance(choice, Real) and not isinstance(choice, bool) and math.isfinite(choice):
+        raise InvalidInput(
+            f"{kind} model is the number {float(choice):g}: pass "
+            f"kickdyn.aerodynamics.drag.constant({float(choice):g}) for a coefficient that is the "
+            f"same everywhere, or choose {', '.join(models)}"
+        )
+    if not isinstance(choice, str) or choice not in models:
+        raise InvalidInput(
+            f"{kind} model {choice!r} is unknown: choose {', '.join(models)}, "
+            "or pass a function of (reynolds, spin_parameter)"
+        )
+    return models[choice]
 
 
 def smoothstep(x: float, low: float, high: float) -> float:
-    """Return 0 below `low`, 1 above `high`, between a polynomial of degree 7 in log(x), C3.
+    r"""Return 0 below `low`, 1 above `high`, between them a polynomial with three derivatives.
 
+    It is :math:`s^4 (35 - 84 s + 70 s^2 - 20 s^3)` with :math:`s = \ln(x/low) / \ln(high/low)`.
     A kink in the third derivative already costs an integrator of order 8 digits.
     """
     if x <= low:
@@ -94,17 +129,3 @@ def smoothstep(x: float, low: float, high: float) -> float:
     square = near * near
     value = square * square * (35.0 - 84.0 * near + 70.0 * square - 20.0 * square * near)
     return value if s < 0.5 else 1.0 - value
-
-
-def find(
-    kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient
-) -> Coefficient:
-    """Return the model a name stands for, or the function itself."""
-    if callable(choice):
-        return choice
-    if not isinstance(choice, str) or choice not in models:
-        raise InvalidInput(
-            f"{kind} model {choice!r} is unknown: choose {', '.join(models)}, "
-            "or pass a function of (reynolds, spin_parameter)"
-        )
-    return models[choice]

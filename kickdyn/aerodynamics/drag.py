@@ -1,6 +1,9 @@
-"""Drag coefficients C_D(Re, Sp) of spheres and soccer balls.
+r"""Drag coefficients :math:`C_D(Re, Sp)` of spheres and soccer balls.
 
-`F_D = 1/2 rho A C_D v^2`, against the velocity relative to the air (Eq. 12).
+:math:`F_D = \frac{1}{2} \rho A C_D v^2`, against the velocity relative to the air (Eq. 12).
+
+To add a model, write a function `(reynolds, spin_parameter) -> float` with floats and `math` only,
+and give it an entry in `MODELS` at the end of this file, with its range and its source.
 """
 
 from __future__ import annotations
@@ -9,10 +12,15 @@ import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel, smoothstep
+from kickdyn.aerodynamics.coefficient_model import (
+    Coefficient,
+    CoefficientModel,
+    registry,
+    smoothstep,
+)
 
 REYNOLDS_PER_SPEED = 333_793 / 22.97
-"""Re per m/s in the wind tunnel of Kiratidis & Leinweber [s/m]; puts their fit in terms of Re."""
+"""Re per m/s in the wind tunnel of Kiratidis & Leinweber [s/m]: puts their fit in terms of Re."""
 
 SPIN_DRAG = 0.514
 """Slope of C_D with the spin parameter (Kiratidis & Leinweber 2018, Teamgeist tunnel line)."""
@@ -26,14 +34,16 @@ _ENDLESS = 1e6  # limits beyond which the eighth power would overflow
 
 
 def stokes(reynolds: float, spin_parameter: float = 0.0) -> float:
-    """Return 24/Re, creeping flow (Stokes 1851, Eq. 14): F_D = 3 pi mu D v."""
+    r"""Return :math:`24/Re`, creeping flow (Stokes 1851, Eq. 14): :math:`F_D = 6 \pi \mu r v`."""
     return 24.0 / reynolds
 
 
 def brown_lawler(reynolds: float, spin_parameter: float = 0.0) -> float:
-    """Return C_D of a smooth sphere before its drag crisis.
+    r"""Return C_D of a smooth sphere before its drag crisis, Re < 2e5.
 
-    Brown & Lawler 2003, J. Environ. Eng. 129:222, Re < 2e5.
+    .. math:: C_D = \frac{24}{Re} (1 + 0.150 Re^{0.681}) + \frac{0.407}{1 + 8710 / Re}
+
+    Brown & Lawler 2003, J. Environ. Eng. 129:222.
     """
     correction = 1.0 + 0.150 * math.pow(reynolds, 0.681)
     return 24.0 / reynolds * correction + 0.407 / (1.0 + 8710.0 / reynolds)
@@ -59,7 +69,7 @@ class SoccerBall:
     """Constants of Kiratidis & Leinweber 2018 (Eur. J. Phys. 39:034001), Eq. 5 and Table 1.
 
     `a` is the plateau below the drag crisis, `v_c` and `v_s` its middle and width [m/s]. Above it
-    C_D settles on a line from `b_min` at `v_min` to `b_max` at `v_max` [m/s], and is held there.
+    C_D settles on a line from `b_min` at `v_min` to `b_max` at `v_max` [m/s], and stays there.
     """
 
     a: float
@@ -72,7 +82,10 @@ class SoccerBall:
 
 
 def without_spin(ball: SoccerBall) -> Callable[[float], float]:
-    """Return C_D(Re) of a ball that does not spin, for Re above 7e4.
+    r"""Return C_D(Re) of a ball that does not spin, for Re above 7e4.
+
+    .. math:: C_D = \frac{a - b_{min}}{1 + e^{(v - v_c)/v_s}} + b_{min}
+        + \frac{b_{max} - b_{min}}{v_{max} - v_{min}} \frac{v - v_{min}}{1 + e^{-(v - v_{min})/v_s}}
 
     Beyond `v_max`, where the data end, the line is bent level within about 1 m/s (C4).
     """
@@ -93,10 +106,11 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
 
 
 def spinning(ball: SoccerBall) -> Coefficient:
-    """Return C_D(Re, Sp) of a ball for Re above 7e4.
+    r"""Return C_D(Re, Sp) of a ball for Re above 7e4.
 
-    Spin adds `SPIN_DRAG` Sp / (1 + (Sp / 0.4)^8)^(1/8): Sp within 0.05 % up to 0.2 and 1.2 % up to
-    0.3, where the data end, then level. It has no kink, which would cost integrators their order.
+    Spin adds :math:`0.514\, Sp\, (1 + (Sp/0.4)^8)^{-1/8}`: linear in Sp within 0.05 % up to 0.2 and
+    1.2 % up to 0.3, where the data end, then level, without a kink that would cost integrators
+    their order.
     """
     level = without_spin(ball)
 
@@ -133,10 +147,11 @@ BALLS = {
 
 
 def goff_carre(reynolds: float, spin_parameter: float = 0.0) -> float:
-    """Return C_D of Goff & Carre 2010, Eur. J. Phys. 31:775 (Teamgeist).
+    r"""Return C_D of Goff & Carre 2010, Eur. J. Phys. 31:775 (Teamgeist).
 
-    0.155 + 0.346/(1 + exp((v - 12.19)/1.309)) without spin; 0.4127 Sp^0.3056 above 12.19 m/s and
-    Sp 0.05. The paper switches there; here both are joined (C3) within 10 % and 20 % of that.
+    :math:`0.155 + 0.346/(1 + e^{(v - 12.19)/1.309})` without spin; :math:`0.4127\, Sp^{0.3056}`
+    above 12.19 m/s and Sp 0.05. The paper switches there; here both are joined (C3) within 10 %
+    and 20 % of that.
     """
     v = reynolds / REYNOLDS_PER_SPEED
     level = 0.155 + 0.346 / (1.0 + math.exp(min((v - 12.19) / 1.309, 700.0)))
@@ -155,49 +170,32 @@ def constant(value: float) -> Coefficient:
     return model
 
 
-MODELS = {
-    model.name: model
-    for model in (
+MODELS = registry(
+    CoefficientModel(
+        "drag", "stokes", stokes, reynolds=(0.0, 1.0), spin=(0.0, math.inf),
+        source="Stokes 1851; Eq. (14)",
+    ),
+    CoefficientModel(
+        "drag", "brown-lawler", brown_lawler, reynolds=(0.0, 2e5), spin=(0.0, 0.0),
+        source="Brown & Lawler 2003, J. Environ. Eng. 129:222",
+    ),
+    CoefficientModel(
+        "drag", "sphere", sphere, reynolds=(0.0, 2e5), spin=(0.0, 0.0),
+        source="Eq. (14) below Re 1, then Brown & Lawler 2003",
+    ),
+    *(
         CoefficientModel(
-            "drag", "stokes", stokes, (0.0, 1.0), (0.0, math.inf), "Stokes 1851; Eq. (14)"
-        ),
-        CoefficientModel(
-            "drag",
-            "brown-lawler",
-            brown_lawler,
-            (0.0, 2e5),
-            (0.0, 0.0),
-            "Brown & Lawler 2003, J. Environ. Eng. 129:222",
-        ),
-        CoefficientModel(
-            "drag",
-            "sphere",
-            sphere,
-            (0.0, 2e5),
-            (0.0, 0.0),
-            "Eq. (14) below Re 1, then Brown & Lawler 2003",
-        ),
-        *(
-            CoefficientModel(
-                "drag",
-                name,
-                soccer(ball),
-                (0.0, REYNOLDS_PER_SPEED * ball.v_max),
-                (0.0, SPIN_DRAG_LIMIT),
-                "Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eq. 5, Table 1; "
-                "sphere below Re 2e4",
-                straight=(FAST, spinning(ball)),
-            )
-            for name, ball in BALLS.items()
-        ),
-        CoefficientModel(
-            "drag",
-            "goff-carre",
-            goff_carre,
-            (7e4, 5e5),
-            (0.0, 0.4),
-            "Goff & Carre 2010, Eur. J. Phys. 31:775",
-        ),
-    )
-}
-"""Every drag model by name."""
+            "drag", name, soccer(ball),
+            reynolds=(0.0, REYNOLDS_PER_SPEED * ball.v_max), spin=(0.0, SPIN_DRAG_LIMIT),
+            source="Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eq. 5, Table 1; "
+            "sphere below Re 2e4",
+            branch_free=(FAST, spinning(ball)),
+        )
+        for name, ball in BALLS.items()
+    ),
+    CoefficientModel(
+        "drag", "goff-carre", goff_carre, reynolds=(7e4, 5e5), spin=(0.0, 0.4),
+        source="Goff & Carre 2010, Eur. J. Phys. 31:775",
+    ),
+)  # fmt: skip
+"""Every drag model by name; `Air(drag=name)` takes one."""

@@ -1,14 +1,14 @@
-"""Lift (Magnus) coefficients C_L(Re, Sp) of soccer balls.
+r"""Lift (Magnus) coefficients :math:`C_L(Re, Sp)` of soccer balls.
 
-`F_L = 1/2 rho A C_L v^2`, along omega x v, with v relative to the air (Eq. 13). Sp is
-`r |omega_perp| / v`, with the spin component perpendicular to v only.
+:math:`F_L = \frac{1}{2} \rho A C_L v^2`, along :math:`\omega \times v`, with v relative to the air
+(Eq. 13). A new model is one function and one entry in `MODELS` below, as for drag.
 """
 
 from __future__ import annotations
 
 import math
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry
 from kickdyn.aerodynamics.drag import BALLS, SPIN_DRAG, without_spin
 
 _BALL = BALLS["brazuca"]
@@ -23,7 +23,7 @@ _teamgeist = without_spin(BALLS["teamgeist"])
 
 
 def saturating(reynolds: float, spin_parameter: float) -> float:
-    """Return 0.47 Sp / (0.135 + Sp), faded out below the drag crisis.
+    r"""Return :math:`0.47\, Sp / (0.135 + Sp)`, faded out below the drag crisis.
 
     A fit to the formula of Kiratidis & Leinweber 2018 that stays bounded beyond it: within 20 % of
     it for the Brazuca, Tango 12 and Teamgeist from Re 2.2e5 to 5.1e5 and Sp 0.05 to 0.30, and
@@ -42,14 +42,15 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
 
 
 def wang(reynolds: float, spin_parameter: float) -> float:
-    """Return 1/2 Sp^0.4 (Wang 2015, on data of Goff & Carre 2009), Sp about 0.1 to 0.4."""
+    r"""Return :math:`Sp^{0.4}/2` (Wang 2015, on data of Goff & Carre 2009), Sp 0.1 to 0.4."""
     return 0.5 * math.pow(spin_parameter, 0.4)
 
 
 def kiratidis_leinweber(reynolds: float, spin_parameter: float) -> float:
-    """Return Eqs. 8-9 of Kiratidis & Leinweber 2018 for the Teamgeist.
+    r"""Return Eqs. 8-9 of Kiratidis & Leinweber 2018 for the Teamgeist.
 
-    1.15 Sp^0.83 (a - C_D)/(a - C_D_ref), C_D with spin, the reference at Re 333,793 and Sp 0.19.
+    :math:`1.15\, Sp^{0.83} (a - C_D)/(a - C_{D,ref})`, :math:`C_D` with spin, the reference at Re
+    333,793 and Sp 0.19.
     Beyond the data, Sp 0.31, it falls to 0 while drag grows: a flight that goes there is refused.
     """
     a = 0.4927
@@ -60,47 +61,28 @@ def kiratidis_leinweber(reynolds: float, spin_parameter: float) -> float:
 
 
 def nathan(reynolds: float, spin_parameter: float) -> float:
-    """Return 1.12 Sp/(0.583 + 2.333 Sp), Nathan's trajectory calculator for baseballs."""
+    r"""Return :math:`1.12\, Sp/(0.583 + 2.333\, Sp)`, Nathan's calculator for baseballs."""
     return 1.12 * spin_parameter / (0.583 + 2.333 * spin_parameter)
 
 
-MODELS = {
-    model.name: model
-    for model in (
-        CoefficientModel(
-            "lift",
-            "saturating",
-            saturating,
-            (2.2e5, 5.1e5),
-            (0.0, 0.3),
-            "fit to Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9; below its range "
-            "it fades with the drag crisis, as in Goff et al. 2017, Eur. J. Phys. 38",
-        ),
-        CoefficientModel(
-            "lift",
-            "wang",
-            wang,
-            (2e5, 5e5),
-            (0.1, 0.4),
-            "Wang 2015, on Goff & Carre 2009, AJP 77:1020",
-        ),
-        CoefficientModel(
-            "lift",
-            "kiratidis-leinweber",
-            kiratidis_leinweber,
-            (2e5, 5.1e5),
-            (0.0, 0.31),
-            "Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9, Teamgeist",
-            refuses=True,
-        ),
-        CoefficientModel(
-            "lift",
-            "nathan",
-            nathan,
-            (1e5, 3e5),
-            (0.0, 1.0),
-            "Nathan's trajectory calculator (baseball), as in pybaseball's parameters.py",
-        ),
-    )
-}
-"""Every lift model by name."""
+MODELS = registry(
+    CoefficientModel(
+        "lift", "saturating", saturating, reynolds=(2.2e5, 5.1e5), spin=(0.0, 0.3),
+        source="fit to Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9; below its "
+        "range it fades with the drag crisis, as in Goff et al. 2017, Eur. J. Phys. 38",
+    ),
+    CoefficientModel(
+        "lift", "wang", wang, reynolds=(2e5, 5e5), spin=(0.1, 0.4),
+        source="Wang 2015, on Goff & Carre 2009, AJP 77:1020",
+    ),
+    CoefficientModel(
+        "lift", "kiratidis-leinweber", kiratidis_leinweber, reynolds=(2e5, 5.1e5), spin=(0.0, 0.31),
+        source="Kiratidis & Leinweber 2018, Eur. J. Phys. 39:034001, Eqs. 8-9, Teamgeist",
+        refuses=True,
+    ),
+    CoefficientModel(
+        "lift", "nathan", nathan, reynolds=(1e5, 3e5), spin=(0.0, 1.0),
+        source="Nathan's trajectory calculator (baseball), as in pybaseball's parameters.py",
+    ),
+)  # fmt: skip
+"""Every lift model by name; `Air(lift=name)` takes one."""

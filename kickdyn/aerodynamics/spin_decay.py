@@ -1,14 +1,15 @@
-"""How the air brakes a ball's spin: I omega' = -(rho A R^2 beta v + 8 pi mu R^3) omega.
+r"""Coefficients :math:`\beta(Re, Sp)` of the torque by which the air brakes a ball's spin.
 
-The first part is the moment C_M = beta Sp of Nathan's notes; the second is that of creeping flow.
-Nobody measured beta for soccer balls: golf's stands in, uncertain by a factor of 2.
+:math:`I \dot\omega = -(\rho A r^2 \beta v + 8 \pi \mu r^3)\, \omega`. The first term is the moment
+:math:`C_M = \beta\, Sp` of Nathan's notes; the second is that of creeping flow. Nobody measured
+beta for soccer balls: golf's stands in, uncertain by a factor of 2.
 """
 
 from __future__ import annotations
 
 import math
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry
 
 
 def smits_smith(reynolds: float, spin_parameter: float) -> float:
@@ -21,25 +22,14 @@ def tavares(reynolds: float, spin_parameter: float) -> float:
     return 0.012
 
 
-MODELS = {
-    model.name: model
-    for model in (
-        CoefficientModel(
-            "torque",
-            "smits-smith",
-            smits_smith,
-            (1e5, 2.5e5),
-            (0.0, math.inf),
-            "Smits & Smith 1994 through Nathan's note on spin decay; golf",
-        ),
-        CoefficientModel(
-            "torque",
-            "tavares",
-            tavares,
-            (1e5, 2.5e5),
-            (0.0, math.inf),
-            "Tavares et al. 1999 through Nathan's note on spin decay; golf",
-        ),
-    )
-}
-"""Every spin torque model by name."""
+MODELS = registry(
+    CoefficientModel(
+        "torque", "smits-smith", smits_smith, reynolds=(1e5, 2.5e5), spin=(0.0, math.inf),
+        source="Smits & Smith 1994 through Nathan's note on spin decay; golf",
+    ),
+    CoefficientModel(
+        "torque", "tavares", tavares, reynolds=(1e5, 2.5e5), spin=(0.0, math.inf),
+        source="Tavares et al. 1999 through Nathan's note on spin decay; golf",
+    ),
+)  # fmt: skip
+"""Every model of the spin's decay by name; `Air(torque=name)` takes one."""

@@ -1,4 +1,4 @@
-"""How every command line ends: 0 done, 2 bad input in a line per fault, 1 anything else."""
+"""How every command runs and ends: 0 done, 2 bad input with a line per fault, 1 anything else."""
 
 from __future__ import annotations
 
@@ -14,49 +14,58 @@ from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, pri
 
 
 @contextmanager
-def busy(what: str) -> Iterator[Callable[[str], None]]:
-    """Say on stderr, while that is a terminal, what takes so long; yield what says something else.
+def busy(activity: str) -> Iterator[Callable[[str], None]]:
+    """Show on standard error, while it is a terminal, what a command is doing.
 
     Args:
-        what: in a few words, as "planning the swing".
-    """
-    from rich.console import Console  # a tenth of a second
+        activity: a few words, such as "planning the swing".
 
-    with Console(stderr=True).status(what) as status:
+    Yields:
+        A function that replaces the activity shown.
+    """
+    from rich.console import Console  # takes a tenth of a second to import
+
+    with Console(stderr=True).status(activity) as status:
         yield status.update
 
 
 def run(command: click.Command) -> NoReturn:
-    """Run a command and leave the process; bad input never ends in a traceback."""
+    """Run a command with the arguments of this process, and exit.
+
+    Whatever goes wrong ends in one line per fault on standard error, `kickdyn: ...`, not in a
+    traceback.
+    """
     name = command.name or "kickdyn"
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a name the terminal cannot show
+        sys.stdout.reconfigure(errors="backslashreplace")  # for names the terminal cannot show
     try:
         command.main(standalone_mode=False)
         sys.stdout.flush()
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.ctx.get_help() if error.ctx else "")
-    except click.exceptions.Exit as leave:
-        sys.exit(leave.exit_code)
+    except click.exceptions.Exit as end:
+        sys.exit(end.exit_code)
     except click.ClickException as error:
-        _fail(name, error.format_message(), 2)
+        _fail(name, 2, error.format_message())
     except SceneError as error:
-        _fail(name, [f"{error.source}: {fault}" for fault in error.faults], 2)
+        _fail(name, 2, *(f"{error.source}: {fault}" for fault in error.faults))
     except (InvalidInput, NoImpact) as error:
-        _fail(name, str(error), 2)
+        _fail(name, 2, str(error))
     except KickdynError as error:
-        _fail(name, str(error), 1)
+        _fail(name, 1, str(error))
     except (KeyboardInterrupt, click.Abort):
-        _fail(name, "interrupted", 1)
-    except BrokenPipeError:  # the reader has seen enough
+        _fail(name, 1, "interrupted")
+    except BrokenPipeError:  # the reader of a pipe, such as head, has ended
         sys.stderr.close()
         sys.exit(1)
     except OSError as error:
-        _fail(name, f"the output cannot be written ({error.strerror})", 1)
+        file = "" if error.filename is None else f"{error.filename}: "
+        _fail(name, 1, f"{file}{error.strerror or error}")
     sys.exit(0)
 
 
-def _fail(name: str, messages: str | list[str], code: int) -> NoReturn:
-    for message in [messages] if isinstance(messages, str) else messages:
-        print(f"{name}: {printable(' '.join(message.split()))}", file=sys.stderr)
+def _fail(name: str, code: int, *faults: str) -> NoReturn:
+    """Exit with a code, after a line on standard error for each fault."""
+    for fault in faults:
+        print(f"{name}: {printable(' '.join(fault.split()))}", file=sys.stderr)
     sys.exit(code)

@@ -1,4 +1,4 @@
-"""What `kickdyn` can do: every command, , loaded when it is asked for."""
+"""The commands of `kickdyn`: a table, from which each is imported when it is called."""
 
 from __future__ import annotations
 
@@ -15,33 +15,34 @@ from kickdyn.core.resources import shipped
 
 COMMANDS = {
     "posture-sweep": (
-        "kickdyn.cli.posture_sweep_command",
-        "posture_sweep",
+        "kickdyn.cli.posture_sweep_command:posture_sweep",
         "Kick from a grid of postures.",
     ),
-    "plan": ("kickdyn.cli.plan_command", "plan", "From a wished-for flight to the kick."),
-    "paper": ("kickdyn.cli.paper_command", "paper", "Reproduce the ICRA 2005 paper, item by item."),
-    "tradeoff": ("kickdyn.cli.tradeoff_command", "tradeoff", "Measure error against cost."),
-    "extremes": ("kickdyn.accuracy.extremes", "extremes", "Compare with 50 digits at extremes."),
-    "view": ("kickdyn.cli.view_command", "view", "Show a scene file as a 3-D page or a picture."),
+    "plan": ("kickdyn.cli.plan_command:plan", "From a wished-for flight to the kick."),
+    "paper": ("kickdyn.cli.paper_command:paper", "Reproduce the ICRA 2005 paper, item by item."),
+    "tradeoff": ("kickdyn.cli.tradeoff_command:tradeoff", "Measure error against cost."),
+    "extremes": ("kickdyn.accuracy.extremes:extremes", "Compare with 50 digits at extremes."),
+    "view": ("kickdyn.cli.view_command:view", "Show a scene file as a 3-D page or a picture."),
 }
-"""Module, name and summary of each command. A module is loaded when its command is."""
+"""Where each command is defined, `module:function`, and its summary."""
 
 
-class _Place(click.types.StringParamType):
-    """A text that names a file, which a shell completes; or a leg or a scene, by name or file."""
+class _FileOrName(click.types.StringParamType):
+    """A text that names a file, or a leg or a scene that comes with kickdyn."""
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete names of files, and of legs or scenes where one is asked for."""
-        found = [CompletionItem(name) for name in _names(param) if name.startswith(incomplete)]
-        return [CompletionItem(incomplete, type="file"), *found]  # bash drops what is before a file
+        """Return the names that begin so, and leave files to the shell."""
+        names = [CompletionItem(name) for name in _names(param) if name.startswith(incomplete)]
+        # bash forgets what comes before a file
+        return [CompletionItem(incomplete, type="file"), *names]
 
 
 def _names(param: click.Parameter) -> list[str]:
+    """Return the names of legs or of scenes, where a parameter takes one."""
     if param.name == "leg_name":
-        from kickdyn.robot.catalog import LEGS
+        from kickdyn.robot.catalog import LEGS  # imports Pinocchio
 
         return [*LEGS]
     if param.name in ("scene", "scene_file"):
@@ -50,36 +51,37 @@ def _names(param: click.Parameter) -> list[str]:
 
 
 class _Commands(click.Group):
-    """A group that says what it has without loading it."""
+    """A group that lists the commands of the table without importing them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names."""
+        """Return the names of all commands."""
         return [*COMMANDS, *self.commands]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command, loaded now."""
+        """Return a command, imported now, or None where there is none of that name."""
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        module, name, _ = COMMANDS[cmd_name]
-        found: click.Command = getattr(import_module(module), name)
-        for each in found.params:
-            if each.type is click.STRING and re.search("FILE|DIR|SCENE", each.metavar or ""):
-                each.type = _Place()
-        return found
+        module, function = COMMANDS[cmd_name][0].split(":")
+        command: click.Command = getattr(import_module(module), function)
+        for param in command.params:
+            if param.type is click.STRING and re.search("FILE|DIR|SCENE", param.metavar or ""):
+                param.type = _FileOrName()
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a line for each."""
+        """Write a line of help for each command."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, self._summary(name)) for name in self.list_commands(ctx)])
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Complete names of commands, and options before them."""
+        """Return the commands, and the options before them, that begin so."""
         names = [name for name in self.list_commands(ctx) if name.startswith(incomplete)]
         items = [CompletionItem(name, help=self._summary(name)) for name in names]
         return [*items, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def _summary(self, name: str) -> str:
-        return COMMANDS[name][2] if name in COMMANDS else self.commands[name].get_short_help_str()
+        """Return what a command does, in one line."""
+        return COMMANDS[name][1] if name in COMMANDS else self.commands[name].get_short_help_str()
 
 
 @click.group("kickdyn", _Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -88,10 +90,10 @@ def kickdyn_command() -> None:
     """Impact of a leg on a ball: impulses, launch, flight."""
 
 
-@kickdyn_command.command("completion", short_help="Teach bash, zsh or fish to complete.")
+@kickdyn_command.command("completion", short_help="Make bash, zsh or fish complete commands.")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
-    """Print what teaches a shell to complete commands and options.
+    """Print the script by which a shell completes commands and options.
 
     Example: source <(kickdyn completion bash)
     """
@@ -101,5 +103,5 @@ def completion(shell: str) -> None:
 
 
 def main() -> NoReturn:
-    """Run the console script."""
+    """Run `kickdyn COMMAND`, the console script."""
     run(kickdyn_command)

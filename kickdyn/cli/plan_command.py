@@ -11,7 +11,7 @@ import click
 import numpy as np
 from click.core import ParameterSource
 
-from kickdyn.air import Air
+from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.command import busy
 from kickdyn.core import validation
@@ -19,9 +19,10 @@ from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
 from kickdyn.planning.free_kick import OVER, Wall, scored
-from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import OutOfReach, plan_kick
+from kickdyn.planning.goal import Arc, Goal
+from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.objectives import OBJECTIVES
 from kickdyn.planning.plan_report import (
     aftermath,
@@ -35,7 +36,7 @@ from kickdyn.planning.plan_report import (
 )
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_result import Swing
-from kickdyn.robot.catalog import AIRS, load_leg
+from kickdyn.robot.catalog import load_leg
 
 CROUCH = 0.1
 """By how much lower a robot's hips are when it kicks, over the height of its straight leg: its
@@ -63,7 +64,7 @@ knees are bent, by 52 degrees if it stood on that foot."""
               "distance, and say whether the ball goes in.")  # fmt: skip
 @click.option("--pass", "surface", metavar="SURFACE", type=click.Choice(list(SURFACES)),
               help="Play the ball along the ground in --time, on turf, carpet...")  # fmt: skip
-@click.option("--arc", default="low", show_default=True, type=click.Choice(["low", "high"]),
+@click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Which, where two launches meet the goal.")  # fmt: skip
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
               show_default=True, help="One of ours, a URDF file, or a robot by name, such as g1: "
@@ -162,7 +163,7 @@ def plan(
         ball_height = float(standing.contact_point[2]) + ball.radius
         if leg.contact_normal_cone is not None:  # a robot, whose toe must point ahead
             ball_height -= CROUCH * float(standing.contact_point[2])
-    around = _blown(AIRS[air](), wind)
+    around = _blown(AIRS[air], wind)
     spread = None if robust is None else _spread(robust)
     if spread is not None:
         _check_robust(swing)
@@ -180,7 +181,7 @@ def plan(
         ball_height=ball_height,
         ball_at=ball_position,
         limits=not no_limits,
-        arc="high" if arc == "high" else "low",
+        arc=arc,
         surface=surface,
         swing=swing,
     )
@@ -192,7 +193,7 @@ def plan(
             swung = plan_swing(leg, planned) if swing else None
     except OutOfReach as error:
         if json_file is not None:
-            write_json(json_file, unreachable_json(goal, error.found))
+            write_json(json_file, unreachable_json(goal, error))
         raise
     said = [verdict(planned)]
     if spread is not None:

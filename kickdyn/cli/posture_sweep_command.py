@@ -15,6 +15,7 @@ import click
 import xarray as xr
 from click.core import ParameterSource
 
+from kickdyn.air import AIRS
 from kickdyn.ball import Ball
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -22,7 +23,7 @@ from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.robot.catalog import AIRS, SHIPPED, load_leg
+from kickdyn.robot.catalog import SHIPPED, load_leg
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.block import Space
 from kickdyn.sweeps.expression import Expression
@@ -132,7 +133,7 @@ def posture_sweep(
         attack=math.radians(attack),
         restitution=restitution,
         friction=friction,
-        air=AIRS[air](),
+        air=AIRS[air],
     )
     streams = out is not None and Path(out).suffix == ".zarr"
     most = MOST_POSTURES if streams or out is None else MAX_POSTURES

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from enum import StrEnum
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from kickdyn.errors import InvalidInput
 
 Array = NDArray[np.float64]
+Choice = TypeVar("Choice", bound=StrEnum)
 
 SMALL = 64
 """Entries below which Python's floats are quicker than a call of numpy."""
@@ -119,6 +121,15 @@ def flag(name: str, value: object) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise InvalidInput(f"{name} is {value!r}: it must be True or False")
     return bool(value)
+
+
+def choice(name: str, value: object, kind: type[Choice]) -> Choice:
+    """Return the member of a `StrEnum` that `value` is or names, or raise `InvalidInput`."""
+    try:
+        return kind(value)  # type: ignore[arg-type]
+    except ValueError:
+        valid = ", ".join(kind)
+        raise InvalidInput(f"{name} is {brief(value)}: it must be one of {valid}") from None
 
 
 def times(t: ArrayLike, duration: float, what: str) -> Array:

@@ -51,9 +51,9 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
         if model.refuses:
             object.__setattr__(whole, name, _refusing(model))
             object.__setattr__(straight, name, _refusing(model))
-        elif model.straight is not None:
-            object.__setattr__(straight, name, model.straight[1])
-            bound = max(bound, model.straight[0])
+        elif model.branch_free is not None:
+            object.__setattr__(straight, name, model.branch_free[1])
+            bound = max(bound, model.branch_free[0])
     rates = side_by_side(
         forces(ball, whole), forces(ball, straight), reynolds_number(ball, air), bound
     )

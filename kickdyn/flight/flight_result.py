@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,22 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
+class FlightStatus(StrEnum):
+    """How a flight or a course ends.
+
+    `fly` gives the first three, `follow` all but `landed` and `failed`, `fly_many` all but those of
+    planes and of the ground.
+    """
+
+    LANDED = "landed"
+    AT_PLANE = "at-plane"
+    ALOFT = "aloft"
+    FAILED = "failed"
+    AT_REST = "at-rest"
+    BOUNCING = "bouncing"
+    BLOWN = "blown"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(ReprMixin):
     """A ball's way through the air; all times count from the launch.
@@ -35,7 +52,7 @@ class Flight(ReprMixin):
         apex: the highest point; the launch if the ball never rises.
         landing: the end, a node too: on the ground, back at the height of the launch, or at the
             plane.
-        status: `landed`; `at plane`, where that came first; `aloft`, where the time limit did:
+        status: `landed`; `at-plane`, where that came first; `aloft`, where the time limit did:
             `landing` is then merely the last state.
         method: how it was computed.
         evaluations: of the acceleration; 0 for the closed form.
@@ -102,7 +119,7 @@ class Flight(ReprMixin):
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
         if self.evaluations == 0:
             grazing = 1.0
-            if self.status == "at plane" and self.plane is not None:
+            if self.status == "at-plane" and self.plane is not None:
                 speed = math.hypot(*self.landing.velocity)
                 across = abs(float(self.plane.normal @ self.landing.velocity))
                 grazing = speed / max(across, 1e-300)
@@ -134,7 +151,7 @@ class Flight(ReprMixin):
             return self.sample(0.0)
         path = self._again(plane=Plane((there, 0, 0), (before, 0, 0), "centre"))
         tie = 10 * self.tol
-        if path.status == "at plane":
+        if path.status == "at-plane":
             return path.landing if path.duration <= self.duration * (1 + tie) else None
         short = abs(
             float(path.landing.position[0]) - there

@@ -173,7 +173,7 @@ def _fall(state: BallState, g: float, ends: _Ends) -> dict[str, Any]:
         normal, gap = ends.wall
         reach = time_to_fall(float(normal @ state.velocity), gap, g * float(normal[2]))
     end = min(fall, reach, ends.time_limit)
-    status = "landed" if end == fall else "at plane" if end == reach else "aloft"
+    status = "landed" if end == fall else "at-plane" if end == reach else "aloft"
     top = min(max(rise / g, 0.0), end)
     nodes = ballistic(state.velocity, g, np.array([top, end]))
     if status == "landed":
@@ -229,7 +229,7 @@ def _integrate(
         "launch": _at(state, 0.0, motion.whole(begin)),
         "apex": _at(state, highest[0], motion.whole(highest[1])),
         "landing": _at(state, end, motion.whole(last)),
-        "status": "landed" if reached is floor else "at plane" if reached in walls else "aloft",
+        "status": "landed" if reached is floor else "at-plane" if reached in walls else "aloft",
         "method": f"{METHOD}, rtol {rtol:g}, {', '.join(effects) or 'buoyancy only'}",
         "evaluations": sum(arc.evaluations for arc in arcs),
         "_trajectory": partial(_piecewise, arcs, motion),

@@ -34,7 +34,7 @@ class Course(ReprMixin):
     """All a ball does until it rests or meets a plane; times count from the launch.
 
     Attributes:
-        status: `at rest`; `at plane`, where that ended it; `aloft`, where a flight would not come
+        status: `at-rest`; `at-plane`, where that ended it; `aloft`, where a flight would not come
             down; `bouncing`, where `MOST_BOUNCES` were not enough; `blown`, where the wind kept the
             ball rolling.
         flights: one before each bounce.
@@ -131,7 +131,8 @@ def follow(
         state: the launch, above the ground or on it.
         ball: mass, radius and inertia.
         air: None is the vacuum.
-        ground: with a surface; turf at height 0 when not named.
+        ground: with a surface; None is turf that the ball touches at its launch, so that its first
+            flight ends at the height of the launch, as that of `fly` does.
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends it all, flying, sliding or rolling.
         time_limit: of every flight, and of rolling [s].
@@ -141,7 +142,8 @@ def follow(
             `fly`.
     """
     check_scene(state, ball, air, ground)
-    ground = Ground(surface="turf") if ground is None else ground
+    if ground is None:
+        ground = Ground(float(state.position[2]) - ball.radius, "turf")
     surface = ground.surface
     if not isinstance(surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
@@ -170,7 +172,7 @@ def follow(
     if not (glides and glides[-1].at_wall):
         glides.append(roll(state, ball, air, surface, tol, wall_of(plane, ball, state), time_limit))
     clock += sum(glide.duration for glide in glides)
-    status = "at plane" if glides[-1].at_wall else "blown" if glides[-1].blown else "at rest"
+    status = "at-plane" if glides[-1].at_wall else "blown" if glides[-1].blown else "at-rest"
     return _done(status, flights, bounces, glides, glides[-1].end, clock)
 
 

@@ -49,7 +49,7 @@ def left_by(
     spin_parameter = ball.radius * across / speed
     spins = ball.radius * np.sqrt(whole) > ROUNDING * speed
     return [
-        (model, (spins | (model is air.drag)) & model.range_left(reynolds, spin_parameter))
+        (model, (spins | (model is air.drag)) & model.is_outside(reynolds, spin_parameter))
         for model in (air.drag, air.lift)
         if isinstance(model, CoefficientModel)
     ]

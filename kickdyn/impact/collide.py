@@ -31,6 +31,7 @@ from kickdyn.impact.hertz import (
 )
 from kickdyn.impact.joint_torque import Torque, acting, check_pickles, own_torque
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 CONTACT_TIME = 0.010
 """[s]. 9 to 14 ms were measured in soccer, Australian football and rugby league (review in Ball,
@@ -72,7 +73,7 @@ class Collision(ReprMixin):
         deflection: largest, of ball and foot together [m].
         foot_displacement: of the contact frame meanwhile, shape `(3,)` [m, world frame].
         energy_lost: to damping and friction [J].
-        ball_before, ball: at touch and at separation; times count from the touch.
+        ball_before, ball_after: at touch and at separation; times count from the touch.
         q_before, q_after: shape `(nq,)` [rad].
         v_before, v_after: shape `(nv,)` [rad/s].
         energy_residual: energy that is unaccounted for, relative to what the two bring into the
@@ -159,8 +160,7 @@ class Collision(ReprMixin):
 
 
 def collide(
-    leg: Leg,
-    q: ArrayLike,
+    posture: Posture,
     v: ArrayLike,
     ball: Ball,
     contact: Contact,
@@ -182,8 +182,7 @@ def collide(
     normal velocity (a leg without coupling), for damping is no law of Newton's then.
 
     Args:
-        leg: with the frame that touches the ball.
-        q: configuration at touch, shape `(nq,)` [rad; m for prismatic joints].
+        posture: of the leg at touch, whose contact frame touches the ball.
         v: joint velocity at touch, shape `(nv,)` [rad/s].
         ball: its centre is at `hertz point + radius * normal` at touch.
         contact: normal at touch, restitution 0.01 or more, and friction. What sticks creeps, at
@@ -205,10 +204,11 @@ def collide(
         KickdynError: foot and ball do not separate, or the integrator gave up.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
-    validation.check_type(Leg, leg=leg)
+    validation.check_type(Posture, posture=posture)
+    leg = posture.leg
     check_free(leg, "a contact that takes time is")
     torque = own_torque(torque, leg.nv)
-    met = approach(leg.posture(q), v, ball, contact, ball_velocity, ball_spin)
+    met = approach(posture, v, ball, contact, ball_velocity, ball_spin)
     posture, v, _, before, speed = met
     validation.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
     mass = 1.0 / (1.0 / posture.mass_along(contact.normal) + 1.0 / ball.mass)
@@ -242,7 +242,7 @@ def collide(
             f"{deflection:g} m, beyond its radius of {ball.radius:g} m"
         )
     again = partial(
-        collide, leg, posture.q, v, ball, contact, stiffness=hertz.stiffness, torque=torque,
+        collide, posture, v, ball, contact, stiffness=hertz.stiffness, torque=torque,
         ball_velocity=before.velocity, ball_spin=before.spin,
     )  # fmt: skip
 

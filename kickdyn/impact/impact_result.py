@@ -47,7 +47,7 @@ class Impact(ReadOnly, ReprMixin):
         effective_mass: of the leg along the normal [kg]; inf where it is immovable.
         foot_velocity: of the contact point just before, shape `(3,)` [m/s, world frame].
         approach_speed: of foot towards ball along the normal [m/s].
-        ball_before, ball: just before and just after.
+        ball_before, ball_after: just before and just after.
         v_before, v_after: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
         joint_impulses: by the parent on the child, linear then angular, about the joint's origin
             and in its frame, shape `(njoints, 6)` [N s, N m s], joints as in `leg.joint_names`.

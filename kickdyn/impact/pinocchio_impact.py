@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, approach
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.posture import Posture
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,7 @@ class EngineImpact:
 
     Attributes:
         impulse: on the ball, shape `(3,)` [N s, world frame].
-        ball: just after.
+        ball_after: just after.
         v_after: joint velocity, shape `(nv,)` [rad/s].
     """
 
@@ -33,8 +32,7 @@ class EngineImpact:
 
 
 def engine_strike(
-    leg: Leg,
-    q: ArrayLike,
+    posture: Posture,
     v: ArrayLike,
     ball: Ball,
     contact: Contact,
@@ -48,13 +46,13 @@ def engine_strike(
     J_foot), which always has rank one thanks to the ball, and those rows of supports and loops
     that are independent; with rows of lower rank it would answer wrongly without a word.
     """
-    validation.check_type(Leg, leg=leg)
-    posture, v, _, before, _ = approach(leg.posture(q), v, ball, contact, ball_velocity, ball_spin)
+    posture, v, _, before, _ = approach(posture, v, ball, contact, ball_velocity, ball_spin)
     if contact.friction != 0.0:
         raise InvalidInput(
             f"friction is {contact.friction:g}: Pinocchio's impulseDynamics knows only 0"
         )
 
+    leg = posture.leg
     model = leg.workspace.model.copy()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # it will not turn, a particle neither

@@ -16,13 +16,11 @@ from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, approach
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import LAWS, ContactProblem
-from kickdyn.robot.leg import Leg
 from kickdyn.robot.posture import Posture
 
 
 def strike(
-    leg: Leg,
-    q: ArrayLike,
+    posture: Posture,
     v: ArrayLike,
     ball: Ball,
     contact: Contact,
@@ -35,8 +33,7 @@ def strike(
     """Strike a ball, in closed form (Eqs. 1-11 and 15-21).
 
     Args:
-        leg: with the frame that touches the ball.
-        q: configuration, shape `(nq,)` [rad; m for prismatic joints].
+        posture: of the leg, whose contact frame touches the ball.
         v: joint velocity just before, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal`.
         contact: normal, restitution and friction, and where on the foot.
@@ -52,25 +49,6 @@ def strike(
         EnergyCreated: `strict`, and the law gains energy here.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
-    validation.check_type(Leg, leg=leg)
-    return strike_at(
-        leg.posture(q), v, ball, contact, law,
-        ball_velocity=ball_velocity, ball_spin=ball_spin, strict=strict,
-    )  # fmt: skip
-
-
-def strike_at(
-    posture: Posture,
-    v: ArrayLike,
-    ball: Ball,
-    contact: Contact,
-    law: str = "newton",
-    *,
-    ball_velocity: ArrayLike = AT_REST,
-    ball_spin: ArrayLike = AT_REST,
-    strict: bool = False,
-) -> Impact:
-    """Strike a ball from a posture that is already there; else as `strike`."""
     validation.flag("strict", strict)
     if not isinstance(law, str) or law not in LAWS:
         raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")

@@ -80,8 +80,7 @@ class _Foot(NamedTuple):
 
 
 def unilateral_strike(
-    leg: Leg,
-    q: ArrayLike,
+    posture: Posture,
     v: ArrayLike,
     ball: Ball,
     contact: Contact,
@@ -113,7 +112,8 @@ def unilateral_strike(
     if law != "newton":
         raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
     validation.flag("strict", strict)
-    held = strike(leg, q, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
+    held = strike(posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
+    leg = posture.leg
     supports = _checked(leg)
     free = leg.with_supports().posture(held.posture.q).touched_at(contact.offset)
     feet = _feet(held, supports)
@@ -191,7 +191,7 @@ def _outcome(
     changed = {
         "impulse": impulse,
         "effective_mass": free.effective_mass(normal),
-        "ball": BallState(before.position, before.velocity + impulse / ball.mass, spin),
+        "ball_after": BallState(before.position, before.velocity + impulse / ball.mass, spin),
         "v_after": v_after,
         "joint_impulses": transmitted,
         "constraint_impulses": stacked,

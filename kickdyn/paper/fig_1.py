@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from kickdyn.contact import Contact
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape
 from kickdyn.planning.self_motion import self_motion
@@ -51,7 +51,7 @@ def kicks() -> list[Impact]:
     contact = Contact(attack, RESTITUTION)
 
     def kick(posture: Posture) -> Impact:
-        return strike_at(posture, posture.joint_velocity(SPEED * attack), BALL, contact)
+        return strike(posture, posture.joint_velocity(SPEED * attack), BALL, contact)
 
     return [kick(posture) for posture in self_motion(leg, np.radians(START_DEG))]
 

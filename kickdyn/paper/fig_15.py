@@ -3,44 +3,125 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.core.validation import Array
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.fly import fly
 from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, Coefficients
 from kickdyn.paper.item import Item, Verdict
-from kickdyn.planning.launch import TOLERANCES, LaunchPlan, Method, plan_launch
+from kickdyn.planning.goal import Goal, nominal_velocity
+from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
 
 NAME = "Fig. 13-15"
 GOALS = ((30.0, 1.5, 3), (50.0, 2.0, 8), (100.0, 3.0, 25))
 """Distance [m], time [s], and after how many rounds the paper's curves settle, read off them."""
 
 
-def plans(choice: Coefficients, method: Method) -> list[LaunchPlan]:
-    """Return the plans for the three goals, with drag only."""
-    air = choice.air(lift=False)
-    return [plan_launch(distance, time, BALL, air, method) for distance, time, _ in GOALS]
+DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
+"""Errors [m], [s] at which the learning loop ends: about a line's width in Fig. 15."""
+
+MOST_ROUNDS = 200
+"""After so many the learning loop is given up; the paper's farthest goal takes about 25."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One flight on the way to a launch.
+
+    Attributes:
+        speed: of the launch [m/s].
+        angle: of the launch above the horizontal [rad].
+        distance_error: distance wished for less the one reached [m].
+        time_error: time wished for less the one taken [s].
+    """
+
+    speed: float
+    angle: float
+    distance_error: float
+    time_error: float
+
+    @property
+    def is_met(self) -> bool:
+        """Whether both errors are small enough to end the learning loop."""
+        return abs(self.distance_error) <= DISTANCE_ACCURACY and (
+            abs(self.time_error) <= TIME_ACCURACY
+        )
+
+
+def learn_launch(distance: float, time: float, ball: Ball, air: Air | None) -> tuple[Round, ...]:
+    r"""Find a launch by the paper's learning loop (Figs. 13-14) and return its flights.
+
+    The errors of distance and time are added to the command, and Eqs. (24)-(25) turn the command
+    into the next launch, until both errors vanish. The loop also ends at a flight that does not
+    land, a command of no time or of a launch faster than sound, or `MOST_ROUNDS`; `Round.is_met` of
+    the last round tells.
+
+    Args:
+        distance: wished for [m].
+        time: wished for [s].
+        ball: mass and radius.
+        air: None is the vacuum.
+    """
+    command, rounds = np.array([distance, time]), list[Round]()
+    while len(rounds) <= MOST_ROUNDS and command[1] > 0.0:
+        velocity = nominal_velocity(np.array([command[0], 0.0, 0.0]), float(command[1]))
+        if math.hypot(*velocity) > SPEED_LIMIT:
+            break
+        path = fly(BallState(velocity=velocity), ball, air, time_limit=100 * time)
+        rounds.append(_round(path, distance, time))
+        if path.status != "landed" or rounds[-1].is_met:
+            break
+        command = command + np.array([rounds[-1].distance_error, rounds[-1].time_error])
+    return tuple(rounds)
+
+
+def newton_rounds(launch: Launch) -> tuple[Round, ...]:
+    """Return the flights from the velocities of Newton's method, over level ground."""
+    goal = launch.goal
+    assert goal.time is not None
+
+    def flown(velocity: Array) -> Flight:
+        state = BallState(velocity=velocity, spin=launch.spin)
+        return fly(state, launch.ball, launch.air, tol=1e-13)
+
+    return tuple(_round(flown(one), goal.distance, goal.time) for one in launch.history)
+
+
+def _round(path: Flight, distance: float, time: float) -> Round:
+    """Return a flight's launch and errors."""
+    reached = float(path.landing.position[0])
+    launch = path.launch
+    return Round(
+        float(launch.speed), float(launch.elevation), distance - reached, time - path.duration
+    )
 
 
 def items() -> list[Item]:
     """Return rounds and errors of both methods."""
-    result = _learned(DEFAULT)
-    for (distance, time, _), plan in zip(GOALS, plans(DEFAULT, "newton"), strict=True):
+    result, air = _learned(DEFAULT), DEFAULT.air(lift=False)
+    for distance, time, _ in GOALS:
+        launch = plan_launch(Goal(distance, time=time), BALL, air)
+        last = newton_rounds(launch)[-1]
         goal = f"{NAME} {distance:g} m, {time:g} s planner"
-        met: Verdict = "ours" if plan.status == "met" else "not reachable"
+        met: Verdict = "ours" if launch.status == "met" else "not reachable"
         source = f"Newton on the flight's derivatives, from Eqs. (24)-(25), {DEFAULT.name}, no lift"
         why = (
-            f"ours, beside the paper's loop: {plan.speed:.4f} m/s at "
-            f"{math.degrees(plan.angle):.4f} deg after {plan.iterations} steps, errors "
-            f"{plan.best.distance_error:.0e} m, {plan.best.time_error:.0e} s"
+            f"ours, beside the paper's loop: {launch.speed:.4f} m/s at "
+            f"{math.degrees(launch.angle):.4f} deg after {launch.iterations} steps, errors "
+            f"{last.distance_error:.0e} m, {last.time_error:.0e} s"
         )
-        why += "".join(f"; {warning}" for warning in plan.flight.warnings)
+        why += "".join(f"; {warning}" for warning in launch.flight.warnings)
         result += [
-            Item(f"{goal} steps", None, plan.iterations, "1", met, why, source),
-            Item(f"{goal} distance", distance, distance - plan.best.distance_error, "m",
+            Item(f"{goal} steps", None, launch.iterations, "1", met, why, source),
+            Item(f"{goal} distance", distance, distance - last.distance_error, "m",
                  met, why, source),
-            Item(f"{goal} time", time, time - plan.best.time_error, "s",
+            Item(f"{goal} time", time, time - last.time_error, "s",
                  met, why, source),
         ]  # fmt: skip
     return result
@@ -58,26 +139,27 @@ def sensitivity() -> list[Item]:
 
 
 def _learned(choice: Coefficients) -> list[Item]:
-    distance_tolerance, time_tolerance = TOLERANCES["learned"]
-    found = plans(choice, "learned")
-    rounds = [plan.iterations for plan in found]
-    harder = rounds == sorted(rounds)
+    """Return rounds and errors of the learning loop, with drag only."""
+    air = choice.air(lift=False)
+    found = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
+    counts = [len(rounds) - 1 for rounds in found]
+    harder = counts == sorted(counts)
     result = []
-    for (distance, time, printed), plan in zip(GOALS, found, strict=True):
+    for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
         goal = f"{NAME} {distance:g} m, {time:g} s learning loop"
-        met: Verdict = "shape reproduced" if plan.status == "met" and harder else "not reachable"
-        first = plan.history[0]
+        first, last = rounds[0], rounds[-1]
+        met: Verdict = "shape reproduced" if last.is_met and harder else "not reachable"
         why = (
-            f"met to {distance_tolerance:g} m and {time_tolerance:g} s, "
+            f"met to {DISTANCE_ACCURACY:g} m and {TIME_ACCURACY:g} s, "
             f"{'more' if harder else 'not more'} rounds for farther goals; first errors "
             f"{first.distance_error:.2f} m, {first.time_error:.3f} s"
         )
         source = f"Figs. 13-14: command += error, from Eqs. (24)-(25), {choice.name}, no lift"
         result += [
-            Item(f"{goal} rounds", printed, plan.iterations, "1", met, why, source),
-            Item(f"{goal} distance", distance, distance - plan.best.distance_error, "m",
+            Item(f"{goal} rounds", printed, len(rounds) - 1, "1", met, why, source),
+            Item(f"{goal} distance", distance, distance - last.distance_error, "m",
                  met, why, source),
-            Item(f"{goal} time", time, time - plan.best.time_error, "s", met, why, source),
+            Item(f"{goal} time", time, time - last.time_error, "s", met, why, source),
         ]  # fmt: skip
     return result
 
@@ -85,13 +167,16 @@ def _learned(choice: Coefficients) -> list[Item]:
 def draw(figure: Figure) -> None:
     """Draw the histories of the errors of distance and time, learning loop and planner."""
     rows = figure.subplots(2, len(GOALS), sharex="col")
+    air = DEFAULT.air(lift=False)
     for column, (distance, time, _) in enumerate(GOALS):
-        methods: tuple[tuple[Method, str], ...] = (("learned", "o-"), ("newton", "s--"))
-        for method, style in methods:
-            plan = plans(DEFAULT, method)[column]
-            errors = np.array([[r.distance_error, r.time_error] for r in plan.history])
+        histories = {
+            ("learned", "o-"): learn_launch(distance, time, BALL, air),
+            ("newton", "s--"): newton_rounds(plan_launch(Goal(distance, time=time), BALL, air)),
+        }
+        for (label, style), history in histories.items():
+            errors = np.array([[r.distance_error, r.time_error] for r in history])
             for row in range(2):
-                rows[row, column].plot(errors[:, row], style, markersize=3, label=method)
+                rows[row, column].plot(errors[:, row], style, markersize=3, label=label)
         rows[0, column].set_title(f"{distance:g} m, {time:g} s")
         rows[1, column].set_xlabel("round")
     rows[0, 0].set_ylabel("error of distance [m]")

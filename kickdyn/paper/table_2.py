@@ -8,7 +8,7 @@ import numpy as np
 
 from kickdyn.contact import Contact
 from kickdyn.impact.laws import normal_impulse
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import FITTED, Item, near
 from kickdyn.robot.leg import Leg
@@ -55,7 +55,7 @@ def items() -> list[Item]:
 def _with_ball(name: str, posture: Posture, paper: float) -> Item:
     attack = direction(ATTACK_DEG)
     v = posture.joint_velocity(SPEED * attack)
-    hit = strike_at(posture, v, BALL, Contact(attack, RESTITUTION))
+    hit = strike(posture, v, BALL, Contact(attack, RESTITUTION))
     here = normal_impulse(SPEED, 1.0, hit.effective_mass, BALL.mass)
     anywhere = normal_impulse(SPEED, 1.0, math.inf, BALL.mass)
     return Item(

@@ -1,10 +1,11 @@
-"""What a kick is wished to do: a target, and one thing more about the way there."""
+"""The goal of a kick: a target, and one condition on the flight to it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,40 @@ from kickdyn.flight.forces import GRAVITY
 
 FARTHEST = 1e4
 """How far away a target may be [m]: air and gravity are those of one place."""
+
+
+class PlanStatus(StrEnum):
+    """Whether a plan meets its goal."""
+
+    MET = "met"
+    UNREACHABLE = "unreachable"
+    """No launch meets it: the plan is the nearest there is."""
+    BEYOND_LIMITS = "beyond-limits"
+    """The leg is not fast or strong enough: the plan is the kick of the largest share of it."""
+
+
+class LaunchLimit(StrEnum):
+    """What stands in the way of a launch or a pass."""
+
+    SPEED = "speed-limit"
+    SPIN = "spin-limit"
+    LEAST_SPEED = "least-speed"
+    """A slower launch does not come to the target."""
+    LOWEST_PATH = "lowest-path"
+    HIGHEST_PATH = "highest-path"
+    GROUND = "ground"
+    """The flight would lead through it."""
+    ROLLING = "rolling"
+    """So slow a ball stops before."""
+    BOUNCE = "bounce"
+    """The place of the last bounce jumps as the speed changes."""
+
+
+class Arc(StrEnum):
+    """Which of two launches that meet a goal."""
+
+    LOW = "low"
+    HIGH = "high"
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -121,6 +156,11 @@ class Goal(ReprMixin):
     def ahead(self) -> Array:
         """Horizontal unit vector to the target, shape `(3,)`."""
         return np.array([self.target[0], self.target[1], 0.0]) / self.distance
+
+    @property
+    def left(self) -> Array:
+        """Horizontal unit vector across, to the left of `ahead`, shape `(3,)`."""
+        return np.array([-self.target[1], self.target[0], 0.0]) / self.distance
 
     @property
     def lowest(self) -> float:

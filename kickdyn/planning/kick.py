@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,18 +20,17 @@ from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.equations import FEASIBLE, Objective
-from kickdyn.planning.goal import Goal
+from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.heading import turned
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.launch_family_solver import SPEED_LIMIT, plan_launches
-from kickdyn.planning.launch_result import Launch, Launches, to_target
+from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.limb import Limb, limb_of
 from kickdyn.planning.objectives import OBJECTIVES, least_scatter
-from kickdyn.planning.passes import Pass, plan_pass
+from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.search import Found, Search
 from kickdyn.planning.swing_joints import check_solver
 from kickdyn.robot.leg import Leg
@@ -39,21 +38,6 @@ from kickdyn.robot.leg import Leg
 if TYPE_CHECKING:
     from kickdyn.planning.swing_kick import SwungKick
     from kickdyn.planning.swing_phase import SwingPhase
-
-
-class OutOfReach(InvalidInput):
-    """A goal that no launch meets.
-
-    Attributes:
-        found: what `plan_launches` or `plan_pass` says of it, with the nearest there is.
-    """
-
-    def __init__(self, said: str, found: Launches | Pass) -> None:
-        self.found = found
-        super().__init__(said)
-
-    def __reduce__(self) -> tuple[type[OutOfReach], tuple[str, Launches | Pass]]:
-        return (OutOfReach, (str(self), self.found))
 
 
 STARTS = 4
@@ -74,7 +58,7 @@ def plan_kick(
     ball_height: float | None = None,
     ball_at: ArrayLike | None = None,
     limits: bool = True,
-    arc: Literal["low", "high"] = "low",
+    arc: str = Arc.LOW,
     turn: bool = True,
     surface: str | Surface | None = None,
     spread: Mapping[str, float] | None = None,
@@ -118,9 +102,9 @@ def plan_kick(
             speed` and `effort`, with limits; needs `pip install "kickdyn[swing]"`.
 
     Raises:
-        InvalidInput: a goal that no launch meets, with the nearest one that can be met; a leg that
-            cannot kick in that direction or whose postures cannot reach the ball; a spin for which
-            friction is too low; an unknown objective.
+        OutOfReach: a goal that no launch meets, with the nearest there is.
+        InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
+            ball; a spin for which friction is too low; an unknown objective.
     """
     check_free(leg, "kicks are planned")
     if objective not in (*OBJECTIVES, "scatter"):
@@ -129,8 +113,6 @@ def plan_kick(
         )
     if (spread is None) != (objective != "scatter"):
         raise InvalidInput(f"objective {objective!r} and spread {spread!r}: scatter needs a spread")
-    if arc not in ("low", "high"):
-        raise InvalidInput(f"arc is {arc!r}: it must be low or high")
     if ball_height is not None:
         ball_height = validation.number("ball height", ball_height, unit="m")
     if ball_at is not None and ball_height is not None:
@@ -141,10 +123,10 @@ def plan_kick(
     place = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     turning = validation.vector("spin", spin, 3, unit="rad/s")
     ground = None if surface is None else Ground(surface=surface)
-    if ground is None:
-        launch = _launch(goal, ball, air, turning, arc)
+    if surface is None:
+        launch = _plan_free_launch(goal, ball, air, turning, arc)
     else:
-        launch = _pass(goal, ball, air, turning, ground)
+        launch = _plan_pass_launch(goal, ball, air, turning, surface)
     impact_target = impact_target_for(
         launch.velocity, launch.spin, ball, restitution, friction, place
     )
@@ -197,44 +179,54 @@ def _swung(search: Search, found: Found, objective: str) -> SwungKick:
     return swung
 
 
-def _launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
-    """Return the launch whose spin is across it: the part along it cannot be given."""
+def _plan_free_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
+    """Return the launch in the air whose spin is across it: a ball at rest takes no other."""
     across = spin
     for _ in range(30):
-        found = plan_launches(goal, ball, air, spin=across, speed_limit=SPEED_LIMIT)
-        if found.status != "met":
-            raise OutOfReach(f"the goal is {found.said}", found)
-        launch = found.solutions[0 if arc == "low" else -1]
-        way = launch.velocity / launch.speed
-        lost = float(launch.spin @ way)
-        if abs(lost) <= 1e-12 * max(math.hypot(*launch.spin), 1e-300):
+        launch = plan_launch(goal, ball, air, spin=across, arc=arc)
+        if launch.limit is not None:
+            raise OutOfReach(f"the goal is {launch.summary}", launch.limit, launch)
+        direction = launch.velocity / launch.speed
+        along = float(launch.spin @ direction)
+        if abs(along) <= 1e-12 * max(math.hypot(*launch.spin), 1e-300):
             return launch
-        across = launch.spin - lost * way
+        across = launch.spin - along * direction
     return launch
 
 
-def _pass(goal: Goal, ball: Ball, air: Air | None, spin: Array, ground: Ground) -> Launch:
-    """Return the launch of a pass, which ends at the goal's time."""
-    if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
-        raise InvalidInput(
-            "a ball along the ground is given a time, and a target as high as it lies: name no "
-            "apex, speed, over or beside"
-        )
-    found = plan_pass(goal.target[:2], goal.time, ball, air, ground, spin=spin)
-    if found.status != "met":
-        raise OutOfReach(f"the pass is out of reach: {found.said}", found)
+def _plan_pass_launch(
+    goal: Goal, ball: Ball, air: Air | None, spin: Array, surface: str | Surface
+) -> Launch:
+    """Return the launch of a pass."""
+    found = plan_pass(goal, ball, air, surface=surface, spin=spin)
+    if found.limit is not None:
+        raise OutOfReach(f"the pass is out of reach: {found.summary}", found.limit, found)
     along = abs(float(spin @ found.velocity)) / math.hypot(*found.velocity)
     if along > 1e-9 * math.hypot(*spin):
         raise InvalidInput(
-            f"spin has {along:g} rad/s along the pass: a ball at rest takes it across its way only"
+            f"spin has {along:g} rad/s along the pass: a ball at rest takes spin across its launch "
+            "only"
         )
-    missed = np.array([0.0, 0.0, 0.0, found.time - goal.time])
-    return Launch(goal, found.velocity, spin, found.time, missed, (), ball, air)
+    assert goal.time is not None
+    errors = np.array([0.0, found.aside, 0.0, found.time - goal.time])
+    return Launch(
+        status=PlanStatus.MET,
+        goal=goal,
+        reached=goal,
+        limit=None,
+        velocity=found.velocity,
+        spin=spin,
+        time=found.time,
+        errors=errors,
+        history=found.velocity[None],
+        ball=ball,
+        air=air,
+    )
 
 
 def _struck(robot: Leg, limb: Limb, search: Search, found: Found) -> Impact:
     q, v = limb.whole(robot, found.posture.q, found.v)
-    return strike_at(robot.posture(q), v, search.impact_target.ball, search.impact_target.contact)
+    return strike(robot.posture(q), v, search.impact_target.ball, search.impact_target.contact)
 
 
 def _carried_out(
@@ -254,7 +246,7 @@ def _carried_out(
     path: Flight | Course
     if ground is None:
         time = launch.time if found.share == 1.0 else None
-        path = to_target(start, goal, impact_target.ball, air, time, orientation=True)
+        path = fly_to_target(start, goal, impact_target.ball, air, time, orientation=True)
         end = path.landing
     else:
         ground = Ground(float(start.position[2]) - impact_target.ball.radius, ground.surface)
@@ -266,7 +258,7 @@ def _carried_out(
     used = np.abs(search.torque(found.posture.q, found.v)) / search.effort
     uses = {"speed of": fast, "effort of": used}
     return KickPlan(
-        status="met" if found.share == 1.0 else "beyond limits",
+        status=PlanStatus.MET if found.share == 1.0 else PlanStatus.BEYOND_LIMITS,
         goal=goal,
         launch=launch,
         objective=objective,

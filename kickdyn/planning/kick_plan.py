@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -14,9 +13,9 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.goal import Goal
+from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.launch_result import Launch
+from kickdyn.planning.launch import Launch
 from kickdyn.planning.objectives import SAID, UNITS
 from kickdyn.planning.swing_phase import SwingPhase
 from kickdyn.robot.leg import Leg
@@ -33,7 +32,7 @@ class KickPlan(ReprMixin):
     """A kick, planned and then carried out by `strike` and `fly`.
 
     Attributes:
-        status: `met`; or `beyond limits`: the leg is not fast or strong enough, and this is the
+        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
             kick in the planned direction that gives the ball the most speed.
         goal: wished for.
         launch: that meets it.
@@ -55,7 +54,7 @@ class KickPlan(ReprMixin):
             there `plan_swing` goes on.
     """
 
-    status: Literal["met", "beyond limits"]
+    status: PlanStatus
     goal: Goal
     launch: Launch
     objective: str

@@ -1,11 +1,12 @@
-"""Planning one launch over level ground: a distance and a time, round by round (Figs. 13-15)."""
+"""Planning a launch: every launch that meets a goal, or the nearest there is."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,71 +19,93 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.planning.goal import FARTHEST, Goal, nominal_velocity
-from kickdyn.planning.launch_family_solver import SPEED_LIMIT, plan_launches
-from kickdyn.planning.launch_result import Launches
+from kickdyn.ground import Ground
+from kickdyn.plane import Plane
+from kickdyn.planning.goal import Arc, Goal, LaunchLimit, PlanStatus, nominal_velocity
+from kickdyn.planning.launch_solver import (
+    LaunchFamily,
+    LaunchSolution,
+    distinct,
+    farthest_launch,
+    solve_launch,
+)
+from kickdyn.planning.passes import Pass
+from kickdyn.planning.shooting import ShootingProblem
 
-Method = Literal["newton", "learned"]
+SPEED_LIMIT = 343.0
+"""Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
 
-TOLERANCES = {"newton": (1e-7, 1e-8), "learned": (0.05, 0.005)}
-"""Errors of distance [m] and time [s] that count as met: those that two integrations of one flight
-may differ by where a coefficient bends sharply, and about a line's width in Fig. 15."""
-
-MAX_ROUNDS = 200
-"""Corrections after which the learning loop is given up; the paper's farthest goal takes about 25.
-"""
+ROUNDING = 1e-6
+"""Depth in the ground down to which a launch may come to its target [m]: it does not land there by
+rounding."""
 
 
-@dataclass(frozen=True)
-class Round:
-    """One flight on the way to a plan.
+class OutOfReach(InvalidInput):
+    """A goal that no launch meets.
 
     Attributes:
-        speed: of the launch [m/s].
-        angle: of the launch above the horizontal [rad].
-        distance_error: wished less reached [m].
-        time_error: wished less reached [s].
+        limit: what stands in the way.
+        nearest: the nearest launch or pass there is; None where none is known.
     """
 
-    speed: float
-    angle: float
-    distance_error: float
-    time_error: float
+    def __init__(self, message: str, limit: LaunchLimit, nearest: Launch | Pass | None) -> None:
+        self.limit, self.nearest = limit, nearest
+        super().__init__(message)
+
+    def __reduce__(self) -> tuple[type[OutOfReach], tuple[Any, ...]]:
+        return OutOfReach, (str(self), self.limit, self.nearest)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LaunchPlan(ReprMixin):
-    """A launch, and how it was found.
+class Launch(ReprMixin):
+    """A launch from the origin that meets a goal, or comes nearest to it.
 
     Attributes:
-        status: `met` or `not met`.
-        limit: what stands in the way of a goal that is not met: `speed limit` or `ground`, as in
-            `Launches`, and the plan is then the nearest launch; of the learning loop `speed limit`,
-            `aloft`, a flight that did not land, `time`, a command of none, or `rounds`, too many,
-            and the plan is then the flight that came closest; or `tolerances`, finer than flights
-            are computed. Empty where it is met.
-        method: `newton` or `learned`.
-        flight: from the planned launch, flown a hundred times more exactly than it has to meet.
-        best: errors of that flight.
-        history: every flight tried, the nominal one of Eqs. (24)-(25) first; only the nearest where
-            Newton's method meets nothing.
+        status: `met` or `unreachable`.
+        goal: that was asked for.
+        reached: the goal that this launch meets: `goal` where the status is `met`, else the nearest
+            there is.
+        limit: what stands in the way of an unreachable goal, see `LaunchLimit`; None where it is
+            met.
+        velocity: shape `(3,)` [m/s, world frame].
+        spin: shape `(3,)` [rad/s, world frame].
+        time: of the flight to the target [s].
+        errors: of the target (3 components), of the condition beside it and of `beside`
+            [m, s, m/s]; shape `(4,)` or `(5,)`.
+        history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
+            is the vacuum's answer, Eqs. (24)-(25), or a member of the family of all launches to the
+            target where Newton's method fails from there; the last is `velocity`.
+        ball: that flies.
+        air: that it flies through; None is the vacuum.
+        others: the other launches that meet the goal, by time of flight.
     """
 
-    status: Literal["met", "not met"]
-    limit: str
-    method: Method
-    flight: Flight
-    best: Round
-    history: tuple[Round, ...]
+    status: PlanStatus
+    goal: Goal
+    reached: Goal
+    limit: LaunchLimit | None
+    velocity: Array
+    spin: Array
+    time: float
+    errors: Array
+    history: Array
+    ball: Ball
+    air: Air | None
+    others: tuple[Launch, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
+        if self.limit:
+            yield "nearest", repr(self.reached), ""
         yield "speed", self.speed, "m/s"
         yield "angle", math.degrees(self.angle), "deg"
-        yield "spin", self.launch.spin, "rad/s"
-        yield "distance error", self.best.distance_error, "m"
-        yield "time error", self.best.time_error, "s"
-        yield "method", f"{self.method}, {self.iterations} corrections", ""
+        yield "azimuth", math.degrees(self.azimuth), "deg"
+        yield "spin", self.spin, "rad/s"
+        yield "time", self.time, "s"
+        yield "largest error", float(abs(self.errors).max()), ""
+        yield "iterations", self.iterations, ""
+        for other in self.others:
+            yield "another", f"{other.speed:.4g} m/s, {math.degrees(other.angle):.4g} deg", ""
         for line in self.flight.warnings:
             yield "warning", line, ""
 
@@ -90,145 +113,284 @@ class LaunchPlan(ReprMixin):
         return self.flight._picture()
 
     @property
-    def launch(self) -> BallState:
-        """The ball's state to start with."""
-        return self.flight.launch
+    def iterations(self) -> int:
+        """Number of steps of Newton's method."""
+        return len(self.history) - 1
 
     @property
     def speed(self) -> float:
         """Launch speed [m/s]."""
-        return self.best.speed
+        return math.hypot(*self.velocity)
 
     @property
     def angle(self) -> float:
         """Launch angle above the horizontal [rad]."""
-        return self.best.angle
+        return math.atan2(self.velocity[2], math.hypot(self.velocity[0], self.velocity[1]))
 
     @property
-    def iterations(self) -> int:
-        """Number of corrections after the nominal launch."""
-        return len(self.history) - 1
+    def azimuth(self) -> float:
+        """Launch direction from x towards y [rad]."""
+        return math.atan2(self.velocity[1], self.velocity[0])
 
+    @property
+    def state(self) -> BallState:
+        """The ball at the launch, at the origin."""
+        return BallState(velocity=self.velocity, spin=self.spin)
 
-Fly = Callable[[Array], Flight]
+    @cached_property
+    def flight(self) -> Flight:
+        """The flight by `kickdyn.fly` to the vertical plane through the target; `tol` is 1e-11."""
+        return fly_to_target(self.state, self.reached, self.ball, self.air, self.time)
+
+    @property
+    def summary(self) -> str:
+        """A line that says whether the goal is met, and what stands in the way."""
+        if self.limit is None:
+            count = 1 + len(self.others)
+            return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"
+        return (
+            f"out of reach ({self.limit}): the nearest is {self.reached}, at {self.speed:.4g} m/s"
+        )
 
 
 def plan_launch(
-    distance: float,
-    time: float,
+    goal: Goal,
     ball: Ball,
     air: Air | None = None,
-    method: Method = "newton",
     *,
     spin: ArrayLike = (0.0, 0.0, 0.0),
-    tolerances: tuple[float, float] | None = None,
-) -> LaunchPlan:
-    """Find the launch in the x-z plane that brings the ball down at a distance, after a time.
+    arc: str = Arc.LOW,
+    speed_limit: float = SPEED_LIMIT,
+    spin_limit: float = 100.0,
+) -> Launch:
+    r"""Find the launch, in space, that meets a goal: with drag, lift and wind.
 
-    "Down" is back at the height of the launch. Both methods start from the vacuum's answer, Eqs.
-    (24)-(25). `learned` is the paper's loop: fly, add the errors of distance and time to the
-    command, solve (24)-(25) for the new command. `newton` is `plan_launches`, which also plans in
-    space; here its steps are flown, one by one. Neither is faster than sound.
+    Newton's method starts from the vacuum's answers, Eqs. (24)-(25),
+
+    .. math:: v = x_{target} / t + \tfrac12 g t\, e_z,
+
+    with derivatives that are integrated along the flight. Where that finds nothing, the family of
+    all launches to the target is followed: it contains the answer, or the nearest launch there is.
+    A launch whose flight to the target leads through the ground, as strong back spin may ask for,
+    does not count.
 
     Args:
-        distance: wished for [m], 1e-6 to 1e4.
-        time: wished for [s], 1e-6 to 1e6.
+        goal: from the ball's position.
         ball: mass and radius.
-        air: None is the vacuum.
-        method: `newton` or `learned`.
-        spin: of the ball, about y, shape `(3,)` [rad/s, world frame].
-        tolerances: errors of distance [m] and time [s] that count as met; those of `TOLERANCES`
-            when not named.
-
-    Raises:
-        InvalidInput: a distance or time out of range, a tolerance not above 0, spin or wind that
-            drives the ball out of the plane, or an unknown method.
-    """
-    if method not in TOLERANCES:
-        raise InvalidInput(f"planning method {method!r} is unknown: choose {', '.join(TOLERANCES)}")
-    distance = validation.number("distance", distance, at_least=1e-6, at_most=FARTHEST, unit="m")
-    time = validation.number("time", time, at_least=1e-6, at_most=1e6, unit="s")
-    goal = np.array([distance, time])
-    accepted = validation.vector(
-        "tolerances", TOLERANCES[method] if tolerances is None else tolerances, 2
-    )
-    if not (accepted > 0).all():
-        raise InvalidInput(f"tolerances are {accepted.tolist()}: they must be above 0")
-    turning = validation.vector("spin", spin, 3, unit="rad/s")
-    if turning[0] or turning[2] or (air is not None and air.wind_at(0.0)[1]):
-        raise InvalidInput(
-            "spin or wind drives the ball out of the x-z plane: spin must be about y, "
-            "wind without y component"
-        )
-    tol = 1e-13 if method == "newton" else 1e-9
-
-    def flown(velocity: Array) -> Flight:
-        launch = BallState(velocity=velocity, spin=turning)
-        return fly(launch, ball, air, tol=tol, time_limit=100 * time)
-
-    if method == "newton":
-        found = plan_launches(Goal(distance, time=time), ball, air, spin=turning)
-        flights, limit = [flown(velocity) for velocity in _steps(found)], found.limit
-    else:
-        flights, limit = _learned(goal, accepted, flown)
-    misses = [_miss(goal, accepted, flight) for flight in flights]
-    last = len(flights) - 1
-    chosen = last if method == "newton" else int(np.argmin(misses))
-    met = misses[chosen] <= 1.0
-    history = tuple(_round(goal, flight) for flight in flights)
-    return LaunchPlan(
-        "met" if met else "not met",
-        "" if met else limit or "tolerances",
-        method,
-        flights[chosen],
-        history[chosen],
-        history,
-    )
-
-
-def _steps(found: Launches) -> list[Array]:
-    """Return the launch velocities from the nominal launch to the answer."""
-    nominal = nominal_velocity(found.goal.target, found.goal.nominal_times()[0])
-    if found.solutions:
-        launch = found.solutions[0]
-        return list(launch.tried) or [nominal, launch.velocity]
-    return [nominal if found.nearest is None else found.nearest.velocity]
-
-
-def _learned(goal: Array, accepted: Array, flown: Fly) -> tuple[list[Flight], str]:
-    """Correct the command that Eqs. (24)-(25) turn into a launch by its errors, until they vanish.
+        air: None is the vacuum; a wind that depends on height counts it from the launch.
+        spin: shape `(3,)` [rad/s, world frame]; for `beside` its axis, the size being unknown.
+        arc: `low` or `high`, where two launches meet the goal; the other is in `others`.
+        speed_limit: of the launch [m/s], at most 343.
+        spin_limit: largest spin that `beside` may take [rad/s].
 
     Returns:
-        The flights, and what ended them where that was not the goal.
+        The launch, with all others that meet the goal; or the nearest there is, with status
+        `unreachable`.
+
+    Raises:
+        InvalidInput: a value out of range, or `beside` where no lift can bend the flight.
+        OutOfReach: the ground is in the way of every launch to the target.
     """
-    command, flights = goal, list[Flight]()
-    while len(flights) <= MAX_ROUNDS:
-        if command[1] <= 0.0:
-            return flights, "time"
-        velocity = nominal_velocity(np.array([command[0], 0.0, 0.0]), float(command[1]))
-        speed = math.hypot(*velocity)
-        flights.append(flown(velocity * min(1.0, SPEED_LIMIT / speed)))
-        if speed > SPEED_LIMIT:
-            return flights, "speed limit"
-        if flights[-1].status != "landed":
-            return flights, "aloft"
-        if _miss(goal, accepted, flights[-1]) <= 1.0:
-            return flights, ""
-        command = command + _error(goal, flights[-1])
-    return flights, "rounds"
+    validation.check_type(Goal, goal=goal)
+    limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
+    most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
+    arc = validation.choice("arc", arc, Arc)
+    problem = _shooting_problem(goal, ball, air, spin)
+
+    direct = _solutions_from_vacuum(problem, goal)
+    allowed = _within(direct, limit, most_spin)
+    expected = 2 if goal.speed is not None else 1
+    solutions = [one for one in allowed if one.is_above_ground(goal)]
+    if len(allowed) >= expected and solutions:
+        return _met(problem, goal, solutions, arc)
+    if goal.beside is not None and not allowed:
+        return _nearest_curve(problem, goal, limit, most_spin, direct)
+
+    family = LaunchFamily(problem, goal, limit)
+    members = family.within_limit()
+    between = _within(family.solutions_between(members), limit, most_spin)
+    allowed = distinct([*allowed, *between])
+    solutions = [one for one in allowed if one.is_above_ground(goal)]
+    if solutions:
+        return _met(problem, goal, solutions, arc)
+    if not members:
+        return _farthest(problem, goal, limit)
+    return _nearest(family, members, buried=bool(allowed))
 
 
-def _error(goal: Array, flight: Flight) -> Array:
-    return np.asarray(goal - np.array([flight.landing.position[0], flight.duration]))
+def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) -> ShootingProblem:
+    """Return ball, air and spin as a shooting problem; the spin's size is unknown for `beside`."""
+    spin = validation.vector("spin", spin, 3, unit="rad/s")
+    if goal.beside is not None:
+        if air is None or air.lift is None or air.density == 0.0:
+            raise InvalidInput("beside asks for a curved flight: name air with lift")
+        spin = validation.direction("spin", spin if spin.any() else (0.0, 0.0, 1.0))
+    return ShootingProblem(ball, air, spin, goal.beside is not None)
 
 
-def _miss(goal: Array, accepted: Array, flight: Flight) -> float:
-    """Return the larger error over what is accepted; inf where the ball does not land."""
-    if flight.status != "landed":
-        return math.inf
-    return float(np.abs(_error(goal, flight) / accepted).max())
+def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
+    """Return the solutions that Newton's method finds from the vacuum's answers."""
+    found = []
+    for time in goal.nominal_times():
+        one = solve_launch(problem, goal, nominal_velocity(goal.target, time), time)
+        if one.converged and one.trajectory is not None:
+            falls = float(one.trajectory.place(one.time)[1][2]) <= 1e-9
+            found += [one] if goal.apex is None or falls else []
+    return distinct(found)
 
 
-def _round(goal: Array, flight: Flight) -> Round:
-    error, launch = _error(goal, flight).tolist(), flight.launch
-    return Round(float(launch.speed), float(launch.elevation), *error)
+def _within(
+    solutions: list[LaunchSolution], speed_limit: float, spin_limit: float
+) -> list[LaunchSolution]:
+    """Return solutions within the limits of speed and spin, but for rounding."""
+    return [
+        one
+        for one in solutions
+        if one.speed <= speed_limit * (1 + 1e-9) and abs(one.spin_size) <= spin_limit
+    ]
+
+
+def _met(problem: ShootingProblem, goal: Goal, solutions: list[LaunchSolution], arc: str) -> Launch:
+    """Return the low or the high one of several launches that meet the goal."""
+    launches = [_launch(problem, goal, goal, None, one) for one in solutions]
+    first = launches.pop(0 if arc == Arc.LOW else -1)
+    return replace(first, others=tuple(launches))
+
+
+def _launch(
+    problem: ShootingProblem,
+    goal: Goal,
+    reached: Goal,
+    limit: LaunchLimit | None,
+    solution: LaunchSolution,
+) -> Launch:
+    """Return a solution as a `Launch`."""
+    return Launch(
+        status=PlanStatus.MET if limit is None else PlanStatus.UNREACHABLE,
+        goal=goal,
+        reached=reached,
+        limit=limit,
+        velocity=solution.velocity,
+        spin=problem.spin_of(solution.spin_size),
+        time=solution.time,
+        errors=solution.errors,
+        history=solution.history,
+        ball=problem.ball,
+        air=problem.air,
+    )
+
+
+def _farthest(problem: ShootingProblem, goal: Goal, speed_limit: float) -> Launch:
+    """Return the launch at the speed limit that comes farthest towards the target."""
+    reached, velocity = farthest_launch(problem, goal.target, speed_limit)
+    assert reached.time is not None
+    solution = LaunchSolution(velocity, reached.time, 0.0, np.zeros(4), True, velocity[None], None)
+    return _launch(problem, goal, reached, LaunchLimit.SPEED, solution)
+
+
+def _nearest_curve(
+    problem: ShootingProblem,
+    goal: Goal,
+    speed_limit: float,
+    spin_limit: float,
+    solutions: list[LaunchSolution],
+) -> Launch:
+    """Return the launch with the largest spin towards the side that `beside` asks for.
+
+    Where the speed limit is in the way even without `beside`, that is the answer.
+    """
+    assert goal.beside is not None
+    distance, sideways = goal.beside
+    pushed = float(np.cross(problem.spin, goal.ahead) @ goal.left)  # it starts to the other side
+    bend = solutions[0].spin_size if solutions else -pushed * sideways or 1.0
+    spin = problem.spin_of(math.copysign(spin_limit, bend))
+    condition = {goal.kind: getattr(goal, goal.kind)}
+    spun = plan_launch(
+        Goal(goal.target, **condition),
+        problem.ball,
+        problem.air,
+        spin=spin,
+        speed_limit=speed_limit,
+    )
+    if spun.status != PlanStatus.MET:
+        return replace(spun, goal=goal)
+    flown = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
+    assert flown is not None
+    passed = flown.crossing(goal.ahead, distance, goal.left)[0]
+    reached = Goal(goal.target, **condition, beside=(distance, passed))
+    return replace(
+        spun,
+        status=PlanStatus.UNREACHABLE,
+        goal=goal,
+        reached=reached,
+        limit=LaunchLimit.SPIN,
+        others=(),
+    )
+
+
+def _nearest(family: LaunchFamily, members: list[LaunchSolution], *, buried: bool) -> Launch:
+    """Return the member nearest to what the goal names that is clear of the ground.
+
+    Args:
+        family: of all launches to the target.
+        members: of it, within the speed limit.
+        buried: whether solutions exist and the ground is in the way of all.
+
+    Raises:
+        OutOfReach: the ground is in the way of all members.
+    """
+    goal = family.goal
+    best = min(members, key=lambda member: abs(member.condition_error(goal)))
+    if buried or not best.is_above_ground(goal):
+        buried, clear = True, family.above_ground(members)
+        if not clear:
+            raise OutOfReach(
+                f"{goal} is out of reach: the ground is in the way of every launch",
+                LaunchLimit.GROUND,
+                None,
+            )
+        best = min(clear, key=lambda member: abs(member.condition_error(goal)))
+    best = family.refine(best)
+    error = best.condition_error(goal)
+    bend = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    limit, value = LaunchLimit.SPEED, dict[str, Any](time=best.time)
+    if goal.speed is not None:
+        value = {"speed": best.speed}
+        if best.speed < family.speed_limit * (1 - 1e-6):
+            limit = LaunchLimit.LEAST_SPEED
+    elif goal.over is not None:
+        limit, value = bend, {"over": (goal.over[0], goal.over[1] + error)}
+    elif goal.apex is not None:
+        limit = bend
+        if goal.apex + error != 0.0:  # an apex at the start names no one launch
+            value = {"apex": goal.apex + error}
+    reached = Goal(goal.target, **value, beside=goal.beside)
+    limit = LaunchLimit.GROUND if buried else limit
+    return _launch(family.problem, goal, reached, limit, best)
+
+
+def fly_to_target(
+    state: BallState,
+    goal: Goal,
+    ball: Ball,
+    air: Air | None,
+    time: float | None = None,
+    tol: float = 1e-11,
+    *,
+    orientation: bool = False,
+) -> Flight:
+    """Fly to the vertical plane through a goal's target, or to the ground before it.
+
+    A launch that meets the goal has its `time` to the target [s]: it may cross the plane before and
+    be blown back, and it does not end on the ground by mere rounding.
+    """
+    plane = Plane(state.position + goal.target, -goal.ahead, "centre")
+    floor = float(state.position[2]) + goal.lowest - ball.radius
+    ground = Ground(floor if time is None else floor - ROUNDING)
+    flown = partial(fly, state, ball, air, ground, tol, orientation=orientation)
+    if time is None:
+        return flown(plane=plane)
+    path = flown(plane=plane, time_limit=2 * time)
+    if path.status == "at-plane" and abs(path.duration - time) < 0.5 * time:
+        return path
+    return flown(time_limit=time)

@@ -14,10 +14,10 @@ from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import NoImpact
 from kickdyn.impact.joint_impulses import joint_impulses
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.planning.equations import Equations, Objective
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.launch_result import Launch
+from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
 from kickdyn.robot.posture import Posture
 
@@ -79,7 +79,7 @@ def least_scatter(
             impact_target.contact.friction,
         )
         try:
-            hit = strike_at(posture, v, impact_target.ball, plain)
+            hit = strike(posture, v, impact_target.ball, plain)
         except NoImpact:  # far from feasible
             return NEVER
         parts = of_launch(hit, slopes, sizes)

@@ -1,4 +1,4 @@
-"""A ball played along the ground: bounces, slides and rolls on the way are allowed."""
+"""Planning a pass along the ground: bounces, slides and rolls on the way are allowed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,11 +18,12 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
-from kickdyn.ground import Ground
+from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
+from kickdyn.planning.goal import Goal, LaunchLimit, PlanStatus
 
-MEETS = 1e-6
-"""Error of the time that counts as met [s]; a bounce makes less of it smooth."""
+ACCURACY = 1e-6
+"""Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
 
 SLOWEST = 1e-3
 """Least launch speed that is tried, over the limit."""
@@ -35,19 +35,18 @@ class Pass(ReprMixin):
 
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest there is.
-        limit: what stands in the way: `speed limit`, or `rolling`, where a ball so slow would stop
-            before, or `bounce`, whose place jumps as the speed changes; empty where it is met.
-        velocity: of the launch, shape `(3,)` [m/s].
+        goal: that was asked for.
+        limit: what stands in the way: `speed-limit`, `rolling` or `bounce`; None where it is met.
+        velocity: of the launch, shape `(3,)` [m/s, world frame].
         course: to the plane through the target that faces the ball.
-        time: when it comes there [s].
-        aside: how far beside the target it passes, to the left [m].
+        aside: distance to the left at which it passes the target [m].
     """
 
-    status: Literal["met", "unreachable"]
-    limit: str
+    status: PlanStatus
+    goal: Goal
+    limit: LaunchLimit | None
     velocity: Array
     course: Course
-    time: float
     aside: float
 
     def _rows(self) -> Iterable[Row]:
@@ -61,106 +60,105 @@ class Pass(ReprMixin):
         return self.course._picture()
 
     @property
-    def said(self) -> str:
-        """What stands in the way, in words; empty where it is met."""
-        words = {
-            "speed limit": "the ball would have to be faster than the speed limit",
-            "rolling": "a ball so slow would stop before",
-            "bounce": "where it bounces changes at a jump there",
-        }
-        if not self.limit:
-            return ""
-        there = self.course.status == "at plane"
-        near = (
-            f"{self.time:.4g} s is nearest"
-            if there
-            else f"{self.course.distance:.4g} m is farthest"
-        )
-        return f"{words[self.limit]}: {near}"
+    def time(self) -> float:
+        """Time at which it comes there, or to rest before [s]."""
+        return self.course.duration
+
+    @property
+    def summary(self) -> str:
+        """A line that says whether the goal is met, and what stands in the way."""
+        if self.limit is None:
+            return f"the pass takes {self.time:.4g} s"
+        why = {
+            LaunchLimit.SPEED: "the ball would have to be faster than the speed limit",
+            LaunchLimit.ROLLING: "a ball so slow would stop before",
+            LaunchLimit.BOUNCE: "the place where it bounces jumps as its speed changes",
+        }[self.limit]
+        if self.course.status == "at-plane":
+            return f"{why}: {self.time:.4g} s is nearest"
+        return f"{why}: {self.course.distance:.4g} m is farthest"
 
 
 def plan_pass(
-    target: ArrayLike,
-    time: float,
+    goal: Goal,
     ball: Ball,
     air: Air | None = None,
-    ground: Ground | None = None,
     *,
-    elevation: float = 0.0,
+    surface: str | Surface = "turf",
     spin: ArrayLike = (0.0, 0.0, 0.0),
+    angle: float = 0.0,
     speed_limit: float = 40.0,
 ) -> Pass:
-    """Find launch speed and direction that bring a ball on the ground to a place in a time.
+    r"""Find launch speed and direction that bring a ball on the ground to a place in a time.
+
+    The speed is the root of :math:`t(v) - t_{goal}`, by Brent's method over courses that
+    `kickdyn.follow` computes; the direction is turned by the angle at which the ball passes aside.
 
     Args:
-        target: distance along x, or x and y, from the ball [m].
-        time: wished for [s].
+        goal: a `time`, and a target as high as the ball lies.
         ball: a thin shell, which lies on the ground at the start.
         air: None is the vacuum.
-        ground: with a surface; turf when not named.
-        elevation: of the launch above the ground, 0 to 1.2 [rad].
-        spin: of the launch, shape `(3,)` [rad/s].
+        surface: of the ground, by name or as a `Surface`.
+        spin: of the launch, shape `(3,)` [rad/s, world frame].
+        angle: of the launch above the ground, 0 to 1.2 [rad].
         speed_limit: of the launch, at most 100 [m/s].
 
     Raises:
-        InvalidInput: a value out of range, or a ground without surface.
+        InvalidInput: a value out of range, a goal without a time or at another height, or an
+            unknown surface.
     """
-    place = validation.floats("target", target, unit="m")
-    place = np.append(place, 0.0) if place.ndim == 0 else place
-    if place.shape != (2,) or not math.hypot(*place) > 0:
-        raise InvalidInput(f"target is {target!r}: it must be a distance or (x, y), not at 0")
-    wished = validation.number("time", time, above=0, unit="s")
-    angle = validation.number("elevation", elevation, at_least=0, at_most=1.2, unit="rad")
+    validation.check_type(Goal, goal=goal)
+    if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
+        raise InvalidInput(
+            f"{goal!r} is no goal of a pass: it must have a time, a target as high as the ball and "
+            "no beside"
+        )
+    angle = validation.number("angle", angle, at_least=0, at_most=1.2, unit="rad")
     limit = validation.number("speed limit", speed_limit, above=0, at_most=100, unit="m/s")
-    ground = Ground(surface="turf") if ground is None else ground
-    start = np.array([0.0, 0.0, ground.height + ball.radius])
-    ahead = np.array([*place, 0.0]) / math.hypot(*place)
-    left = np.array([-ahead[1], ahead[0], 0.0])
-    goal_line = Plane(start + np.array([*place, 0.0]), -ahead, "centre")
+    ground = Ground(surface=surface)
+    start = np.array([0.0, 0.0, ball.radius])
+    plane = Plane(start + goal.target, -goal.ahead, "centre")
+    wished = goal.time
 
-    def played(speed: float, turn: float) -> tuple[Array, Course]:
-        level = math.cos(turn) * ahead + math.sin(turn) * left
+    def play(speed: float, turn: float) -> tuple[Array, Course]:
+        """Return launch velocity and course for a speed and a direction."""
+        level = math.cos(turn) * goal.ahead + math.sin(turn) * goal.left
         velocity = speed * (math.cos(angle) * level + np.array([0, 0, math.sin(angle)]))
-        state = BallState(start, velocity, spin)
-        return velocity, follow(state, ball, air, ground, plane=goal_line)
+        return velocity, follow(BallState(start, velocity, spin), ball, air, ground, plane=plane)
 
-    def late(turn: float, speed: float) -> float:
-        _, course = played(speed, turn)
-        return course.duration - wished if course.status == "at plane" else math.inf
+    def delay(turn: float, speed: float) -> float:
+        """Return how much too late the ball comes to the target; inf where it does not."""
+        _, course = play(speed, turn)
+        return course.duration - wished if course.status == "at-plane" else math.inf
 
-    turn, speed, hinder = 0.0, limit, ""
-    for _ in range(8):  # the way bends little: the aim is turned by what it misses
-        speed, hinder = _speed(partial(late, turn), limit)
-        velocity, course = played(speed, turn)
-        aside = float(left @ (course.rest.position - goal_line.point))
-        if abs(aside) <= MEETS:
+    turn = 0.0
+    for _ in range(8):  # the course bends little: the aim is turned by the error
+        speed, obstacle = _solve_speed(partial(delay, turn), limit)
+        velocity, course = play(speed, turn)
+        aside = float(goal.left @ (course.rest.position - plane.point))
+        if abs(aside) <= ACCURACY:
             break
-        turn -= math.atan2(aside, math.hypot(*place))
-    error = course.duration - wished
-    met = course.status == "at plane" and abs(error) <= MEETS and abs(aside) <= MEETS
-    return Pass(
-        "met" if met else "unreachable",
-        "" if met else hinder or "bounce",
-        velocity,
-        course,
-        course.duration,
-        aside,
-    )
+        turn -= math.atan2(aside, goal.distance)
+    on_time = course.status == "at-plane" and abs(course.duration - wished) <= ACCURACY
+    if on_time and abs(aside) <= ACCURACY:
+        return Pass(PlanStatus.MET, goal, None, velocity, course, aside)
+    obstacle = obstacle or LaunchLimit.BOUNCE
+    return Pass(PlanStatus.UNREACHABLE, goal, obstacle, velocity, course, aside)
 
 
-def _speed(late: Callable[[float], float], limit: float) -> tuple[float, str]:
-    """Return the speed that is in time, or the nearest and what hinders."""
-    if late(limit) > 0.0:
-        return limit, "speed limit"
+def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, LaunchLimit | None]:
+    """Return the speed that is in time, or the nearest and what stands in the way."""
+    if delay(limit) > 0.0:
+        return limit, LaunchLimit.SPEED
     slow, fast = SLOWEST * limit, limit
-    if late(slow) <= 0.0:
-        return slow, "rolling"
-    while late(slow) == math.inf and fast - slow > 1e-12 * limit:
+    if delay(slow) <= 0.0:
+        return slow, LaunchLimit.ROLLING
+    while delay(slow) == math.inf and fast - slow > 1e-12 * limit:
         middle = 0.5 * (slow + fast)
-        if late(middle) <= 0.0:
+        if delay(middle) <= 0.0:
             fast = middle
         else:
             slow = middle
-    if late(slow) == math.inf:  # it would have to be slower than the slowest that comes there
-        return fast, "rolling"
-    return float(brentq(late, slow, fast, xtol=1e-13 * limit, rtol=1e-13)), ""
+    if delay(slow) == math.inf:  # it would have to be slower than the slowest that comes there
+        return fast, LaunchLimit.ROLLING
+    return float(brentq(delay, slow, fast, xtol=1e-13 * limit, rtol=1e-13)), None

@@ -13,9 +13,8 @@ from kickdyn.flight.follow import Course
 from kickdyn.planning.free_kick import Wall, score
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.launch_result import Launches
+from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.objectives import SAID, UNITS
-from kickdyn.planning.passes import Pass
 from kickdyn.planning.scatter import scatter
 from kickdyn.planning.swing_result import Swing
 
@@ -47,7 +46,7 @@ def _end(planned: KickPlan) -> str:
     path, missed = planned.path, planned.landing_error
     after = f"after {path.duration:.4g} s"
     off = "" if missed < NEAR else f", {missed:.3g} m from it"
-    if path.status == "at plane":
+    if path.status == "at-plane":
         late = planned.time_error
         return (
             f"The ball passes it {after}, {abs(late):.3g} s {'late' if late > 0 else 'early'}{off}."
@@ -72,7 +71,7 @@ def within_limits(planned: KickPlan) -> Flight | None:
     state, ball = planned.hit.ball_after, planned.hit.ball
     slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
     path = fly(slower, ball, planned.launch.air)
-    return path if planned.launch.elevation > 0.0 and path.status == "landed" else None
+    return path if planned.launch.angle > 0.0 and path.status == "landed" else None
 
 
 def aftermath(planned: KickPlan, limits: bool) -> list[str]:
@@ -126,14 +125,13 @@ def text(planned: KickPlan) -> list[str]:
         if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
     ]
     value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
-    how = f"{launch.steps} Newton steps" if launch.steps >= 0 else "found by search"
     what = SAID.get(planned.objective, planned.objective)
     azimuth, sideways = _deg(launch.azimuth), _mm(left)
     turned = f"{math.degrees(planned.heading):.2f}"
     aside = [f"base    turned {turned.lstrip('-')} deg to the {_side(turned)}"]
     return [
-        f"launch  {launch.speed:.4f} m/s, {_deg(launch.elevation)} deg up, "
-        f"{azimuth.lstrip('-')} deg {_side(azimuth)}; {how}",
+        f"launch  {launch.speed:.4f} m/s, {_deg(launch.angle)} deg up, "
+        f"{azimuth.lstrip('-')} deg {_side(azimuth)}; {launch.iterations} Newton steps",
         f"touch   {_mm(abs(up))} mm {'above' if up >= 0.0 else 'below'} and "
         f"{sideways.lstrip('-')} mm {_side(sideways)} of the ball's centre, "
         f"impulse {math.hypot(*hit.impulse):.4f} N s, "
@@ -168,12 +166,12 @@ def as_json(
         "goal": _goal_json(goal),
         "launch": {
             "speed": launch.speed,
-            "elevation_deg": math.degrees(launch.elevation),
+            "angle_deg": math.degrees(launch.angle),
             "azimuth_deg": math.degrees(launch.azimuth),
             "velocity": launch.velocity.tolist(),
             "spin": launch.spin.tolist(),
             "time": launch.time,
-            "newton_steps": launch.steps,
+            "iterations": launch.iterations,
         },
         "touch": {
             "impulse": hit.impulse.tolist(),
@@ -210,18 +208,17 @@ def as_json(
     }
 
 
-def unreachable_json(goal: Goal, found: Launches | Pass) -> dict[str, Any]:
+def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     """Return what `--json` writes of a goal that nothing meets."""
-    near: dict[str, Any] | None = None
-    if isinstance(found, Launches):
-        if found.nearest is not None:
-            near = {**_goal_json(found.nearest.goal), "launch_speed": found.nearest.speed}
-    else:
+    found, near = error.nearest, None
+    if isinstance(found, Launch):
+        near = {**_goal_json(found.reached), "launch_speed": found.speed}
+    elif found is not None:
         near = {"distance": found.course.distance, "time": found.time}
     return {
         "status": "unreachable",
         "goal": _goal_json(goal),
-        "limit": found.limit,
+        "limit": error.limit,
         "nearest": near,
     }
 

@@ -12,6 +12,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.planning.goal import PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.swing_joints import LONGEST, Joints, check_solver, joints_of
 from kickdyn.planning.swing_phase import SwingPhase
@@ -97,7 +98,7 @@ def plan_swing(
     if parts[0][1].share > share:
         parts[0] = kept_stop(stopper, joints, asks[0], longest, share, known[0])
     return Swing(
-        status="met" if share == 1.0 else "beyond limits",
+        status=PlanStatus.MET if share == 1.0 else PlanStatus.BEYOND_LIMITS,
         plan=plan,
         share=share,
         limit=limit,

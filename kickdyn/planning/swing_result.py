@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -15,6 +14,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.planning.goal import PlanStatus
 from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.swing_phase import Motion, SwingPhase
 
@@ -24,7 +24,7 @@ class Swing(ReprMixin):
     """A joint trajectory from rest through the impact to rest, with what proves it.
 
     Attributes:
-        status: `met`; or `beyond limits`: then this is the same kick at `share` of its speed, the
+        status: `met`; or `beyond-limits`: then this is the same kick at `share` of its speed, the
             most from which the leg can be brought there and stopped.
         plan: the kick.
         share: of the planned joint velocity; the ball's launch scales alike.
@@ -34,7 +34,7 @@ class Swing(ReprMixin):
         backswing, follow_through: before and after the impact, at which v jumps as `strike` says.
     """
 
-    status: Literal["met", "beyond limits"]
+    status: PlanStatus
     plan: KickPlan
     share: float
     limit: str

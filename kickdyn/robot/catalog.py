@@ -1,11 +1,9 @@
-"""Legs and airs by the names that command lines have for them."""
+"""Legs by the names that command lines have for them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
-from kickdyn.air import Air
 from kickdyn.core.files import exists
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.example_robots import ROBOTS
@@ -16,12 +14,6 @@ SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
 
 LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 """Names of legs: ours first, which hide a robot of the same name."""
-
-AIRS: dict[str, Callable[[], Air | None]] = {
-    "standard": Air,
-    "paper": Air.paper,
-    "none": lambda: None,
-}
 
 
 def load_leg(name: str, frame: str | None = None) -> Leg:

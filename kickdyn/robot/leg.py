@@ -217,6 +217,14 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         return self._with(self.model, loops=tuple((a, b) for a, b in loops))
 
+    def with_model(self, model: Any) -> Leg:
+        """Return the leg with another `pin.Model`, which has its frames: a changed copy of its own.
+
+        Raises:
+            InvalidInput: a frame of this leg is missing or no joint moves the contact frame.
+        """
+        return self._with(model)
+
     def _with(self, model: Any, **changed: Any) -> Leg:
         return Leg(model, self.frame, self.urdf, **(self._held | changed))
 

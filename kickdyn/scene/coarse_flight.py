@@ -96,13 +96,13 @@ def coarse_end(launch: BallState, way: FlightEnvironment, steps: int) -> CoarseE
         if landed is None:
             break
         clock += float(landed.time)
-        if status == "at plane":
+        if status == "at-plane":
             there = BallState(landed.position, landed.velocity, landed.spin, clock)
             return CoarseEnd(there, status, calls)
         state = bounce(landed, way.ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
             rest, more = _grounded(state, way, surface, steps, clock)
-            return CoarseEnd(rest, "at rest", calls + more)
+            return CoarseEnd(rest, "at-rest", calls + more)
     return CoarseEnd(None, "", calls)
 
 
@@ -152,7 +152,7 @@ def coarse_path(
         late, end, which = min(reached)
         nodes.append(end)
         there = _whole(launch, end, number * step + late)
-        return CoarseEnd(there, ("landed", "at plane")[which], calls), nodes
+        return CoarseEnd(there, ("landed", "at-plane")[which], calls), nodes
     return CoarseEnd(None, "", calls), nodes
 
 

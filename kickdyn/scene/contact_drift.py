@@ -12,7 +12,7 @@ from kickdyn.contact import Contact
 from kickdyn.errors import KickdynError
 from kickdyn.flight.forces import GRAVITY
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.scene.envelope import Jump
 from kickdyn.scene.scene import Scene
 
@@ -56,7 +56,7 @@ def contact_drift(scene: Scene, hit: Impact) -> Jump:
             turn @ contact.normal, contact.restitution, contact.friction, contact.offset
         )
         try:
-            again = strike_at(
+            again = strike(
                 there,
                 scene.v + share * time * drift,
                 scene.ball,
@@ -83,7 +83,7 @@ def _between_laws(scene: Scene, hit: Impact, motion: dict[str, Any]) -> tuple[fl
     """Return what a contact that sticks may change in velocity and spin, however brief it is."""
     if scene.contact.friction == 0.0:
         return 0.0, 0.0
-    other = strike_at(scene.posture, scene.v, scene.ball, scene.contact, "stronge", **motion)
+    other = strike(scene.posture, scene.v, scene.ball, scene.contact, "stronge", **motion)
     creep = CREEP * float(hit.ball_after.speed)
     law = float(np.linalg.norm(other.ball_after.velocity - hit.ball_after.velocity))
     turned = float(np.linalg.norm(other.ball_after.spin - hit.ball_after.spin))

@@ -15,7 +15,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.scene.coarse_flight import FlightEnvironment
 
-ENDS = ("landed", "at plane", "at rest")
+ENDS = ("landed", "at-plane", "at-rest")
 """What a way can end with; all else is where it was given up."""
 
 

@@ -14,7 +14,7 @@ from kickdyn.flight.forces import is_ballistic
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.scene.coarse_flight import FlightEnvironment, coarse_end
 from kickdyn.scene.contact_drift import contact_drift
 from kickdyn.scene.effects import EFFECTS, Effect
@@ -170,7 +170,7 @@ def _way(scene: Scene) -> FlightEnvironment:
 
 
 def _struck(scene: Scene) -> Impact:
-    return strike_at(
+    return strike(
         scene.posture,
         scene.v,
         scene.ball,
@@ -183,8 +183,7 @@ def _struck(scene: Scene) -> Impact:
 
 def _pressed(scene: Scene, tol: float) -> Collision:
     return collide(
-        scene.leg,
-        scene.q,
+        scene.posture,
         scene.v,
         scene.ball,
         scene.contact,

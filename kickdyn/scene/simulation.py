@@ -47,7 +47,7 @@ class Simulation(Printed):
         launch: the ball as it leaves the foot.
         end: where its way ends: on the ground, back at the height of the launch, at the plane, or
             at rest on a ground with a surface. Its time counts from the launch.
-        status: which of them: `landed`, `at plane` or `at rest`; else the way has no end and `end`
+        status: which of them: `landed`, `at-plane` or `at-rest`; else the way has no end and `end`
             is where it was given up: `aloft`, `blown` or `bouncing`, as of `Flight` and `Course`.
         path: the flight or the course; None where large steps did.
         verdicts: on each effect that the scene names.

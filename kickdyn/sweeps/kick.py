@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike_at
+from kickdyn.impact.strike import strike
 from kickdyn.robot.posture import Posture
 
 ROUNDING = 1e-12
@@ -135,7 +135,7 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     use = least_speed_use(posture, foot_velocity)
     if use <= 1 < speed_use(posture, v):
         v = slowest_joint_velocity(posture, foot_velocity)
-    impact = strike_at(posture, v, kick.ball, kick.contact)
+    impact = strike(posture, v, kick.ball, kick.contact)
     path = fly(impact.ball_after, kick.ball, kick.air)
     status = PostureStatus.OK if use <= 1 else PostureStatus.TOO_FAST
     return PostureOutcome(posture, status, use, impact, path.range)

@@ -85,7 +85,7 @@ def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[Row]:
         ]
     else:
         aloft = " (still aloft)" if path.status == "aloft" else ""
-        flown = "to the plane" if path.status == "at plane" else "carry"
+        flown = "to the plane" if path.status == "at-plane" else "carry"
         way = [
             (f"{flown} {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
             ("flight time", f"{path.duration:.4g} s"),

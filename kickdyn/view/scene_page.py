@@ -52,7 +52,7 @@ def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
     start, end = answer.hit.ball_after.position[:2], answer.end.position[:2]
     ahead = np.mean([box.centre for box in boxes], axis=0)[:2] - start
     way = end - start
-    reached = answer.status == "at plane"
+    reached = answer.status == "at-plane"
     return reached or 0.0 < float(ahead @ way) < BEYOND * float(way @ way)
 
 

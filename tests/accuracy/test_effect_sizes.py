@@ -25,15 +25,13 @@ def scene():
 def test_drag_and_friction(scene):
     rows = {row.effect: row for row in worths(scene)}
     assert set(rows) == {"friction", "turning of the ball", "drag", "drag crisis", "lift"}
-    hit = kd.strike(scene.leg, scene.q, scene.v, scene.ball, scene.contact)
+    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
     full = kd.fly(hit.ball_after, scene.ball, scene.air, scene.ground).landing.position
     light = kd.Air(scene.air.density, scene.air.viscosity, drag=None, torque=None, buoyancy=False)
     bare = kd.fly(hit.ball_after, scene.ball, light, scene.ground).landing.position
     assert rows["drag"].end == pytest.approx(np.linalg.norm(bare - full), rel=1e-9)
     assert rows["drag"].impulse == 0
-    smooth = kd.strike(
-        scene.leg, scene.q, scene.v, scene.ball, kd.Contact(scene.contact.normal, 0.8)
-    )
+    smooth = kd.strike(scene.posture, scene.v, scene.ball, kd.Contact(scene.contact.normal, 0.8))
     difference = float(np.linalg.norm(smooth.impulse - hit.impulse))
     assert rows["friction"].impulse == pytest.approx(difference, rel=1e-12)
 

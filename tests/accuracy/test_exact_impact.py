@@ -74,7 +74,7 @@ def test_the_condition_is_known_where_it_is():
     v = posture.joint_velocity([1, 0, 0])
     contact = kd.Contact((1, 0, 0), 0.5)
     for share in (1e-3, 1e-6):
-        hit = kd.strike(leg, posture.q, v, kd.Ball(), contact, ball_velocity=(1 - share, 0, 0))
+        hit = kd.strike(posture, v, kd.Ball(), contact, ball_velocity=(1 - share, 0, 0))
         structure, scene = given(hit)
         found = conditions(structure, scene, exact_impact(structure, scene))["impulse"]
         assert 0.3 / share < found < 300 / share

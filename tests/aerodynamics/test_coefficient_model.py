@@ -1,5 +1,9 @@
+import copy
 import math
+import pickle
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,7 +13,7 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.aerodynamics import drag, lift
 from kickdyn.aerodynamics import spin_decay as torque
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel, find, smoothstep
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, find_model, smoothstep
 
 HALF = CoefficientModel("drag", "half", lambda reynolds, spin: 0.5 + spin, (0, 1), (0, 1), "here")
 
@@ -20,15 +24,47 @@ def test_model_is_a_function_with_a_name():
 
 
 def test_find_by_name_or_take_as_it_is():
-    assert find("drag", {"half": HALF}, "half") is HALF
-    assert find("drag", {}, HALF) is HALF
-    assert find("drag", {}, math.hypot) is math.hypot
+    assert find_model("drag", {"half": HALF}, "half") is HALF
+    assert find_model("drag", {}, HALF) is HALF
+    assert find_model("drag", {}, math.hypot) is math.hypot
+    assert find_model("drag", {}, None) is None
 
 
-@pytest.mark.parametrize("choice", ["Half", "", " half", 0.5, ("half",)])
+@pytest.mark.parametrize("choice", ["Half", "", " half", ("half",)])
 def test_unknown_model_is_refused_with_the_names(choice):
     with pytest.raises(kd.InvalidInput, match=r"drag model .* is unknown: choose half, or pass"):
-        find("drag", {"half": HALF}, choice)
+        find_model("drag", {"half": HALF}, choice)
+
+
+def nearly_one(reynolds, spin_parameter):
+    return 0.99
+
+
+@pytest.mark.parametrize("name", ["brazuca", "mine"])
+@pytest.mark.parametrize(
+    "again", [copy.copy, copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
+)
+def test_a_model_keeps_its_own_function_in_copies_and_pickles(name, again):
+    mine = CoefficientModel("drag", name, nearly_one, (0, 1e6), (0, 1), "here", refuses=True)
+    air = again(kd.Air(drag=mine))
+    assert air.drag == mine
+    assert air.drag(1e5) == 0.99
+    assert air == kd.Air(drag=mine) != kd.Air()
+
+
+@pytest.mark.parametrize("module", [drag, lift, torque])
+def test_a_shipped_model_stays_the_same_object(module):
+    for model in module.MODELS.values():
+        assert (
+            copy.deepcopy(model) is copy.copy(model) is pickle.loads(pickle.dumps(model)) is model
+        )
+
+
+def test_a_shipped_model_can_be_unpickled_by_itself():
+    text = pickle.dumps(drag.MODELS["brazuca"])
+    code = f"import pickle; print(pickle.loads({text!r}).name)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "brazuca\n"
 
 
 @given(st.floats(1e-300, 1e300), st.floats(1e-300, 1e300))

@@ -1,7 +1,13 @@
 import subprocess
 import sys
 
-COMMAND = """
+import click
+import pytest
+
+import kickdyn as kd
+from kickdyn.cli.command import run
+
+INTERRUPTED = """
 import os
 import signal
 import click
@@ -19,7 +25,32 @@ run(kick)
 
 def test_ctrl_c_ends_a_command_in_one_line():
     ended = subprocess.run(
-        [sys.executable, "-c", COMMAND], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60
     )
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.strip() == "kick: interrupted"
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (None, 0, ""),
+        (kd.InvalidInput("mass is -1 kg"), 2, "kick: mass is -1 kg"),
+        (kd.NoImpact("the foot recedes"), 2, "kick: the foot recedes"),
+        (kd.SceneError("s.toml", ["a", "b"]), 2, "kick: s.toml: a\nkick: s.toml: b"),
+        (kd.KickdynError("no\x1b answer"), 1, "kick: no\\x1b answer"),
+        (FileNotFoundError(2, "No such file", "robot.stl"), 1, "kick: robot.stl: No such file"),
+        (OSError("the port is taken"), 1, "kick: the port is taken"),
+    ],
+)
+def test_how_a_command_ends(error, code, line, monkeypatch, capsys):
+    @click.command("kick")
+    def kick():
+        if error is not None:
+            raise error
+
+    monkeypatch.setattr(sys, "argv", ["kick"])
+    with pytest.raises(SystemExit) as ended:
+        run(kick)
+    assert ended.value.code == code
+    assert capsys.readouterr().err.strip() == line

@@ -53,7 +53,7 @@ def test_json_on_stdout_is_a_kick_that_can_be_done_again():
         {k: v * 3.141592653589793 / 180 for k, v in report["leg"]["q_deg"].items()}
     )
     impact_target = kd.Contact(report["touch"]["normal"], 0.8, 0.4)
-    hit = kd.strike(leg, q, report["leg"]["v"], kd.Ball(), impact_target)
+    hit = kd.strike(leg.posture(q), report["leg"]["v"], kd.Ball(), impact_target)
     path = kd.fly(hit.ball_after, kd.Ball(), kd.Air(), kd.Ground(-5.0))
     start = hit.ball_after.position
     assert path.arrival(start[0] + 20.3).position[2] - start[2] == pytest.approx(2.2, abs=1e-6)
@@ -120,7 +120,7 @@ def test_an_unreachable_goal_has_json_with_the_nearest():
     ended = door("--distance", "20", "--launch-speed", "5", "--json", "-")
     assert ended.returncode == 2
     report = json.loads(ended.stdout)
-    assert (report["status"], report["limit"]) == ("unreachable", "least speed")
+    assert (report["status"], report["limit"]) == ("unreachable", "least-speed")
     assert report["nearest"]["target_m"] == [20, 0, 0]
     assert report["nearest"]["speed"] > 5
     assert report["nearest"]["launch_speed"] == pytest.approx(report["nearest"]["speed"])
@@ -142,7 +142,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ended = door("--distance", "60", "--time", "2", "--leg", "g1", "--json", "-")
     report = json.loads(ended.stdout)
     assert ended.returncode == 0
-    assert report["status"] == "beyond limits"
+    assert report["status"] == "beyond-limits"
     assert report["share"] < 1
     assert report["leg"]["speed_use"] <= 1
 
@@ -154,7 +154,10 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30"], "nothing is named beside the target"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),
-        (["--distance", "30", "--apex", "1", "--height", "3"], "by the lowest way: nearest"),
+        (
+            ["--distance", "30", "--apex", "1", "--height", "3"],
+            "out of reach (lowest-path): the nearest is",
+        ),
         (
             [
                 "--distance",
@@ -173,7 +176,10 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "20", "--wall", "25:1.9"], "wall is at 25 m"),
         (["--distance", "20", "--time", "0", "--wall", "9.15:1.9"], "time is 0.0"),
         (["--distance", "20", "--time", "1", "--beside", "9"], "beside is '9': it must be 2"),
-        (["--distance", "4", "--apex", "1", "--pass", "turf"], "along the ground is given a time"),
+        (
+            ["--distance", "4", "--apex", "1", "--pass", "turf"],
+            "no goal of a pass: it must have a time",
+        ),
         (["--distance", "30", "--over", "3"], "over is '3': it must be 2 numbers"),
         (["--distance", "30", "--time", "1", "--spin", "1,2"], "spin is '1,2': it must be 3"),
         (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "wind is '1,2,x'"),
@@ -212,7 +218,7 @@ def test_bad_input_is_one_line(arguments, words):
 def test_bad_input_leaves_with_two_and_no_traceback():
     ended = door("--distance", "30", "--time", "-1")
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr.startswith("plan: time is -1.0")
+    assert ended.stderr.startswith("kickdyn: time is -1.0")
     assert ended.stderr.count("\n") == 1
 
 

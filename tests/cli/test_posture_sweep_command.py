@@ -113,7 +113,7 @@ def test_ctrl_c_says_how_to_go_on(tmp_path):
     command = [
         sys.executable,
         "-m",
-        "kickdyn.cli.posture_sweep_command",
+        "kickdyn.posture_sweep",
         *large,
         "--out",
         "my s.zarr",
@@ -304,7 +304,7 @@ def test_page_and_live_view(tmp_path):
     command = [
         sys.executable,
         "-m",
-        "kickdyn.cli.posture_sweep_command",
+        "kickdyn.posture_sweep",
         *SMALL,
         "--live",
         "--json",
@@ -326,7 +326,7 @@ def test_output_that_cannot_be_shown():
     with Path("/dev/full").open("w") as full:
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert ended.returncode == 1
-    assert ended.stderr == "posture-sweep: the output cannot be written (No space left on device)\n"
+    assert ended.stderr == "posture-sweep: No space left on device\n"
 
 
 def test_bare_console_script_shows_its_help():

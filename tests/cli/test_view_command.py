@@ -32,7 +32,7 @@ def test_a_page_and_numbers(tmp_path):
     assert f"error {apart:.2g} m, all modelled but compliance;" in ended.output
     told = f"free kick with spin, its contact shown as an instant: it ends {apart:.2g} m off"
     assert told in html
-    hit = kd.strike_at(scene.posture, scene.v, scene.ball, scene.contact)
+    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
     assert numbers["angles"] == {"hip": 15, "knee": 15, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
     for joint, sent in enumerate(numbers["joint_impulses"].values()):

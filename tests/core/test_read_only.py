@@ -24,7 +24,7 @@ def kick():
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
     v = posture.joint_velocity([6, 0, 2])
     contact = kd.Contact((3, 0, 1), 0.8, 0.3, offset=(0.01, 0, 0))
-    return kd.strike_at(posture, v, kd.Ball(), contact), support
+    return kd.strike(posture, v, kd.Ball(), contact), support
 
 
 def parts():
@@ -41,9 +41,7 @@ def parts():
         ),
         "sensitivity": hit.sensitivity(),
         "uncertainty": hit.uncertainty(q=0.1, normal=0.02),
-        "unilateral": kd.unilateral_strike(
-            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.contact
-        ),
+        "unilateral": kd.unilateral_strike(hit.posture, hit.v_before, kd.Ball(), hit.contact),
     }
 
 

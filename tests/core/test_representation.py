@@ -22,22 +22,20 @@ class Named(ReprMixin):
 SCENE = Path(__file__).resolve().parents[2] / "scenes" / "paper_kick.toml"
 POSTURE = kd.Leg.human().posture(np.radians([5, 10, -5]))
 TOUCH = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
-HIT = kd.strike(POSTURE.leg, POSTURE.q, POSTURE.joint_velocity([10, 0, 5]), kd.Ball(), TOUCH)
+HIT = kd.strike(POSTURE, POSTURE.joint_velocity([10, 0, 5]), kd.Ball(), TOUCH)
 LAUNCH = kd.BallState((0, 0, 0.11), (12, 9, 8))
-COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet grass"))
+COURSE = kd.follow(LAUNCH, kd.Ball(), None, kd.Ground(surface="wet-grass"))
 GOAL = kd.Goal((20, 0, 0), time=1.5)
 ANSWERS = {
     "Leg": POSTURE.leg,
     "Impact": HIT,
     "Sensitivity": HIT.sensitivity(),
-    "Collision": kd.collide(POSTURE.leg, POSTURE.q, HIT.v_before, kd.Ball(), TOUCH, tol=1e-6),
+    "Collision": kd.collide(POSTURE, HIT.v_before, kd.Ball(), TOUCH, tol=1e-6),
     "Flight": kd.fly(LAUNCH, kd.Ball()),
     "Course": COURSE,
-    "LaunchPlan": kd.plan_launch(20, 1.5, kd.Ball()),
-    "Launches": kd.plan_launches(GOAL, kd.Ball()),
-    "Launch": kd.plan_launches(GOAL, kd.Ball()).solutions[0],
+    "Launch": kd.plan_launch(GOAL, kd.Ball()),
     "KickPlan": kd.plan_kick(POSTURE.leg, GOAL, kd.Ball()),
-    "Pass": kd.plan_pass((8, 0), 2.0, kd.Ball()),
+    "Pass": kd.plan_pass(kd.Goal(8, time=2.0), kd.Ball()),
 }
 NOUNS = {
     "Posture": POSTURE,
@@ -135,7 +133,7 @@ def test_loads_are_a_dictionary_still():
     assert f"peak {peak:.4g} N, {peak / 5:.3g} % of the limit" in said["knee"]
     assert "along the axis" not in repr(loads)
     geared = POSTURE.leg.with_armature({"knee": 0.05})
-    hit = kd.strike(geared, POSTURE.q, HIT.v_before, kd.Ball(), TOUCH)
+    hit = kd.strike(geared.posture(POSTURE.q), HIT.v_before, kd.Ball(), TOUCH)
     assert "N s along" not in repr(kd.joint_loads(hit)["hip"])
 
 
@@ -151,15 +149,17 @@ def test_a_robots_posture_shows_the_joints_that_moved():
 def test_a_kick_beyond_what_the_joints_can_do_says_so():
     leg = POSTURE.leg
     v = np.array([6.6, -14.5, 6.6])
-    within = kd.strike(leg, POSTURE.q, v, kd.Ball(), TOUCH)
+    within = kd.strike(leg.posture(POSTURE.q), v, kd.Ball(), TOUCH)
     assert (within.warnings, POSTURE.warnings) == ((), ())
     assert "warning" not in repr(within) + POSTURE._repr_html_()
     fast = f"knee at {abs(HIT.v_before[1]) / leg.velocity_limit[1]:.1%}".replace("%", " %")
-    collided = kd.collide(leg, POSTURE.q, HIT.v_before, kd.Ball(), TOUCH)
+    collided = kd.collide(leg.posture(POSTURE.q), HIT.v_before, kd.Ball(), TOUCH)
     for answer in (HIT, collided):
         assert re.findall("warning +(.*)", repr(answer)) == [f"{fast} of its speed limit"]
     bent = np.radians([-40, -5, 60])
-    beyond = kd.strike(leg, bent, leg.posture(bent).joint_velocity([30, 0, 15]), kd.Ball(), TOUCH)
+    beyond = kd.strike(
+        leg.posture(bent), leg.posture(bent).joint_velocity([30, 0, 15]), kd.Ball(), TOUCH
+    )
     said = re.findall("warning +(.*)", repr(beyond))
     assert said[0] == "hip at -40 deg is outside its range -30 to 125 deg"
     assert said[1].startswith("knee at -5 deg")

@@ -1,5 +1,6 @@
 import math
 from decimal import Decimal
+from enum import StrEnum
 from fractions import Fraction
 
 import numpy as np
@@ -147,3 +148,16 @@ def test_a_flag_is_true_or_false(value):
     assert validation.flag("strict", False) is False
     with pytest.raises(InvalidInput, match=r"^strict is .*: it must be True or False"):
         validation.flag("strict", value)
+
+
+class Colour(StrEnum):
+    DARK_RED = "dark-red"
+    BLUE = "blue"
+
+
+def test_choice_takes_the_member_or_its_value():
+    for value in (Colour.DARK_RED, "dark-red"):
+        assert validation.choice("colour", value, Colour) is Colour.DARK_RED
+    for value in ("dark red", None, 3, [1]):
+        with pytest.raises(InvalidInput, match=r"colour is .*: it must be one of dark-red, blue"):
+            validation.choice("colour", value, Colour)

@@ -23,14 +23,14 @@ def test_a_dropped_ball_takes_the_geometric_series():
     assert [b.velocity[2] for b in course.bounces] == pytest.approx(rebounds, rel=1e-12)
     total = speed / 9.81 + sum(2 * v / 9.81 for v in rebounds)
     assert course.duration == pytest.approx(total, rel=1e-12)
-    assert (course.status, course.distance) == ("at rest", 0)
+    assert (course.status, course.distance) == ("at-rest", 0)
     assert course.flights[1].height == pytest.approx(2 * e**2, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", SURFACES)
 def test_energy_falls_all_the_way_to_rest(name):
     course = kd.follow(SHOT, BALL, kd.Air(), kd.Ground(surface=name))
-    assert course.status == "at rest"
+    assert course.status == "at-rest"
     states = course.sample(np.linspace(0, course.duration, 3000))
     total = [
         energy(kd.BallState((0, 0, 0), v, w), BALL) + BALL.mass * 9.81 * (z - BALL.radius)
@@ -57,8 +57,8 @@ def test_the_dense_answer_is_continuous_and_meets_the_nodes():
 def test_it_goes_farther_on_a_hard_floor():
     reach = [kd.follow(SHOT, BALL, kd.Air(), kd.Ground(surface=s)).distance for s in SURFACES]
     by_name = dict(zip(SURFACES, reach, strict=True))
-    assert by_name["hard floor"] == max(reach)
-    assert by_name["carpet"] < by_name["wet grass"]
+    assert by_name["hard-floor"] == max(reach)
+    assert by_name["carpet"] < by_name["wet-grass"]
 
 
 def test_a_ball_that_loses_nothing_is_given_up():
@@ -72,6 +72,17 @@ def test_a_ball_that_stays_aloft_says_so():
     course = kd.follow(SHOT, BALL, kd.Air(wind=(0, 0, 60)), time_limit=5)
     assert course.status == "aloft"
     assert course.duration == pytest.approx(5)
+
+
+@pytest.mark.parametrize("height", [-3.0, 0.0, 7.0])
+def test_without_ground_it_runs_on_turf_under_the_launch(height):
+    launch = kd.BallState((0, 0, height), (10, 1, 6), (0, -20, 0))
+    course = kd.follow(launch, BALL, kd.Air())
+    first = kd.fly(launch, BALL, kd.Air())
+    assert course.flights[0].landing.position.tolist() == pytest.approx(first.landing.position)
+    assert course.rest.position[2] == pytest.approx(height, abs=1e-12)
+    same = kd.follow(launch, BALL, kd.Air(), kd.Ground(height - BALL.radius, "turf"))
+    assert course.rest.position.tolist() == same.rest.position.tolist()
 
 
 def test_mirror_image():

@@ -10,8 +10,7 @@ import kickdyn as kd
 LEG = kd.Leg.human()
 Q = np.radians([5.0, 10.0, -5.0])
 KICK = {
-    "leg": LEG,
-    "q": Q,
+    "posture": LEG.posture(Q),
     "v": LEG.posture(Q).joint_velocity((3, 0, 1)),
     "ball": kd.Ball(),
     "contact": kd.Contact((1, 0, 0.3), 0.7),
@@ -23,8 +22,7 @@ DOORS = (kd.strike, kd.engine_strike, kd.collide, kd.unilateral_strike)
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
-        ({"leg": None}, kd.InvalidInput, r"^leg is None: it must be a kickdyn\.Leg$"),
-        ({"q": [0, 0]}, kd.InvalidInput, r"^q has shape \(2,\)"),
+        ({"posture": LEG}, kd.InvalidInput, r"^posture is Leg\(.*: it must be a kickdyn\.Posture$"),
         ({"v": [0, math.nan, 0]}, kd.InvalidInput, r"^v is .*finite"),
         ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, r"^foot and ball meet at .*double precision"),
         ({"ball": None}, kd.InvalidInput, r"^ball is None"),

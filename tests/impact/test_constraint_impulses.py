@@ -60,9 +60,9 @@ def test_with_friction_too(name):
 def test_the_strike_solves_one_dense_system(name):
     """Rows by differences, inertia by momenta, everything unknown solved for at once."""
     leg = STANDING[name]
-    (_, q, v, ball, contact), options = any_kick(np.random.default_rng(5), leg)
-    hit = kd.strike(leg, q, v, ball, contact, **options)
-    after, reaction, pressing = struck(leg, q, v, ball, contact, options["ball_velocity"])
+    (posture, v, ball, contact), options = any_kick(np.random.default_rng(5), leg)
+    hit = kd.strike(posture, v, ball, contact, **options)
+    after, reaction, pressing = struck(leg, posture.q, v, ball, contact, options["ball_velocity"])
     assert hit.impulse == pytest.approx(pressing * contact.normal, abs=1e-7 * pressing)
     assert np.abs(hit.v_after - after).max() <= 1e-7 * np.abs(after).max()
     ((_, ours),) = hit.support_impulses.items()

@@ -45,12 +45,14 @@ def test_an_approach_that_is_rounding_is_refused(contact):
     kick = list(extreme_impacts.cancellations())[-2]
     options = {"contact_time": 0.01} if contact is kd.collide else {}
     with pytest.raises(kd.NoImpact, match=r"that is rounding, of 3e-15 m/s in what cancels"):
-        contact(kick.leg, kick.q, kick.v, kick.ball, kick.contact, **options)
+        contact(kick.leg.posture(kick.q), kick.v, kick.ball, kick.contact, **options)
 
 
 def test_a_slow_approach_of_which_nothing_cancels_is_not():
     contact = kd.Contact((1, 0, 0), 0.8, 0.4)
     sliding = (-1e-300, 0.5, 0.2)
-    hit = kd.strike(chain(USUAL), BENT, np.zeros(3), kd.Ball(), contact, ball_velocity=sliding)
+    hit = kd.strike(
+        chain(USUAL).posture(BENT), np.zeros(3), kd.Ball(), contact, ball_velocity=sliding
+    )
     assert hit.approach_speed == 1e-300
     assert hit.digits > 14

@@ -78,6 +78,6 @@ def test_wrong_kinds_are_named():
 def test_a_contact_has_a_least_duration(brief):
     posture = kd.Leg.human().posture([0.1, 0.4, -0.1])
     v = posture.joint_velocity((9, 0, 3))
-    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7))
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7))
     with pytest.raises(kd.InvalidInput, match=r"contact time is .* at least 1e-09"):
         kd.joint_loads(hit, brief)

@@ -20,7 +20,9 @@ def damper(t, q, v):
 
 def human(torque):
     v = LEG.posture(Q).joint_velocity((14.0, 0.0, 4.0))
-    return kd.collide(LEG, Q, v, kd.Ball(), kd.Contact((1, 0, 0.3), 0.5), torque=torque, tol=1e-6)
+    return kd.collide(
+        LEG.posture(Q), v, kd.Ball(), kd.Contact((1, 0, 0.3), 0.5), torque=torque, tol=1e-6
+    )
 
 
 def test_numbers_are_copied():

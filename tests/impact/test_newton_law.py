@@ -132,10 +132,10 @@ def by_pinocchio(name, hit, ball):
     axes[:, 0] *= np.linalg.det(axes)
     frame = pin.SE3(axes, hit.posture.contact_point)
     at = [data.oMi[i].actInv(frame) for i in (leg.contact_joint, joint)]
-    contact = pin.PointContactConstraintModel(model, leg.contact_joint, at[0], joint, at[1])
-    contact.setFriction(contact.friction)
+    point = pin.PointContactConstraintModel(model, leg.contact_joint, at[0], joint, at[1])
+    point.setFriction(contact.friction)
     models, datas = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-    models.append(pin.ConstraintModel(contact))
+    models.append(pin.ConstraintModel(point))
     datas.append(models[0].createData())
     pin.crba(model, data, q, pin.Convention.WORLD)  # what the constraint's Jacobian reads
     models[0].calc(model, data, datas[0])
@@ -169,7 +169,7 @@ def test_pinocchios_cone_solvers_agree_where_they_converge(solver, most):
         leg = kd.Leg.human() if seed % 2 else random_leg(rng)
         kick, options = random_kick(rng, leg, friction=[0.1, 0.4, 0.8][seed % 3])
         hit = kd.strike(*kick, **options)
-        impulse, residual = by_pinocchio(solver, hit, kick[3])
+        impulse, residual = by_pinocchio(solver, hit, kick[2])
         if residual <= 1e-8:
             converged += 1
             assert np.abs(impulse - hit.impulse).max() <= 1e-7 * np.linalg.norm(hit.impulse)

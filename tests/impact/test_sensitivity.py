@@ -47,10 +47,10 @@ def test_against_differences(friction, branches, floating):
     def run(seed):
         rng = np.random.default_rng(seed)
         if floating:
-            (leg, *rest), options = floating_kick(rng, friction=friction)
-            model = leg.model
+            (posture, *rest), options = floating_kick(rng, friction=friction)
+            model = posture.leg.model
             model.armature = np.concatenate([np.zeros(6), rng.uniform(0, 0.1, size=2)])
-            kick = kd.Leg.from_model(model, "toe"), *rest
+            kick = kd.Leg.from_model(model, "toe").posture(posture.q), *rest
         else:
             kick, options = random_kick(
                 rng, random_leg(rng), friction=friction, restitution=rng.uniform(0.1, 0.9)
@@ -62,9 +62,9 @@ def test_against_differences(friction, branches, floating):
 
 
 def human(friction, normal=(2, 0.3, 1), e=0.7):
-    leg = kd.Leg.human()
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
     contact = kd.Contact(normal, e, friction)
-    return (leg, np.radians([5, 10, -5]), np.array([0.1, -2.0, -1.0]), kd.Ball(), contact), {}
+    return (posture, np.array([0.1, -2.0, -1.0]), kd.Ball(), contact), {}
 
 
 def test_friction_that_sets_in():
@@ -80,18 +80,18 @@ def test_friction_that_sets_in():
 
 def test_without_sliding_there_is_no_friction_to_set_in():
     """A foot that the impact itself brings to move along the normal only."""
-    leg, q, *_ = human(0.0)[0]
-    posture, ball, n = leg.posture(q), kd.Ball(), np.array([1.0, 0.0, 0.0])
+    posture, *_ = human(0.0)[0]
+    ball, n = kd.Ball(), np.array([1.0, 0.0, 0.0])
     aside = posture.delassus() @ n
     impulse = 1.5 / (aside[0] + 1 / ball.mass)
     v = posture.joint_velocity((1.0, 0.0, aside[2] * impulse))
-    hit = kd.strike_at(posture, v, ball, kd.Contact(n, 0.5))
+    hit = kd.strike(posture, v, ball, kd.Contact(n, 0.5))
     foot_after = posture.jacobian @ hit.v_after
     assert np.abs(foot_after[1:]).max() < 1e-15
     slopes = hit.sensitivity()
     assert np.abs(slopes.impulse["friction"]).max() == 0.0
     h = 1e-6
-    slower = [kd.strike_at(posture, v, ball, kd.Contact(n, 0.5 + k * h)) for k in (-1, 1)]
+    slower = [kd.strike(posture, v, ball, kd.Contact(n, 0.5 + k * h)) for k in (-1, 1)]
     by_e = (slower[1].impulse - slower[0].impulse) / (2 * h)
     assert slopes.impulse["restitution"][:, 0] == pytest.approx(by_e, rel=1e-8)
 
@@ -153,8 +153,9 @@ def test_a_foot_that_let_go_is_refused():
     sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
     foot = kd.Support("left_ankle_roll_link", friction=0.6, sole=sole)
     leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", base="floating").with_supports(foot)
-    v = leg.posture(leg.configuration()).joint_velocity((3, 0, 2))
-    kick = leg, leg.configuration(), v, kd.Ball(), kd.Contact((3, 0, 2), 0.7, 0.3)
+    posture = leg.posture(leg.configuration())
+    v = posture.joint_velocity((3, 0, 2))
+    kick = posture, v, kd.Ball(), kd.Contact((3, 0, 2), 0.7, 0.3)
     assert np.isfinite(kd.strike(*kick).sensitivity().margin)
     loose = kd.unilateral_strike(*kick)
     assert loose.footing != {"left_ankle_roll_link": "stands"}
@@ -168,7 +169,7 @@ def test_links_without_mass_have_no_mass_to_scale():
     assert 0.0 in masses
     posture = leg.posture(np.full(leg.nq, 0.2))
     v = posture.joint_velocity((10, 0, 3))
-    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.7, 0.4))
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.7, 0.4))
     slopes = hit.sensitivity().impulse["link_mass"]
     assert np.isfinite(slopes).all()
     assert not slopes[:, np.equal(masses, 0.0)].any()

@@ -257,6 +257,6 @@ def test_a_fast_spin_costs_no_digits(spin):
     v = posture.joint_velocity((1.0, 0.0, 0.3))
     kick = posture, v, kd.Ball(), kd.Contact((1, 0, 0.3), 0.7, 0.4)
     ours, theirs = (
-        kd.strike_at(*kick, law, ball_spin=(0, spin, 0)).impulse for law in ("stronge", "newton")
+        kd.strike(*kick, law, ball_spin=(0, spin, 0)).impulse for law in ("stronge", "newton")
     )
     assert ours == pytest.approx(theirs, rel=1e-12)

@@ -10,7 +10,7 @@ Q, V = np.radians([5, 10, -5]), np.array([0.1, -2.0, -1.0])
 
 
 def kick(q=Q, v=V, e=0.7, friction=0.0, normal=(2, 0.3, 1), mass=0.43):
-    return kd.strike(LEG, q, v, kd.Ball(mass), kd.Contact(normal, e, friction))
+    return kd.strike(LEG.posture(q), v, kd.Ball(mass), kd.Contact(normal, e, friction))
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 3.0])
@@ -124,7 +124,7 @@ def test_what_only_turns_a_vector_is_not_of_its_size():
     """A frictionless ball goes along the normal: tilted to the foot's way, it loses nothing."""
     posture = LEG.posture(Q)
     hit = kd.strike(
-        LEG, Q, posture.joint_velocity((10, 0, 5)), kd.Ball(), kd.Contact((2, 0, 1), 0.8)
+        LEG.posture(Q), posture.joint_velocity((10, 0, 5)), kd.Ball(), kd.Contact((2, 0, 1), 0.8)
     )
     tilted = np.zeros((3, 3))
     tilted[1, 1] = np.radians(2) ** 2  # out of the plane that holds the foot's way
@@ -187,7 +187,7 @@ def test_bad_input(spread, words):
 
 
 def test_other_laws_are_refused():
-    hit = kd.strike(LEG, Q, V, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, 0.4), "paper")
+    hit = kd.strike(LEG.posture(Q), V, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, 0.4), "paper")
     with pytest.raises(kd.InvalidInput, match="has no sensitivities"):
         hit.uncertainty(v=0.1)
 
@@ -203,7 +203,7 @@ def test_a_covariance_may_be_singular():
 
 def test_a_lopsided_covariance_is_said_to_be_one():
     posture = kd.Leg.human().posture([0.1, 0.4, -0.1])
-    hit = kd.strike_at(
+    hit = kd.strike(
         posture, posture.joint_velocity((9, 0, 3)), kd.Ball(), kd.Contact((3, 0, 1), 0.7)
     )
     lopsided = np.eye(3) + np.eye(3, k=1)

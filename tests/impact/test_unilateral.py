@@ -18,9 +18,9 @@ def stance(friction=0.6, scale=1.0, **options):
 
 
 def kick(leg, wish=(4.0, 0.5, 1.0), normal=None, friction=0.3, e=0.7, offset=None):
-    q = leg.configuration(Q)
-    v = leg.posture(q).joint_velocity(wish)
-    return leg, q, v, kd.Ball(), kd.Contact(normal or wish, e, friction, offset)
+    posture = leg.posture(leg.configuration(Q))
+    v = posture.joint_velocity(wish)
+    return posture, v, kd.Ball(), kd.Contact(normal or wish, e, friction, offset)
 
 
 KICKS = {
@@ -41,9 +41,9 @@ OPTIONS = {"ball_velocity": (-1.0, 0.2, 0.0), "ball_spin": (3.0, -20.0, 1.0)}
 @pytest.mark.parametrize("name", KICKS)
 def test_contact_laws_hold_in_the_outcome(name):
     """Read from v_after and the impulses alone: Signorini and Coulomb at the ground and ball."""
-    leg, _, _, ball, contact = KICKS[name]
+    _, _, ball, contact = KICKS[name]
     hit = kd.unilateral_strike(*KICKS[name], **OPTIONS)
-    posture, mu = hit.posture, leg.constraints.supports[0].friction
+    posture, mu = hit.posture, hit.posture.leg.constraints.supports[0].friction
     scale, speed = np.linalg.norm(hit.impulse), hit.approach_speed
     rows = posture.constraint_projector.rows @ hit.v_after
     assert hit.cone_residual <= 1e-11
@@ -84,7 +84,7 @@ def levers(hit):
 
 @pytest.mark.parametrize("name", KICKS)
 def test_energy_adds_up(name):
-    _, _, v, ball, _ = KICKS[name]
+    _, v, ball, _ = KICKS[name]
     hit = kd.unilateral_strike(*KICKS[name], **OPTIONS)
 
     def energy(joints, state):
@@ -132,7 +132,7 @@ def test_two_feet():
     leg = hands.with_supports(*supports)
     q = leg.configuration({**Q, "right_ankle_pitch_joint": -0.2})  # that sole is level too
     v = leg.posture(q).joint_velocity((3, 0, 1))
-    hit = kd.unilateral_strike(leg, q, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7, 0.3))
+    hit = kd.unilateral_strike(leg.posture(q), v, kd.Ball(), kd.Contact((3, 0, 1), 0.7, 0.3))
     assert set(hit.footing) == {FOOT, OTHER}
     assert hit.cone_residual <= 1e-10
     assert hit.momentum_residual <= 1e-12
@@ -176,15 +176,15 @@ def test_other_laws_are_refused(law, said):
 @pytest.mark.parametrize("name", ["forward", "down", "sideways", "point foot"])
 def test_friction_as_strong_as_you_like(name, friction):
     """Above about 10 nothing slides any more that is pressed, and the answer hardly changes."""
-    leg, q, v, ball, contact = KICKS[name]
-    (support,) = leg.constraints.supports
+    posture, v, ball, contact = KICKS[name]
+    (support,) = posture.leg.constraints.supports
     for at_ball in (0.3, friction):
         rough = kd.Contact(contact.normal, contact.restitution, at_ball)
         hits = []
         for mu in (friction, 2 * friction):
             foot = kd.Support(FOOT, friction=mu, sole=support.sole, point=support.point)
             leg = ROBOT.with_supports(foot)
-            hits.append(kd.unilateral_strike(leg, q, v, ball, rough, **OPTIONS))
+            hits.append(kd.unilateral_strike(leg.posture(posture.q), v, ball, rough, **OPTIONS))
         assert hits[0].cone_residual <= 1e-10
         assert hits[0].restitution_residual <= 1e-9
         apart = np.abs(hits[1].v_after - hits[0].v_after).max()
@@ -192,20 +192,21 @@ def test_friction_as_strong_as_you_like(name, friction):
 
 
 def test_a_tilted_sole_is_refused():
-    leg, _, _, ball, contact = KICKS["forward"]
+    posture, _, ball, contact = KICKS["forward"]
+    leg = posture.leg
     q = leg.configuration(Q | {"left_ankle_pitch_joint": 0.2})
     v = leg.posture(q).joint_velocity((4.0, 0.5, 1.0))
     leg = leg.with_supports(kd.Support(FOOT, friction=0.6, sole=[(1, 0, 0), (0, 1, 1), (0, 0, 0)]))
     with pytest.raises(kd.InvalidInput, match=f"sole of {FOOT} is tilted .* differ by"):
-        kd.unilateral_strike(leg, q, v, ball, contact)
+        kd.unilateral_strike(leg.posture(q), v, ball, contact)
 
 
 @pytest.mark.parametrize("name", ["forward", "down, large foot", "slippery"])
 def test_slow_kicks_do_what_fast_ones_do(name):
     """All is in proportion to the speed, and so is what counts as at rest."""
-    leg, q, v, ball, contact = KICKS[name]
-    hit = kd.unilateral_strike(leg, q, v, ball, contact)
-    slow = kd.unilateral_strike(leg, q, 1e-6 * v, ball, contact)
+    posture, v, ball, contact = KICKS[name]
+    hit = kd.unilateral_strike(posture, v, ball, contact)
+    slow = kd.unilateral_strike(posture, 1e-6 * v, ball, contact)
     assert (slow.footing, slow.sticking) == (hit.footing, hit.sticking)
     assert slow.v_after == pytest.approx(1e-6 * hit.v_after, abs=1e-15)
 
@@ -223,9 +224,9 @@ def test_energy_that_is_created_can_be_refused(monkeypatch):
 
 
 def test_a_fast_spin_costs_the_normal_no_digits():
-    leg, q, v, ball, contact = KICKS["forward"]
+    posture, v, ball, contact = KICKS["forward"]
     normals = [
-        kd.unilateral_strike(leg, q, v, ball, kd.Contact(contact.normal, 0.7), ball_spin=spin)
+        kd.unilateral_strike(posture, v, ball, kd.Contact(contact.normal, 0.7), ball_spin=spin)
         for spin in ((0, 0, 0), (1e10, 1e10, -1e10))
     ]
     still, fast = (hit.impulse for hit in normals)

@@ -47,7 +47,7 @@ def test_where_nothing_clears_a_wall_no_way_is_named():
 
 def test_a_kick_too_weak_says_where_it_ends():
     weak = kd.plan_kick(LEG, kd.Goal((40, 0, 2.1), time=1.2), BALL, AIR)
-    assert weak.status == "beyond limits"
+    assert weak.status == "beyond-limits"
     with pytest.raises(
         kd.InvalidInput, match="beyond the leg's limits, and the ball hits the wall"
     ):

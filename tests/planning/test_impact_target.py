@@ -18,7 +18,7 @@ def test_the_strike_gives_what_was_wished_for(friction, spin):
     impact_target = impact_target_for(velocity, spin, BALL, 0.7, friction)
     posture = LEG.posture(LEG.configuration(BENT))
     v = posture.joint_velocity(impact_target.foot_velocity(posture))
-    hit = kd.strike(LEG, posture.q, v, BALL, impact_target.contact)
+    hit = kd.strike(posture, v, BALL, impact_target.contact)
     assert hit.ball_after.velocity == pytest.approx(velocity, abs=1e-12)
     assert hit.ball_after.spin == pytest.approx(spin, abs=1e-10)
     below, left = impact_target.place

@@ -8,9 +8,9 @@ import kickdyn as kd
 BALL, AIR = kd.Ball(), kd.Air()
 
 
-@pytest.mark.parametrize(("elevation", "spin"), [(0.0, (0, 0, 0)), (0.3, (0, -10, 20))])
-def test_the_ball_comes_there_in_time(elevation, spin):
-    found = kd.plan_pass((6, 1), 1.3, BALL, AIR, elevation=elevation, spin=spin)
+@pytest.mark.parametrize(("angle", "spin"), [(0.0, (0, 0, 0)), (0.3, (0, -10, 20))])
+def test_the_ball_comes_there_in_time(angle, spin):
+    found = kd.plan_pass(kd.Goal((6, 1, 0), time=1.3), BALL, AIR, angle=angle, spin=spin)
     assert found.status == "met"
     ground = kd.Ground(surface="turf")
     state = kd.BallState((0, 0, BALL.radius), found.velocity, spin)
@@ -19,36 +19,35 @@ def test_the_ball_comes_there_in_time(elevation, spin):
     ahead = np.array([6, 1, 0]) / math.hypot(6, 1)
     assert float(ahead @ at.position) == pytest.approx(math.hypot(6, 1), abs=1e-5)
     assert abs(found.aside) < 1e-6
-    assert math.atan2(found.velocity[2], math.hypot(*found.velocity[:2])) == pytest.approx(
-        elevation
-    )
+    assert math.atan2(found.velocity[2], math.hypot(*found.velocity[:2])) == pytest.approx(angle)
 
 
 def test_too_slow_a_pass_stops_before():
-    found = kd.plan_pass(6, 30, BALL)
+    found = kd.plan_pass(kd.Goal(6, time=30), BALL)
     assert (found.status, found.limit) == ("unreachable", "rolling")
-    assert found.said == f"a ball so slow would stop before: {found.time:.4g} s is nearest"
+    assert found.summary == f"a ball so slow would stop before: {found.time:.4g} s is nearest"
     slower = kd.BallState((0, 0, BALL.radius), 0.999 * found.velocity)
     assert kd.follow(slower, BALL).distance < 6
 
 
 def test_too_fast_a_pass_names_the_speed_limit():
-    found = kd.plan_pass(20, 0.5, BALL, AIR, speed_limit=10)
-    assert (found.status, found.limit) == ("unreachable", "speed limit")
+    found = kd.plan_pass(kd.Goal(20, time=0.5), BALL, AIR, speed_limit=10)
+    assert (found.status, found.limit) == ("unreachable", "speed-limit")
     assert math.hypot(*found.velocity) == pytest.approx(10)
     assert found.time > 0.5
 
 
 @pytest.mark.parametrize(
-    ("arguments", "options", "words"),
+    ("goal", "options", "words"),
     [
-        ((6, -1), {}, "time is -1"),
-        (((0, 0), 1), {}, "not at 0"),
-        ((6, 1), {"elevation": 1.5}, "elevation is 1.5"),
-        ((6, 1), {"speed_limit": 0}, "speed limit is 0"),
-        ((6, 1), {"ground": kd.Ground()}, "has no surface"),
+        (6, {}, "goal is 6: it must be a kickdyn.Goal"),
+        (kd.Goal(6, apex=1), {}, "must have a time"),
+        (kd.Goal((6, 0, 1), time=1), {}, "a target as high as the ball"),
+        (kd.Goal(6, time=1), {"angle": 1.5}, "angle is 1.5"),
+        (kd.Goal(6, time=1), {"speed_limit": 0}, "speed limit is 0"),
+        (kd.Goal(6, time=1), {"surface": "sand"}, "'sand' is unknown"),
     ],
 )
-def test_bad_input(arguments, options, words):
+def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        kd.plan_pass(*arguments, BALL, **options)
+        kd.plan_pass(goal, BALL, **options)

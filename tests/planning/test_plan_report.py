@@ -34,7 +34,7 @@ def test_late_and_beside():
         late
     )
     high = kd.plan_kick(LEG, kd.Goal((30, 0, 5), time=1.3), BALL, AIR)
-    assert high.path.status == "at plane"
+    assert high.path.status == "at-plane"
     assert f"late, {high.landing_error:.3g} m from it." in verdict(high)
     stops = kd.plan_kick(kd.Leg.testbed(), kd.Goal(40, time=9), BALL, AIR, surface="turf")
     assert f"stops {stops.path.distance:.4g} m away" in verdict(stops)
@@ -45,7 +45,7 @@ def test_lines_and_json():
     assert [line.split()[0] for line in lines] == ["launch", "touch", "leg", *LEG.joint_names]
     assert not any("-0.0 " in line for line in lines)
     said = json.loads(json.dumps(as_json(WEAK), allow_nan=False))
-    assert said["status"] == "beyond limits"
+    assert said["status"] == "beyond-limits"
     assert said["leg"]["binding"] == list(WEAK.binding)
     assert said["landing_error"] == WEAK.landing_error
     assert said["time_error"] == said["time"] - 2
@@ -92,7 +92,7 @@ def test_what_the_flight_warns_of_is_said_of_the_plan():
     assert lines[0].startswith("drag brazuca: 37 % of the flight is outside Re 0 to 5.1e+05")
     assert list(far.warnings) == as_json(far)["warnings"] == lines
     assert cautions(far) == [f"Warning: {line}." for line in lines]
-    for answer in (far, kd.plan_launch(100, 3, BALL, AIR)):
+    for answer in (far, kd.plan_launch(kd.Goal(100, time=3), BALL, AIR)):
         assert re.findall(r"\n  warning +(.*)", repr(answer)) == lines
     near = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
     assert (near.warnings, cautions(near), as_json(near)["warnings"]) == ((), [], [])

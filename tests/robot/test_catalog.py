@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.robot.catalog import AIRS, LEGS, load_leg
+from kickdyn.robot.catalog import LEGS, load_leg
 from kickdyn.robot.example_robots import ROBOTS
 
 
@@ -41,8 +41,3 @@ def test_of_a_robot_only_what_moves_the_foot_can_move():
     normal = (np.cos(0.5), 0.0, np.sin(0.5))
     weights = [whole.posture(q).effective_mass(normal), leg.posture(mine).effective_mass(normal)]
     assert weights[0] == pytest.approx(weights[1], rel=1e-12)
-
-
-def test_airs():
-    assert AIRS["none"]() is None
-    assert AIRS["paper"]().density == kd.Air.paper().density != AIRS["standard"]().density

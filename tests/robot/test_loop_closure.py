@@ -98,7 +98,7 @@ def test_two_hands_together():
     assert posture.constraint_projector.rank == 9
     assert q[:7] == pytest.approx([0, 0, 0, 0, 0, 0, 1], abs=1e-15)  # the base has no part in it
     v = posture.joint_velocity((3, 0, 0))
-    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, friction=0.4))
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, friction=0.4))
     assert hit.momentum_residual <= 1e-12
     assert hit.support_residual <= 1e-10
     assert hit.loop_residual <= 1e-10

@@ -38,12 +38,12 @@ def test_flights_end_where_they_should(ground, plane):
 
 
 @pytest.mark.parametrize("air", [None, AIR, kd.Air(lift=None)])
-@pytest.mark.parametrize("surface", ["turf", "wet grass", "carpet"])
+@pytest.mark.parametrize("surface", ["turf", "wet-grass", "carpet"])
 def test_courses_come_to_rest_where_they_should(air, surface):
     ground = kd.Ground(surface=surface)
     exact = kd.follow(LAUNCH, BALL, air, ground).rest
     end, status, _ = coarse_end(LAUNCH, FlightEnvironment(BALL, air, ground, None), 16)
-    assert status == "at rest"
+    assert status == "at-rest"
     np.testing.assert_allclose(end.position, exact.position, atol=2e-3)
     assert end.time == pytest.approx(exact.time, abs=2e-3)
 
@@ -70,7 +70,7 @@ def test_a_plane_on_the_way_of_a_rolling_ball_is_not_for_large_steps():
     ground = kd.Ground(surface="turf")
     rest = kd.follow(LAUNCH, BALL, None, ground).rest.position
     plane = kd.Plane(rest - np.array([0.5, 0, 0]), (-1, 0, 0))
-    assert kd.follow(LAUNCH, BALL, None, ground, plane=plane).status == "at plane"
+    assert kd.follow(LAUNCH, BALL, None, ground, plane=plane).status == "at-plane"
     assert coarse_end(LAUNCH, FlightEnvironment(BALL, None, ground, plane), 16).state is None
 
 

@@ -12,7 +12,7 @@ from kickdyn.scene.end_sensitivity import CONTACT_SAFETY
 
 def struck(scene):
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
-    parts = (scene.leg, scene.q, scene.v, scene.ball, scene.contact)
+    parts = (scene.posture, scene.v, scene.ball, scene.contact)
     return kd.strike(*parts, **motion), lambda tol: kd.collide(
         *parts, contact_time=scene.contact_time, tol=tol, **motion
     )
@@ -32,12 +32,12 @@ def test_it_bounds_the_contact_that_takes_time():
             continue
         done += 1
         jump, fine, rough = contact_drift(scene, hit), press(1e-6), press(1e-3)
-        moved = size(fine.ball.velocity - hit.ball_after.velocity)
+        moved = size(fine.ball_after.velocity - hit.ball_after.velocity)
         assert moved <= jump.velocity
-        assert size(fine.ball.spin - hit.ball_after.spin) <= jump.spin
-        assert size(fine.ball.position - hit.ball_after.position) <= jump.moved
+        assert size(fine.ball_after.spin - hit.ball_after.spin) <= jump.spin
+        assert size(fine.ball_after.position - hit.ball_after.position) <= jump.moved
         used = max(used, moved / jump.velocity)
-        off = size(fine.ball.velocity - rough.ball.velocity) / fine.ball.speed
+        off = size(fine.ball_after.velocity - rough.ball_after.velocity) / fine.ball_after.speed
         assert off <= CONTACT_SAFETY * 1e-3
     assert used > 0.2
 

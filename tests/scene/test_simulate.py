@@ -86,9 +86,9 @@ def test_what_ended_it_is_said():
     wall = kd.Plane((1.5, 0, 0), (-1, 0, 0))
     for parts, status in (
         ({}, "landed"),
-        ({"plane": wall}, "at plane"),
-        ({"ground": kd.Ground(-0.9, "turf")}, "at rest"),
-        ({"ground": kd.Ground(-0.9, "turf"), "plane": wall}, "at plane"),
+        ({"plane": wall}, "at-plane"),
+        ({"ground": kd.Ground(-0.9, "turf")}, "at-rest"),
+        ({"ground": kd.Ground(-0.9, "turf"), "plane": wall}, "at-plane"),
     ):
         for tolerance in (0.1, None):
             answer = kd.simulate(kick(4, **parts), tolerance)
@@ -101,7 +101,7 @@ def test_what_ended_it_is_said():
     ("parts", "status"),
     [
         ({"air": None, "ground": kd.Ground(-1e7)}, "aloft"),
-        ({"air": kd.Air(wind=(20, 0, 0)), "ground": kd.Ground(-0.9, "hard floor")}, "blown"),
+        ({"air": kd.Air(wind=(20, 0, 0)), "ground": kd.Ground(-0.9, "hard-floor")}, "blown"),
     ],
 )
 @pytest.mark.parametrize("tolerance", [0.1, None])
@@ -227,7 +227,7 @@ def test_random_scenes_that_once_claimed_too_little(seed, number, why):
 def test_everything_is_strike_and_flight():
     scene = kick()
     answer = kd.simulate(scene, None)
-    hit = kd.strike(LEG, scene.q, scene.v, scene.ball, scene.contact)
+    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
     path = kd.fly(hit.ball_after, scene.ball, scene.air, scene.ground)
     np.testing.assert_array_equal(answer.end.position, path.landing.position)
     assert answer.left_out == ()

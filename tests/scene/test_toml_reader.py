@@ -68,7 +68,7 @@ def test_there_are_examples():
 def test_examples_load_and_strike(path):
     scene = kd.Scene.from_toml(path)
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
-    hit = kd.strike(scene.leg, scene.q, scene.v, scene.ball, scene.contact, scene.law, **motion)
+    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact, scene.law, **motion)
     assert hit.restitution_residual < 1e-12
     np.testing.assert_array_equal(hit.ball_after.position, scene.ball_position)
     assert hit.support_residual < 1e-12

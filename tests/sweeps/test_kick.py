@@ -16,7 +16,7 @@ def test_it_is_strike_and_fly():
     outcome = kick_from(posture, kick)
     n = [math.cos(math.radians(20)), 0, math.sin(math.radians(20))]
     v = posture.joint_velocity(2 * np.array(n))
-    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
     assert outcome.status == "ok"
     assert outcome.hit.impulse == pytest.approx(hit.impulse, rel=1e-13)
     assert outcome.carry == pytest.approx(

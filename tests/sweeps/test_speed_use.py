@@ -83,5 +83,5 @@ def test_a_kick_that_some_velocity_can_do_is_not_too_fast():
     assert speed_use(posture, posture.joint_velocity(wish)) == pytest.approx(1.3197, rel=1e-4)
     assert (outcome.status, outcome.speed_use) == ("ok", least_use(posture, wish))
     assert speed_use(posture, outcome.hit.v_before) == pytest.approx(0.64024, rel=1e-5)
-    slow = kd.strike(leg, posture.q, posture.joint_velocity(wish), kick.ball, kick.contact)
+    slow = kd.strike(posture, posture.joint_velocity(wish), kick.ball, kick.contact)
     assert outcome.hit.impulse == pytest.approx(slow.impulse, rel=1e-12)

@@ -48,7 +48,7 @@ def test_one_pace_is_said_once(make_kick):
 
 def test_a_prismatic_joint_is_in_metres(load, spoil):
     leg = load(spoil(('name="knee" type="revolute"', 'name="knee" type="prismatic"')))
-    hit = kd.strike(leg, [0.1, 0.25], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    hit = kd.strike(leg.posture([0.1, 0.25]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
     assert rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))["knee"] == "0.25 m"
 
 
@@ -57,7 +57,7 @@ def test_a_floating_base_has_no_angles():
     model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
     leg = kd.Leg.from_model(model, "toe")
     posture = leg.posture(leg.configuration({"knee": 0.5}))
-    hit = kd.strike_at(posture, posture.joint_velocity([4, 1, 3]), kd.Ball(),
+    hit = kd.strike(posture, posture.joint_velocity([4, 1, 3]), kd.Ball(),
                        kd.Contact([4, 1, 3], 0.8, 0.4))  # fmt: skip
     said = rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))
     assert "knee" not in said
@@ -65,7 +65,7 @@ def test_a_floating_base_has_no_angles():
 
 
 def test_a_foot_at_rest_has_no_ratio():
-    hit = kd.strike(kd.Leg.human(), np.zeros(3), np.zeros(3), kd.Ball(),
+    hit = kd.strike(kd.Leg.human().posture(np.zeros(3)), np.zeros(3), kd.Ball(),
                     kd.Contact([1, 0, 0.3], 0.8), ball_velocity=[-5, 0, 0])  # fmt: skip
     assert "ball / foot" not in rows(panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))))
 
@@ -90,7 +90,7 @@ def test_names_are_escaped(load, spoil):
     leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}&amp;"')))
     assert "<script>alert(1)</script>" in leg.name
     assert "<script>alert(1)</script>&" in leg.joint_names
-    hit = kd.strike(leg, [0.1, 0.2], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
     path = SimpleNamespace(method="<script>alert(1)", status="landed", range=1.0, duration=1.0)
     text = panel((hit, kd.Ball(), path), caption="<script>alert(1)</script>")
     assert "<script" not in text
@@ -105,7 +105,7 @@ def test_the_caption_is_optional(kick, caption, there):
 def test_many_joints_are_folded_the_most_loaded_first():
     leg = kd.Leg.from_robot("g1")
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
-    hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
+    hit = kd.strike(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
                        kd.Contact([4, 0, 1], 0.8))  # fmt: skip
     plain, folded = panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))).split("<details>")
     name, size = hit.worst_joint
@@ -124,7 +124,7 @@ def test_many_joints_are_folded_the_most_loaded_first():
 def test_a_floating_robot_says_what_its_joints_transmit():
     leg = kd.Leg.from_robot("g1", base="floating")
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
-    hit = kd.strike_at(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
+    hit = kd.strike(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
                        kd.Contact([4, 0, 1], 0.8))  # fmt: skip
     folded = panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))).split("<details>")[1]
     said = rows(folded)

@@ -89,7 +89,9 @@ def test_small_ones_get_no_arrow(kick):
 
 
 def test_no_impulse_no_arrow():
-    hit = kd.strike(kd.Leg.human(), np.zeros(3), [1, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.0))
+    hit = kd.strike(
+        kd.Leg.human().posture(np.zeros(3)), [1, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.0)
+    )
     idle = kd.Impact.known(**{**vars(hit), "impulse": np.zeros(3),
                               "joint_impulses": np.zeros((3, 6))})  # fmt: skip
     assert impulse_arrows(idle, 1.0, 0.0, LabelPlaces(ASIDE)) == []

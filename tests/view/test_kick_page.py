@@ -26,7 +26,7 @@ def test_a_page_needs_nothing_else(page):
 def test_names_are_escaped(load, spoil):
     evil = "&lt;script&gt;alert(1)&lt;/script&gt;"
     leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}"')))
-    hit = kd.strike(leg, [0.1, 0.2], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
     html = kick_page(hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()), caption="<script>alert(1)")
     assert "<script>alert(1)" not in html
     assert html.count("&lt;script&gt;alert(1)") == 5  # title, heading, caption, joint, worst joint
@@ -35,7 +35,7 @@ def test_names_are_escaped(load, spoil):
 def test_a_leg_with_a_mesh(leg_looking_like, tmp_path, commands_of):
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
     leg = leg_looking_like('<visual><geometry><mesh filename="box.stl"/></geometry></visual>')
-    hit = kd.strike(leg, [0.1, 0.2], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
     said = commands_of(kick_page(hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball())))
     (drawn,) = (c for c in said if c["path"] == "/meshcat/leg/1/0" and c["type"] == "set_object")
     assert drawn["object"]["geometries"][0]["type"] == "BufferGeometry"
@@ -44,7 +44,7 @@ def test_a_leg_with_a_mesh(leg_looking_like, tmp_path, commands_of):
 
 def test_a_leg_with_a_mesh_from_elsewhere(leg_looking_like):
     leg = leg_looking_like('<visual><geometry><mesh filename="../a.stl"/></geometry></visual>')
-    hit = kd.strike(leg, [0.1, 0.2], [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
     with pytest.raises(kd.InvalidInput, match=r"'\.\./a\.stl' is refused"):
         kick_page(hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))
 

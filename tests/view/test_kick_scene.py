@@ -100,7 +100,7 @@ def test_the_ball_rests_on_the_ground(scene, kick):
     said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands()]
     (ground,) = (c["matrix"] for c in said
                  if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
-    assert ground[14] == pytest.approx(kick[0].ball.position[2] - kick[1].radius)
+    assert ground[14] == pytest.approx(kick[0].ball_after.position[2] - kick[1].radius)
 
 
 def test_a_flight_to_lower_ground_ends_on_it(make_kick):

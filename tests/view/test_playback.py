@@ -77,7 +77,7 @@ def test_joints_that_are_no_single_number_stay_on_their_manifold():
     leg = kd.Leg.from_model(model, "toe")
     posture = leg.posture(leg.configuration({"knee": 0.5}))
     v = posture.joint_velocity([4, 1, 3])
-    hit = kd.strike_at(posture, v, kd.Ball(), kd.Contact([4, 1, 3], 0.8, 0.4))
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact([4, 1, 3], 0.8, 0.4))
     for time in (-0.3, 0.3):
         assert pin.isNormalized(model, motion.leg_configuration(hit, time), 1e-12)
 
@@ -111,7 +111,7 @@ def test_a_ball_that_came_is_shown_coming():
     leg, ball = kd.Leg.human(), kd.Ball()
     posture = leg.posture(np.radians([5, 10, -5]))
     velocity, spin = [-5.0, 1.0, 0.0], [0.0, 30.0, 4.0]
-    hit = kd.strike_at(posture, np.zeros(3), ball, kd.Contact([1, 0, 0.3], 0.8, 0.4),
+    hit = kd.strike(posture, np.zeros(3), ball, kd.Contact([1, 0, 0.3], 0.8, 0.4),
                        ball_velocity=velocity, ball_spin=spin)  # fmt: skip
     before = hit.ball_before
     np.testing.assert_allclose(before.velocity, velocity, atol=1e-8)

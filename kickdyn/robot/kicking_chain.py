@@ -1,0 +1,94 @@
+"""The joints that a kick moves, taken out of a leg or a whole robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.urdf_model import reduced_model
+
+
+@dataclass(frozen=True, eq=False)
+class KickingChain:
+    """The joints between a fixed base and the contact frame, and where the whole robot has them.
+
+    On a fixed base, an impact on the chain and its equations of motion are those of the whole
+    robot, whose other joints stay at 0.
+
+    Attributes:
+        leg: the chain alone, all other joints locked at 0; the whole robot, if there are none.
+        model: `pin.Model` of the chain, gravity included.
+        names: of its joints, in order.
+        qs, vs: indices of its joints in the robot's q and v.
+        lower, upper: joint range, a half turn from 0 at most, shape `(nq,)` [rad; m for prismatic
+            joints].
+        velocity_limit, effort_limit: of speed and torque, shape `(nv,)` [rad/s, N m; m/s, N for
+            prismatic joints].
+    """
+
+    leg: Leg
+    model: Any
+    names: tuple[str, ...]
+    qs: NDArray[np.int64]
+    vs: NDArray[np.int64]
+    lower: Array
+    upper: Array
+    velocity_limit: Array
+    effort_limit: Array
+
+    def whole(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v of the robot from those of the chain, all other joints at 0."""
+        configuration, velocity = robot.configuration(), np.zeros(robot.nv)
+        configuration[self.qs], velocity[self.vs] = q, v
+        return configuration, velocity
+
+
+def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
+    """Return the joints that move a robot's contact frame.
+
+    Args:
+        robot: a leg or a whole robot, on a fixed base.
+        branches: whether to keep the joints that branch off the chain too. They do not move the
+            contact frame, but an impact there moves them.
+
+    Raises:
+        InvalidInput: a joint of the chain has more than one coordinate, as a floating base has;
+            with `branches`, such joints are allowed.
+    """
+    model = robot.model
+    path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
+    kept = path
+    if branches:
+        kept = [j for j in range(1, model.njoints) if path[0] in list(model.supports[j])]
+    elif any(model.nqs[joint] != 1 for joint in path):
+        wide = next(str(model.names[joint]) for joint in path if model.nqs[joint] != 1)
+        raise InvalidInput(
+            f"joint {wide!r} moves the contact frame of {robot.name} by more than one coordinate: "
+            "every joint of the kicking chain must have one, and the base must be fixed"
+        )
+    others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
+    leg = robot
+    if others:
+        leg = robot.with_model(reduced_model(model, others, robot.configuration()))
+    qs, vs = (
+        np.concatenate([np.arange(first[j], first[j] + size[j]) for j in kept])
+        for first, size in ((model.idx_qs, model.nqs), (model.idx_vs, model.nvs))
+    )
+    return KickingChain(
+        leg=leg,
+        model=leg.model,
+        names=leg.joint_names,
+        qs=qs,
+        vs=vs,
+        lower=np.maximum(leg.lower, -math.pi),
+        upper=np.minimum(leg.upper, math.pi),
+        velocity_limit=leg.velocity_limit,
+        effort_limit=leg.effort_limit,
+    )

@@ -1,0 +1,77 @@
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.robot.kicking_chain import kicking_chain
+
+G1 = kd.Leg.from_robot("g1")
+
+
+def test_the_chain_of_a_robot_is_its_leg():
+    chain = kicking_chain(G1)
+    assert chain.names == tuple(G1.joint_names[i] for i in chain.vs)
+    assert [name.startswith("right_") for name in chain.names] == [True] * 6
+    assert G1.lower[chain.qs].tolist() == chain.lower.tolist()
+    assert G1.velocity_limit[chain.vs].tolist() == chain.velocity_limit.tolist()
+    draw = np.random.default_rng(0)
+    q, v = draw.normal(0, 0.3, 6), draw.normal(0, 1, 6)
+    whole_q, whole_v = chain.whole(G1, q, v)
+    whole, alone = G1.posture(whole_q), chain.leg.posture(q)
+    assert whole.contact_point == pytest.approx(alone.contact_point, abs=1e-14)
+    assert whole.jacobian @ whole_v == pytest.approx(alone.jacobian @ v, rel=1e-12)
+    assert whole.effective_mass([1, 0, 0]) == pytest.approx(alone.effective_mass([1, 0, 0]))
+
+
+def test_torques_of_the_chain_are_those_of_the_robot():
+    chain, model = kicking_chain(G1), G1.model
+    draw = np.random.default_rng(1)
+    q, v, a = draw.normal(0, 0.3, (3, 6))
+    own = pin.rnea(chain.model, chain.model.createData(), q, v, a)
+    whole_q, whole_v = chain.whole(G1, q, v)
+    whole_a = chain.whole(G1, q, a)[1]
+    whole = pin.rnea(model, model.createData(), whole_q, whole_v, whole_a)
+    assert whole[chain.vs] == pytest.approx(own, rel=1e-12)
+
+
+def test_a_leg_that_is_nothing_else_stays_itself():
+    leg = kd.Leg.human()
+    for branches in (False, True):
+        chain = kicking_chain(leg, branches=branches)
+        assert chain.leg is leg
+        assert chain.qs.tolist() == chain.vs.tolist() == [0, 1, 2]
+
+
+def add_body(model, parent, joint, name):
+    number = model.addJoint(parent, joint, pin.SE3.Identity(), name)
+    body = pin.Inertia(1.0, np.array([0, 0, -0.1]), 0.01 * np.eye(3))
+    model.appendBodyToJoint(number, body, pin.SE3.Identity())
+
+
+def test_branches_are_kept_where_an_impact_moves_them():
+    model = kd.Leg.human().model
+    add_body(model, 1, pin.JointModelRY(), "pendulum on the thigh")
+    add_body(model, 0, pin.JointModelSpherical(), "arm on the base")
+    robot = kd.Leg.from_model(model, "toe")
+    without, with_branch = kicking_chain(robot), kicking_chain(robot, branches=True)
+    assert without.names == ("hip", "knee", "ankle")
+    assert with_branch.names == ("hip", "knee", "ankle", "pendulum on the thigh")
+    n, q = (1.0, 0.0, 0.0), np.array([0.0, 0.3, 0.0, 0.0])
+    whole = robot.posture(with_branch.whole(robot, q, np.zeros(4))[0])
+    assert with_branch.leg.posture(q).effective_mass(n) == pytest.approx(whole.effective_mass(n))
+    assert without.leg.posture(q[:3]).effective_mass(n) > whole.effective_mass(n) + 1e-3
+
+
+def test_a_joint_without_limits_has_a_full_turn():
+    model = kd.Leg.human().model
+    model.lowerPositionLimit[:], model.upperPositionLimit[:] = -50, 50
+    chain = kicking_chain(kd.Leg.from_model(model, "toe"))
+    assert chain.lower.tolist() == [-math.pi] * 3
+    assert chain.upper.tolist() == [math.pi] * 3
+
+
+def test_a_floating_base_is_refused():
+    with pytest.raises(kd.InvalidInput, match="'root_joint' moves the contact frame"):
+        kicking_chain(kd.Leg.from_robot("g1", base="floating"))

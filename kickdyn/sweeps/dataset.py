@@ -106,14 +106,14 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
     if impact is None:
         return dict.fromkeys(VARIABLES, math.nan)
     return {
-        "effective_mass": impact.effective_mass,
+        "effective_mass": float(impact.effective_mass),
         "impulse": math.hypot(*impact.impulse),
         "immovable_impulse": normal_impulse(
             impact.approach_speed, kick.restitution, impact.effective_mass
         ),
-        "ball_speed": impact.ball_after.speed,
+        "ball_speed": float(impact.ball_after.speed),
         "speed_ratio": impact.speed_ratio,
-        "launch_angle": impact.ball_after.elevation,
+        "launch_angle": float(impact.ball_after.elevation),
         "back_spin": 0.0 - float(impact.ball_after.spin[1]),
         "worst_joint_impulse": impact.worst_joint[1],
         "energy_lost": impact.energy_lost,

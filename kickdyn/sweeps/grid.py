@@ -229,7 +229,9 @@ def _no_number(parts: list[str]) -> str:
     """Return what is wrong with the parts of a span, one of which is not a number."""
     for part in parts:
         if found := _UNIT.fullmatch(part.strip()):
-            advice = f"{part!r} has a unit: write plain numbers, in deg (in m for a prismatic joint)"
+            advice = (
+                f"{part!r} has a unit: write plain numbers, in deg (in m for a prismatic joint)"
+            )
             degrees = f"; {part} are {math.degrees(float(found[1])):.6g} deg"
             return advice + (degrees if found[2] == "rad" else "")
     return f"{':'.join(parts)!r} are not numbers"

@@ -1,31 +1,159 @@
-"""The impact of many postures: law `newton` for a ball at rest and a foot that comes centrally.
+"""From the joint-space inertia and the Jacobian to the impulse, many postures at once.
 
-Of the Delassus matrix of leg and ball, along tangents and normal, the last column is the free
-impulse's direction; friction then cuts it to the cone.
+`LANES` postures are computed side by side, so that each loop over them becomes vector instructions;
+a row of a matrix is `LANES` numbers, see `kickdyn.flight.lanes`. What cannot be computed to 1e-12
+is marked in `doubt`, and is left to `kick_from`. Joints count from 1, as Pinocchio's do.
+
+Kernels must give the same bits whether they were compiled now or are read from the disk, or a
+resumed sweep would differ from one that ran at once. So `njit` allows no fused multiply-adds: which
+of them the compiler finds depends on what it inlines.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numba
 import numpy as np
 
-from kickdyn.flight.lanes import LANES
-from kickdyn.sweeps.arithmetic import njit
+from kickdyn.flight.lanes import LANES, WITHIN
+
+OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+"""How the kernels are compiled."""
+
+njit: Any = numba.njit(**OPTIONS, **WITHIN)
+
+PIVOT = 1e-9
+"""Share of its diagonal that a pivot must keep, or the posture is doubtful."""
+
+LOSS = 300.0
+"""Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
+legs have about 10, and a link before one ten times as long some hundreds."""
+
+
+@njit
+def factorize(parent, inertia, doubt):  # type: ignore[no-untyped-def]
+    r"""Factorize the joint-space inertia in place, :math:`M = L^T L` with lower triangular L.
+
+    In this order, from the tip to the base, L has an entry only where one joint carries the other:
+    the branches of a tree cost nothing to each other (Featherstone, Rigid Body Dynamics Algorithms,
+    2008, table 6.3).
+
+    Args:
+        parent: parent of each joint.
+        inertia: M, shape `(n + 1, n + 1, LANES)`, becomes L with its diagonal inverted; row 0, of
+            the base, becomes the diagonal of M.
+        doubt: set to 1 where a pivot has lost its digits.
+    """
+    diagonal = inertia[0]  # of no joint: free to keep M's diagonal
+    for k in range(1, len(parent)):
+        kept, entry = diagonal[k], inertia[k, k]
+        for i in range(LANES):
+            kept[i] = entry[i]
+    for k in range(len(parent) - 1, 0, -1):
+        pivot, kept = inertia[k, k], diagonal[k]
+        for i in range(LANES):
+            doubt[i] = doubt[i] if pivot[i] > PIVOT * kept[i] else 1.0
+            pivot[i] = 1.0 / math.sqrt(pivot[i])
+        a = parent[k]
+        while a > 0:
+            entry = inertia[k, a]
+            for i in range(LANES):
+                entry[i] *= pivot[i]
+            a = parent[a]
+        a = parent[k]
+        while a > 0:
+            left, b = inertia[k, a], a
+            while b > 0:
+                right, entry = inertia[k, b], inertia[a, b]
+                for i in range(LANES):
+                    entry[i] -= left[i] * right[i]
+                b = parent[b]
+            a = parent[a]
+
+
+@njit
+def whiten(parent, carries, lower, rows):  # type: ignore[no-untyped-def]
+    r"""Replace the rows of :math:`J^T` by those of :math:`W = L^{-T} J^T`.
+
+    Its product :math:`W^T W = J M^{-1} J^T` is the Delassus matrix.
+
+    Args:
+        parent: parent of each joint.
+        carries: whether the foot moves with each joint; rows of others are 0.
+        lower: L, as `factorize` leaves it.
+        rows: shape `(n + 1, 3 * LANES)`, or 2 in a plane: `LANES` numbers per column of J^T.
+    """
+    width = rows.shape[1]
+    for k in range(len(parent) - 1, 0, -1):
+        if not carries[k]:
+            continue
+        own, pivot = rows[k], lower[k, k]
+        for c in range(0, width, LANES):
+            for i in range(LANES):
+                own[c + i] *= pivot[i]
+        a = parent[k]
+        while a > 0:
+            entry, above = lower[k, a], rows[a]
+            for c in range(0, width, LANES):
+                for i in range(LANES):
+                    above[c + i] -= entry[i] * own[c + i]
+            a = parent[a]
+
+
+@njit
+def solve_velocity(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
+    r"""Replace :math:`z` by the joint velocity :math:`v = L^{-1} z`.
+
+    A relative error e of M's diagonal changes the energy :math:`v^T M v = z^T z` by about
+    :math:`e \sum_i M_{ii} v_i^2`: where this is more than `LOSS` times the energy, too few digits
+    are left.
+
+    Args:
+        parent: parent of each joint.
+        lower: L, as `factorize` leaves it.
+        v: z, shape `(n + 1, LANES)`, becomes v.
+        doubt: set to 1 where the rounding of M is seen in v.
+    """
+    whole, parts = v[0], lower[0, 0]  # of no joint
+    whole[:] = 0.0
+    parts[:] = 0.0
+    for k in range(1, len(parent)):
+        own, pivot, diagonal, a = v[k], lower[k, k], lower[0, k], parent[k]
+        for i in range(LANES):
+            whole[i] += own[i] * own[i]
+        while a > 0:
+            entry, above = lower[k, a], v[a]
+            for i in range(LANES):
+                own[i] -= entry[i] * above[i]
+            a = parent[a]
+        for i in range(LANES):
+            own[i] *= pivot[i]
+            parts[i] += diagonal[i] * (own[i] * own[i])
+    for i in range(LANES):
+        doubt[i] = doubt[i] if parts[i] <= LOSS * whole[i] else 1.0
+
 
 KEPT = 1e-3
-"""Share that a difference must keep of its terms: below, a posture is doubted."""
+"""Share that a difference must keep of its terms, or the posture is doubtful."""
 
 NEAR = 1e-6
 """The same of the square of a direction that is made orthogonal to others."""
 
 D11, D12, D22, D13, D23, D33 = (row * LANES for row in range(6))
-"""Rows of J M^-1 J^T."""
+"""Rows of the Delassus matrix: entries along first tangent (1), second tangent (2), normal (3)."""
 
 
 @njit
-def gather(carries, rows, delassus):  # type: ignore[no-untyped-def]
-    """Fill in the Delassus matrix from weighed rows, two or three columns each."""
+def delassus_matrix(carries, rows, delassus):  # type: ignore[no-untyped-def]
+    r"""Fill in the Delassus matrix of the foot, :math:`G = W^T W`, from whitened rows.
+
+    Args:
+        carries: whether the foot moves with each joint.
+        rows: W as `whiten` leaves it, two or three columns.
+        delassus: six rows, filled in; in a plane those of the second tangent stay 0.
+    """
     delassus[:] = 0.0
     for k in range(1, len(carries)):
         if not carries[k]:
@@ -49,11 +177,27 @@ def gather(carries, rows, delassus):  # type: ignore[no-untyped-def]
 
 
 @njit
-def strike(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
-    """Fill in the impulse on the ball, flat, and the energy lost, with the ball's give.
+def solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
+    r"""Fill in the impulse on the ball and the energy lost, law `newton`.
 
-    Doubt what cancels: a foot much lighter than the ball that gives way along one direction. What
-    slips out of a plane is left to `slide`.
+    With the ball's mobility on its diagonal, :math:`G` maps the impulse :math:`p` to the change of
+    the relative velocity. Sticking asks for no tangential velocity and Newton's restitution along
+    the normal, :math:`G p = (0, 0, (1 + e) v)`: the tangential parts over the normal one,
+    :math:`s = p_1 / p_3` and :math:`t = p_2 / p_3`, solve the first two rows. In a plane
+    (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows. See
+    `kickdyn.impact.newton_law` for one posture.
+
+    Args:
+        delassus: G of the foot, six rows.
+        across: the ball's mobility along the tangents [1/kg].
+        along: the ball's mobility along the normal [1/kg].
+        speed: foot speed v [m/s].
+        e: restitution.
+        mu: friction.
+        impulse: three rows, filled in [N s].
+        lost: energy lost, filled in [J].
+        doubt: set to 1 where terms cancel: a foot much lighter than the ball, which gives way
+            along one direction.
     """
     push = (1.0 + e) * speed
     for i in range(LANES):
@@ -77,8 +221,8 @@ def strike(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type
 
 
 @njit
-def slide(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
-    """Put the impulses of `strike` that leave the cone on it, where they are not flat."""
+def solve_slip(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
+    """Put impulses that leave the friction cone on it, out of a plane; arguments as before."""
     for i in range(LANES):
         g12, g23 = delassus[D12 + i], delassus[D23 + i]
         s, t, most = impulse[i], impulse[LANES + i], mu * impulse[2 * LANES + i]
@@ -86,16 +230,24 @@ def slide(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type:
             continue
         g11, g22 = delassus[D11 + i] + across, delassus[D22 + i] + across
         g13, g33 = delassus[D13 + i], delassus[D33 + i] + along
-        found = _slip(g11, g12, g22, g13, g23, g33, (1.0 + e) * speed, mu, speed * (1.0 - e))
+        found = _slip_impulse(
+            g11, g12, g22, g13, g23, g33, (1.0 + e) * speed, mu, speed * (1.0 - e)
+        )
         impulse[i], impulse[LANES + i], impulse[2 * LANES + i], lost[i] = found
 
 
 @njit
-def _slip(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
-    """Return impulse and energy lost on the cone: `kickdyn.impact.newton_law`, number by number."""
+def _slip_impulse(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
+    r"""Return impulse on the friction cone and energy lost.
+
+    The friction :math:`p_3 \mu (\cos a, \sin a)` opposes the sliding velocity, which is the first
+    two rows of :math:`G p`: their cross product vanishes, a sum of waves of :math:`a` and
+    :math:`2a`. Of its roots that oppose, the one that loses most energy is taken, as
+    `kickdyn.impact.newton_law` does.
+    """
     cos1, sin1, cos2, sin2 = -g23, g13, -mu * g12, 0.5 * mu * (g11 - g22)
     best = (math.nan, math.nan, math.nan, -math.inf)
-    for angle in _opposed(cos1, sin1, cos2, sin2):
+    for angle in _roots(cos1, sin1, cos2, sin2):
         for _ in range(3):
             c, s = math.cos(angle), math.sin(angle)
             c2, s2 = c * c - s * s, 2.0 * c * s
@@ -115,11 +267,12 @@ def _slip(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-u
 
 
 @njit
-def _opposed(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
-    """Return every angle at which the sum of these waves, of angle and double angle, is about 0.
+def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
+    r"""Return every angle a with :math:`c_1 \cos a + s_1 \sin a + c_2 \cos 2a + s_2 \sin 2a = 0`.
 
-    The roots on the unit circle of a quartic in exp(i angle): eigenvalues of its companion matrix,
-    as `np.roots` finds them, which takes seconds to compile.
+    These are the roots on the unit circle of a quartic in :math:`e^{ia}`, eigenvalues of its
+    companion matrix; `np.roots`, which does the same, takes seconds to compile. They are accurate
+    enough to begin Newton's iteration with.
     """
     angles, count = np.empty(4), 0
     if max(abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
@@ -137,8 +290,14 @@ def _opposed(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
 
 
 @njit
-def movable(delassus, flat, doubt):  # type: ignore[no-untyped-def]
-    """Doubt where the foot can hardly move along the normal alone, or across it."""
+def doubt_singular(delassus, flat, doubt):  # type: ignore[no-untyped-def]
+    """Set `doubt` to 1 where the foot can hardly move along the normal alone, or across it.
+
+    Args:
+        delassus: G of the foot, six rows.
+        flat: whether all motion is in a plane.
+        doubt: of each posture.
+    """
     for i in range(LANES):
         d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
         d13, d23, d33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i]

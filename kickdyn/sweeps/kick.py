@@ -183,7 +183,11 @@ def least_speed_use(posture: Posture, foot_velocity: Array) -> float:
     unreachable = left[:, rank:].T @ foot_velocity
     if unreachable.size and np.abs(unreachable).max() > 1e-9 * np.abs(foot_velocity).max():
         return math.inf
-    columns, w, limit = left[:, :rank].T @ moving, left[:, :rank].T @ foot_velocity, limit[limit > 0]
+    columns, w, limit = (
+        left[:, :rank].T @ moving,
+        left[:, :rank].T @ foot_velocity,
+        limit[limit > 0],
+    )
     y = _dual_candidates(columns)
     along, gain = np.abs(y @ columns), np.abs(y @ w)
     size = np.linalg.norm(y, axis=1)

@@ -15,7 +15,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
@@ -48,8 +47,8 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
     """Return where the postures of a dataset fulfil a condition, such as `20 < knee < 30`.
 
     The text is parsed, never run: it consists of joints and variables, numbers, `+ - * /`,
-    comparisons, `and`, `or`, `not` and brackets. A name that Python would not take stands in quotes.
-    Angles are in degrees, lengths in metres. nan fulfils no comparison but `!=`.
+    comparisons, `and`, `or`, `not` and brackets. A name that Python would not take stands in
+    quotes. Angles are in degrees, lengths in metres. nan fulfils no comparison but `!=`.
 
     Args:
         data: the dataset.
@@ -104,8 +103,8 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
         ):
             terms = [_evaluate(each, data) for each in (left, *others)]
             result = xr.DataArray(True)
-            for op, one, other in zip(ops, terms, terms[1:], strict=False):
-                result = result & _apply(op, one, other)
+            for comparison, one, other in zip(ops, terms, terms[1:], strict=False):
+                result = result & _apply(comparison, one, other)
             return result
     raise InvalidInput(f"has {ast.unparse(node)[:40]!r} in it: it consists of {_LANGUAGE}")
 
@@ -127,7 +126,7 @@ def _column(data: xr.Dataset, name: str) -> xr.DataArray:
         raise InvalidInput(f"names {name!r}, which is unknown: there are {known}")
     if f"{name}_deg" in data.coords:
         return data[f"{name}_deg"].drop_vars(f"{name}_deg").astype(float)
-    return np.degrees(data[name]) if shown_unit(data, name) == "deg" else data[name]
+    return xr.DataArray(np.degrees(data[name])) if shown_unit(data, name) == "deg" else data[name]
 
 
 def shown_unit(data: xr.Dataset, name: str) -> str:
@@ -284,10 +283,8 @@ def optimum(data: xr.Dataset, of: str = "ball_speed", where: str | None = None) 
             curvature[i, j] = curvature[j, i] = mixed / (4 * h * columns["step"][j])
     found = take(data, np.array([best])).isel(posture=0).load()
     found = found.assign_coords(joint=joints, other_joint=joints)
-    return found.assign(
-        {name: ("joint", column) for name, column in columns.items()},
-        curvature=(("joint", "other_joint"), curvature),
-    )
+    along: dict[str, Any] = {name: ("joint", column) for name, column in columns.items()}
+    return found.assign({**along, "curvature": (("joint", "other_joint"), curvature)})
 
 
 def _slope(line: list[float], h: float) -> tuple[float, float]:

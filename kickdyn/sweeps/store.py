@@ -50,12 +50,11 @@ class SweepStore:
         self, path: str | PathLike[str], described: xr.Dataset, chunk: int, *, resume: bool
     ) -> None:
         self._path = Path(path)
-        shape = tuple(described.sizes[name] for name in described.dims)
-        self.chunks = Chunks.of(shape, chunk)
         self.created = not self._path.exists()
         try:
             if self.created:
-                self._create(described)
+                shape = tuple(described.sizes[name] for name in described.dims)
+                self._create(described, Chunks.of(shape, chunk))
             else:
                 self._check(described, resume)
         except OSError as error:
@@ -63,6 +62,8 @@ class SweepStore:
         import zarr
 
         self._group: Any = zarr.open_group(self._path, mode="r+")
+        status: Any = self._group["status"]
+        self.chunks = Chunks(status.shape, status.chunks)
 
     def _check(self, described: xr.Dataset, resume: bool) -> None:
         """Raise `InvalidInput` unless the store is one of this sweep that may be resumed."""
@@ -72,7 +73,7 @@ class SweepStore:
             if other := difference(stored, described):
                 raise InvalidInput(f"{self._path} is of another sweep: {other}")
 
-    def _create(self, described: xr.Dataset) -> None:
+    def _create(self, described: xr.Dataset, chunks: Chunks) -> None:
         """Make the empty store under another name first, so that a store is complete or absent."""
         if not self._path.resolve().parent.is_dir():  # Zarr would make all missing folders
             raise InvalidInput(f"{self._path} cannot be written (its folder does not exist)")
@@ -90,7 +91,7 @@ class SweepStore:
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
             for name, (dtype, fill, attributes) in arrays.items():
                 group.create_array(
-                    name, shape=self.chunks.grid_shape, chunks=self.chunks.shape, dtype=dtype,
+                    name, shape=chunks.grid_shape, chunks=chunks.shape, dtype=dtype,
                     fill_value=fill, dimension_names=list(described.dims), attributes=attributes,
                     compressors=None,
                 )  # fmt: skip
@@ -140,6 +141,7 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     if not file.exists():
         raise InvalidInput(f"{path}: there is no such sweep")
     try:
+        data: xr.Dataset
         if file.is_dir():
             data = xr.open_zarr(file, consolidated=False, chunks=None)
         else:
@@ -150,7 +152,9 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     lacking = [name for name in (*VARIABLES, "status") if name not in data]
     if lacking:
         raise InvalidInput(f"{path} is not a sweep: it has no {lacking[0]}")
-    return data
+    ordered = data[[*VARIABLES, "status"]]
+    ordered.set_close(data.close)
+    return ordered
 
 
 def check_netcdf_name(path: str | PathLike[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -36,6 +36,7 @@ class Summary:
     Args:
         described: coordinates and attributes of the sweep, see `dataset.describe`.
         where: a condition, see `queries.condition`.
+        detailed: whether marginals and a sample are wanted, as a plot needs them.
 
     Attributes:
         counts: number of postures by status.
@@ -48,7 +49,9 @@ class Summary:
         marginals: over one or two joints, see `Marginal`.
     """
 
-    def __init__(self, described: xr.Dataset, where: str | None = None) -> None:
+    def __init__(
+        self, described: xr.Dataset, where: str | None = None, *, detailed: bool = True
+    ) -> None:
         ordered = described["status"].dims if "status" in described else described.dims
         self.joints = [str(name) for name in ordered]
         self.axes = {name: shown_values(described, name) for name in self.joints}
@@ -66,7 +69,8 @@ class Summary:
         longest = sorted(varied, key=lambda name: -len(self.axes[name]))[:3]
         pairs = combinations([name for name in varied if name in longest], 2)
         over: list[tuple[str, ...]] = [*((name,) for name in self.joints), *pairs]
-        self.marginals = {names: Marginal(self.axes, names) for names in over}
+        self._detailed = detailed
+        self.marginals = {names: Marginal(self.axes, names) for names in over if detailed}
         if where is not None:  # refuse what cannot be read before any posture is computed
             first = described.isel({name: slice(0, 1) for name in self.joints})
             one = (self.joints, np.ones([1] * len(self.joints)))
@@ -78,11 +82,13 @@ class Summary:
         """Number of postures that are computed."""
         return sum(self.counts.values()) - self.counts[PostureStatus.NOT_COMPUTED]
 
-    def add(self, first: int, block: xr.Dataset) -> None:
-        """Add consecutive postures, in the order of the grid, from number `first` on."""
+    def add(self, block: xr.Dataset) -> None:
+        """Add the next postures, in the order of the grid."""
+        first = sum(self.counts.values())
         flags = block["status"].values.ravel()
+        found = np.bincount(flags + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
-            self.counts[status] += int((flags == status.flag).sum())
+            self.counts[status] += int(found[status.flag + 1])
         for name in ("restitution_residual", "momentum_residual"):
             largest = np.fmax.reduce(block[name].values, axis=None)
             self.residual = float(np.fmax(self.residual, largest))
@@ -96,9 +102,16 @@ class Summary:
         if speed[slowest] < self._lowest:
             self._lowest, self.worst = float(speed[slowest]), first + int(places[slowest])
         self._add_best(first, block, places, speed)
-        self._add_sample(block, places)
         points = np.column_stack([speed, load, first + places])
         self.front = front_of(np.vstack([self.front, points]))
+        if self._detailed:
+            self._add_details(first, block, places, speed)
+
+    def _add_details(
+        self, first: int, block: xr.Dataset, places: NDArray[np.intp], speed: Array
+    ) -> None:
+        """Add postures to the sample and to the marginals."""
+        self._add_sample(block, places)
         index = dict(zip(self.joints, np.unravel_index(places, block["status"].shape), strict=True))
         start = np.unravel_index(first, [len(axis) for axis in self.axes.values()])
         for name, begin in zip(self.joints, start, strict=True):
@@ -159,7 +172,6 @@ class Marginal:
 
     Attributes:
         values: of each joint, or their means where neighbours go together.
-        best: highest ball speed [m/s], one axis per joint, nan where there is no posture.
         count: number of postures.
     """
 
@@ -174,8 +186,13 @@ class Marginal:
             for name, bins in self._bin_of.items()
         }
         shape = [len(values) for values in self.values.values()]
-        self.best, self.count = np.full(shape, np.nan), np.zeros(shape, np.int64)
-        self._total = np.zeros(shape)
+        self._best, self._total = np.full(shape, -np.inf), np.zeros(shape)
+        self.count = np.zeros(shape, np.int64)
+
+    @property
+    def best(self) -> Array:
+        """Highest ball speed [m/s], one axis per joint, nan where there is no posture."""
+        return np.where(self.count > 0, self._best, np.nan)
 
     @property
     def mean(self) -> Array:
@@ -187,7 +204,7 @@ class Marginal:
         """Add postures by their places along each joint, shape `(n,)`."""
         cells = tuple(self._bin_of[name][index[name]] for name in self.over)
         cell = np.ravel_multi_index(cells, self.count.shape)
-        np.fmax.at(self.best.reshape(-1), cell, speed)
+        np.maximum.at(self._best.reshape(-1), cell, speed)
         self._total.reshape(-1)[:] += np.bincount(cell, speed, self.count.size)
         self.count.reshape(-1)[:] += np.bincount(cell, minlength=self.count.size)
 
@@ -200,19 +217,8 @@ class Marginal:
 def summarize(data: xr.Dataset, where: str | None = None) -> Summary:
     """Return the summary of a dataset, in memory or in a store."""
     summary = Summary(data, where)
-    for first, block in blocks(data):
-        summary.add(first, block)
-    return summary
-
-
-def summarize_chunks(
-    described: xr.Dataset, chunks: Iterable[xr.Dataset], where: str | None = None
-) -> Summary:
-    """Return the summary of a sweep of which no posture is kept; see `sweep.sweep_chunks`."""
-    summary, first = Summary(described, where), 0
-    for chunk in chunks:
-        summary.add(first, chunk)
-        first += chunk["status"].size
+    for _, block in blocks(data):
+        summary.add(block)
     return summary
 
 

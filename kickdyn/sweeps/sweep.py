@@ -69,9 +69,9 @@ def sweep(
     r"""Strike a ball from every posture of a grid, and fly it.
 
     From each posture the foot moves with the velocity of the kick. The impulse on the ball follows
-    from the leg's inertia along the contact normal, :math:`m_e = 1 / (n^T J M^{-1} J^T n)`, Newton's
-    restitution and Coulomb's friction; the ball then flies through the air. The answers are those
-    of `kickdyn.strike` and `kickdyn.fly`, and agree with them to 1e-9.
+    from the leg's effective mass along the contact normal, :math:`1 / (n^T J M^{-1} J^T n)`,
+    Newton's restitution and Coulomb's friction; the ball then flies through the air. The answers
+    are those of `kickdyn.strike` and `kickdyn.fly`, and agree with them to 1e-9.
 
     Args:
         leg: the leg.
@@ -215,9 +215,7 @@ class _Pool:
     shares_memory: bool = False
 
 
-def _in_order(
-    pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]
-) -> Iterator[T]:
+def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
     """Yield what a function returns for numbers, in their order; a few are computed ahead."""
     waiting, under_way = iter(numbers), deque[Future[T]]()
     while True:

@@ -102,9 +102,7 @@ def _draw_marginal(
     axes.set(xlabel=labels[0], ylabel=labels[1])
 
 
-def _draw_front(
-    figure: Figure, axes: Any, summary: Summary, lines: Sequence[ReportLine]
-) -> None:
+def _draw_front(figure: Figure, axes: Any, summary: Summary, lines: Sequence[ReportLine]) -> None:
     """Draw ratio against joint impulse: a sample, the front, and the postures of the report."""
     columns = dict(zip(summary.columns, summary.sample.T, strict=True))
     load, ratio = columns["worst_joint_impulse"], columns["speed_ratio"]

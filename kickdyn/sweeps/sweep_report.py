@@ -1,4 +1,4 @@
-"""The report of a sweep: the paper's postures, the best and the worst, as a table, text and JSON."""
+"""The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
 from __future__ import annotations
 
@@ -171,7 +171,8 @@ def table(leg: Leg, kick: Kick, lines: Sequence[ReportLine], width: int = WIDE) 
     if fits(upright, width):
         return upright
     columns["worst joint\nN s"] = [_worst_joint(line, "\n") for line in lines]
-    rows = [(name.replace("\n", ", "), *cells) for name, cells in columns.items()]
+    names_in_line = [name.replace("\n", ", ").replace("/, ", "/ ") for name in columns]
+    rows = [(name, *cells) for name, cells in zip(names_in_line, columns.values(), strict=True)]
     angles = [
         (f"{escape(name)}, {unit}", *(f"{line.angles[name]:.4g}" for line in lines))
         for name, unit in units.items()
@@ -179,9 +180,7 @@ def table(leg: Leg, kick: Kick, lines: Sequence[ReportLine], width: int = WIDE) 
     return _table(title, rows[0], [*angles, *rows[2:]])
 
 
-def _cells(
-    lines: Sequence[ReportLine], name: str, form: str, scale: float = 1.0
-) -> list[str]:
+def _cells(lines: Sequence[ReportLine], name: str, form: str, scale: float = 1.0) -> list[str]:
     """Return a variable of each line as text, empty where there was no impact."""
     return [
         "" if line.outcome.impact is None else format(scale * line.values[name], form)

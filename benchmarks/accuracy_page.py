@@ -101,7 +101,11 @@ def kick_table(found: Sequence[MeasuredImpact]) -> str:
     best = min(engine, key=lambda row: row.error)
     chosen[f"MuJoCo, {best.setting}"] = best
     lines = [
-        (name, f"{row.error:.1e}", f"{row.seconds / ours.seconds:.2g}")
+        (
+            name,
+            "< 1e-15" if row.error < 1e-15 else f"{row.error:.1e}",
+            f"{row.seconds / ours.seconds:.2g}",
+        )
         for name, row in chosen.items()
     ]
     return table(("the paper's kick, impulse", "relative error", "time"), lines)

@@ -1,9 +1,9 @@
-"""The price of the instant: `strike` against `collide` for the human leg. Makes docs/compliance.md.
+"""Compare `strike` with `collide` for the human leg; prints the tables of docs/compliance.md.
 
     python benchmarks/compliance.py
 
 The leg of Table 1, hip flexed by 40, knee by 30 and foot raised by 20 deg, its toe at 14 m/s along
-the normal, 30 deg up: the hip swings forward, the knee straightens at 90 % of its speed limit.
+the normal, 30 deg up: the hip flexes, and the knee extends at 90 % of its speed limit.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from kickdyn.core.validation import Array
 LEG, BALL = kd.Leg.human(), kd.Ball()
 POSTURE = LEG.posture(np.radians([40.0, 30.0, -20.0]))
 ATTACK = np.array([math.cos(math.radians(30)), 0.0, math.sin(math.radians(30))])
-TOUCH = kd.Contact(ATTACK, restitution=0.7)
+CONTACT = kd.Contact(ATTACK, restitution=0.7)
 V = np.array([8.25, -18.15, 2.48])
-INSTANT = kd.strike(POSTURE, V, BALL, TOUCH)
+INSTANT = kd.strike(POSTURE, V, BALL, CONTACT)
 
 
 def angle(a: Array, b: Array) -> float:
@@ -30,16 +30,18 @@ def angle(a: Array, b: Array) -> float:
 
 
 def through_time(milliseconds: float, leg: kd.Leg = LEG, **options: object) -> kd.Collision:
-    """Return the same kick with a contact of this length."""
+    """Return the same kick with a contact time of so many milliseconds."""
     seconds = 1e-3 * milliseconds
     return kd.collide(
-        leg.posture(POSTURE.q), V, BALL, TOUCH, contact_time=seconds, tol=1e-11, **options
+        leg.posture(POSTURE.q), V, BALL, CONTACT, contact_time=seconds, tol=1e-11, **options
     )  # type: ignore[arg-type]
 
 
 def order() -> None:
-    """Print the way to the limit."""
-    print("| stiffness [N/m^1.5] | contact [ms] | impulse apart [N s] | of it | order in k |")
+    """Print the convergence to the instantaneous impact."""
+    print(
+        "| stiffness [N/m^1.5] | contact [ms] | impulse difference [N s] | relative | order in k |"
+    )
     print("| ---: | ---: | ---: | ---: | ---: |")
     size, last = math.hypot(*INSTANT.impulse), None
     for milliseconds in 10.0 / 4.0 ** np.arange(7):
@@ -53,10 +55,16 @@ def order() -> None:
         last = apart
 
 
-def price() -> None:
+def differences() -> None:
     """Print the difference at the contact times of real balls."""
     heading = ("contact [ms]", "stiffness [N/m^1.5]", "peak force [N]", "deflection [mm]")
-    heading += ("foot moves [mm]", "impulse", "ball speed", "launch turned [deg]", "energy lost")
+    heading += (
+        "foot moves [mm]",
+        "impulse",
+        "ball speed",
+        "direction difference [deg]",
+        "energy lost",
+    )
     print("| " + " | ".join(heading) + " |\n|" + " ---: |" * len(heading))
     for milliseconds in (8.0, 10.0, 12.0):
         hit = through_time(milliseconds)
@@ -75,20 +83,20 @@ def price() -> None:
 
 
 def motions() -> None:
-    """Print what other ways of the leg to the same foot velocity pay, at the stiffness of 10 ms."""
+    """Print the difference for other joint velocities of the same foot velocity, at 10 ms."""
     print(
-        "| hip, knee, ankle [deg] | v [rad/s] | of the speed limits | impulse | ball speed |",
+        "| hip, knee, ankle [deg] | v [rad/s] | share of the speed limits | impulse | ball speed |",
         end="",
     )
-    print(" launch turned [deg] |\n|" + " ---: |" * 6)
+    print(" direction difference [deg] |\n|" + " ---: |" * 6)
     upright = LEG.posture(np.radians([5.0, 10.0, -5.0]))
     for posture, v in (
         (POSTURE, V),
         (POSTURE, POSTURE.joint_velocity(14.0 * ATTACK)),
         (upright, upright.joint_velocity(14.0 * ATTACK)),
     ):
-        hit = kd.collide(posture, v, BALL, TOUCH, contact_time=0.01, tol=1e-11)
-        instant = kd.strike(posture, v, BALL, TOUCH)
+        hit = kd.collide(posture, v, BALL, CONTACT, contact_time=0.01, tol=1e-11)
+        instant = kd.strike(posture, v, BALL, CONTACT)
         cells = (
             ", ".join(f"{value:.0f}" for value in LEG.angles_deg(posture.q).values()),
             ", ".join(f"{value:.1f}" for value in v),
@@ -101,7 +109,7 @@ def motions() -> None:
 
 
 def causes() -> None:
-    """Print what gravity and joint torques have to do with it, at the stiffness of 10 ms."""
+    """Print the effect of gravity and of joint torques, at the stiffness of 10 ms."""
     model = LEG.model
     model.gravity = pin.Motion.Zero()
     still = kd.Leg.from_model(model, LEG.frame)
@@ -110,8 +118,8 @@ def causes() -> None:
     print("| 10 ms | contact [ms] | impulse | ball speed |\n| --- | ---: | ---: | ---: |")
     for name, hit in (
         ("no joint torque", usual),
-        ("and no gravity", through_time(10.0, still)),
-        ("every joint with a tenth of its effort limit, along its motion", pushed),
+        ("no joint torque, no gravity", through_time(10.0, still)),
+        ("every joint with a tenth of its torque limit, along its motion", pushed),
     ):
         impulse = math.hypot(*hit.impulse) / math.hypot(*INSTANT.impulse) - 1
         speed = float(hit.ball_after.speed) / float(INSTANT.ball_after.speed) - 1
@@ -126,7 +134,7 @@ def main() -> None:
     )
     order()
     print()
-    price()
+    differences()
     print()
     motions()
     print()

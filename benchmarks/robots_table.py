@@ -1,10 +1,11 @@
-"""The same kick by every robot: the table of docs/robots.md, and a page of each.
+"""Compare the same kick of every robot: the table of docs/robots.md, and a 3-D page of each row.
 
     python benchmarks/robots_table.py [--pages FOLDER]
 
-Posture of the paper's Table 2 (hip 5, knee 10, ankle -5 degrees, all else straight), foot at 1 m/s
-along 30 degrees upward, which is also the contact normal, e 0.8, frictionless, a size 5 ball at
-rest. Robots strike on a fixed base, on a floating one, and afloat with the left foot held.
+Posture of the paper's Table 2 (hip 5, knee 10, ankle -5 degrees, all other joints at 0), foot at
+1 m/s along 30 degrees upward, which is also the contact normal, e 0.8, frictionless, a size 5 ball
+at rest. Robots strike on a fixed base, on a floating base, and on a floating base with the left
+foot fixed.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS
 
 ATTACK = np.array([np.cos(np.radians(30)), 0.0, np.sin(np.radians(30))])
-TOUCH = kd.Contact(ATTACK, restitution=0.8)
+CONTACT = kd.Contact(ATTACK, restitution=0.8)
 DEGREES = (5.0, 10.0, -5.0)
 BENDS = {
     "g1": ("right_hip_pitch_joint", "right_knee_joint", "right_ankle_pitch_joint"),
@@ -58,12 +59,12 @@ def kicks() -> Iterator[tuple[str, str, kd.Impact]]:
         fixed = kd.Leg.from_robot(name, legs_only=legs)
         yield shown, "fixed", struck(posture(fixed, joints))
         yield shown, "floating", struck(posture(floating, joints))
-        yield shown, "left foot held", struck(posture(floating.with_supports(foot), joints))
+        yield shown, "left foot fixed", struck(posture(floating.with_supports(foot), joints))
 
 
 def struck(bent: kd.Posture) -> kd.Impact:
     """Return the kick from a posture."""
-    return kd.strike(bent, bent.joint_velocity(ATTACK), kd.Ball(), TOUCH)
+    return kd.strike(bent, bent.joint_velocity(ATTACK), kd.Ball(), CONTACT)
 
 
 def table() -> str:

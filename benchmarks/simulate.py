@@ -15,11 +15,14 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.accuracy.random_scenes import random_scene, wide_scene
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from random_scenes import random_scene, wide_scene
 
 TOLERANCES = (0.01, 0.1, 1.0)
 

@@ -48,7 +48,7 @@ from .planning.swing import plan_swing as plan_swing
 from .planning.swing_result import Swing as Swing
 from .robot.constraints import Support as Support
 from .robot.leg import Leg as Leg
-from .robot.posture import Posture as Posture
+from .robot.leg import Posture as Posture
 from .scene.scene import Scene as Scene
 from .scene.simulate import simulate as simulate
 from .scene.simulation import Simulation as Simulation

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -91,7 +90,7 @@ class Ball(ReprMixin):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class BallState(ReadOnly):
+class BallState:
     """Where a ball is and how it moves: one state, or many.
 
     Shapes `(3,)` make one state; where any argument has n rows, there are n states, and what has

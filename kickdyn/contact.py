@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Contact(ReprMixin, ReadOnly):
+class Contact(ReprMixin):
     """One point contact, for the instant of the impact.
 
     Args:
@@ -27,7 +26,8 @@ class Contact(ReprMixin, ReadOnly):
             nine match balls against leather (Proceedings 2020, 49(1):92).
         offset: of the contact point from the origin of the leg's contact frame, in that frame's
             axes, so that it stays on the foot as the foot turns, shape `(3,)` [m]; it replaces
-            that of a posture from `touched_at`. None, which leaves the point alone, when not named.
+            that of a posture from `with_contact_offset`. None, which leaves the point alone, when
+            not named.
 
     Raises:
         InvalidInput: a normal of length 0, or a coefficient outside its range.

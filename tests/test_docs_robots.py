@@ -1,4 +1,4 @@
-"""docs/robots.md tells the truth: its table is recomputed."""
+"""The table of docs/robots.md is the output of its script."""
 
 import runpy
 from pathlib import Path
@@ -7,6 +7,6 @@ ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
 
 
-def test_table_is_what_the_script_prints():
+def test_table_is_the_output_of_the_script():
     script = runpy.run_path(str(ROOT / "benchmarks" / "robots_table.py"))
     assert script["table"]() in TEXT

@@ -278,7 +278,7 @@ def test_rolling_to_a_wall_has_a_closed_form():
     way = 4 * speed / 5
     left = math.sqrt(speed**2 - 2 * 0.8 * way)
     assert course.status == "at-plane"
-    assert course.glides[-1].kind == "roll"
+    assert course.ground_phases[-1].kind == "roll"
     assert course.duration == pytest.approx((speed - left) / 0.8, rel=1e-9)
     assert course.rest.position == pytest.approx([4, 4 * 2 / 5, R], rel=1e-9)
     assert course.rest.velocity == pytest.approx(left / speed * np.array([5, 2, 0]), rel=1e-8)
@@ -291,7 +291,7 @@ def test_sliding_to_a_wall_has_a_closed_form():
     course = kd.follow(launch((8, 0, 0), (0, 0, R)), BALL, None, ice, plane=wall)
     left = math.sqrt(64 - 2 * 0.981 * 3)
     assert course.status == "at-plane"
-    assert [glide.kind for glide in course.glides] == ["slide"]
+    assert [phase.kind for phase in course.ground_phases] == ["slide"]
     assert course.duration == pytest.approx((8 - left) / 0.981, rel=1e-12)
     assert course.rest.velocity == pytest.approx([left, 0, 0], rel=1e-12)
     assert course.rest.position[0] == pytest.approx(3, rel=1e-12)

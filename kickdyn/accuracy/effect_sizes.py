@@ -18,7 +18,7 @@ from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import KickdynError
 from kickdyn.scene.effects import EFFECTS
-from kickdyn.scene.exact_end import ENDS
+from kickdyn.scene.flight_end import ENDS
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import simulate
 from kickdyn.scene.simulation import Simulation
@@ -62,7 +62,7 @@ def worths(
     whole = simulate(scene, None) if whole is None else whole
     rows = []
     for effect in EFFECTS:
-        if not effect.named(scene):
+        if not effect.is_in(scene):
             continue
         if told is not None:
             told(effect.name)
@@ -71,7 +71,7 @@ def worths(
         except KickdynError as error:
             rows.append(Worth(effect.name, math.nan, math.nan, str(error)))
             continue
-        impulse = float(np.linalg.norm(less.hit.impulse - whole.hit.impulse))
+        impulse = float(np.linalg.norm(less.impact.impulse - whole.impact.impulse))
         endless = [end.status for end in (whole, less) if end.status not in ENDS]
         if endless:
             rows.append(Worth(effect.name, math.nan, impulse, f"no end: {endless[0]}"))
@@ -109,7 +109,7 @@ def show(file: str, json_file: str | None = None, plot: str | None = None) -> No
     console = Console(highlight=False, width=screen_width())
     ended = whole.status if whole.status in ENDS else f"NO END, given up {whole.status}"
     console.print(
-        f"{scene.name}: {np.linalg.norm(whole.hit.impulse):.4g} N s, {ended} at "
+        f"{scene.name}: {np.linalg.norm(whole.impact.impulse):.4g} N s, {ended} at "
         f"({x:.3f}, {y:.3f}, {z:.3f}) m. What leaving one effect out changes:",
         markup=False,
     )
@@ -127,7 +127,7 @@ def _document(whole: Simulation, rows: list[Worth]) -> dict[str, Any]:
         "scene": whole.scene.name,
         "status": whole.status,
         "end": whole.end.position.tolist(),
-        "impulse": whole.hit.impulse.tolist(),
+        "impulse": whole.impact.impulse.tolist(),
         "units": {"end": "m", "impulse": "N s"},
         "effects": listed,
     }

@@ -18,9 +18,9 @@ from kickdyn.accuracy.taylor import taylor
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
+from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import downward
-from kickdyn.flight.state_layout import Motion
 
 SCIPY = ("RK45", "DOP853", "LSODA", "Radau")
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
@@ -140,7 +140,7 @@ def _scipy(name: str, ball: Ball, air: Air) -> Flown:
     def flown(states: list[BallState], tol: float) -> tuple[Array, float, int]:
         landings, calls = [], 0
         for state in states:
-            motion = Motion(state, ball, air)
+            motion = FlightEquations(state, ball, air)
 
             def down(_: float, y: Array, rise: int = motion.rise) -> float:
                 return float(y[rise])

@@ -16,7 +16,7 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
-from kickdyn.flight.ballistic import time_to_fall
+from kickdyn.flight.forces import time_to_fall
 from kickdyn.impact.impact_result import Impact
 
 

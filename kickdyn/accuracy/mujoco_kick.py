@@ -81,7 +81,7 @@ def scene(hit: Impact, rate: float, damping: float, dt: float) -> str:
             f'fullinertia="{row(moments)}"/><joint type="hinge" axis="{row(axis)}"/>'
         )
         ends += "</body>"
-    normal = hit.posture.joint_rotation.T @ contact.normal
+    normal = hit.posture.rotation_world_joint.T @ contact.normal
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     bodies += f'<geom type="box" size="1 1 0.1" quat="{quaternion(face)}" '
     bodies += f'pos="{row(hit.posture.contact_lever - 0.1 * normal)}"/>'

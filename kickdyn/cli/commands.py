@@ -11,7 +11,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 from kickdyn._version import __version__
 from kickdyn.cli.command import run
-from kickdyn.core.resources import shipped
+from kickdyn.core.files import shipped
 
 COMMANDS = {
     "posture-sweep": (
@@ -42,7 +42,7 @@ class _FileOrName(click.types.StringParamType):
 def _names(param: click.Parameter) -> list[str]:
     """Return the names of legs or of scenes, where a parameter takes one."""
     if param.name == "leg_name":
-        from kickdyn.robot.catalog import LEGS  # imports Pinocchio
+        from kickdyn.cli.named_legs import LEGS  # imports Pinocchio
 
         return [*LEGS]
     if param.name in ("scene", "scene_file"):

@@ -14,6 +14,7 @@ from click.core import ParameterSource
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.command import busy
+from kickdyn.cli.named_legs import load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -36,7 +37,6 @@ from kickdyn.planning.plan_report import (
 )
 from kickdyn.planning.swing import plan_swing
 from kickdyn.planning.swing_result import Swing
-from kickdyn.robot.catalog import load_leg
 
 CROUCH = 0.1
 """By how much lower a robot's hips are when it kicks, over the height of its straight leg: its
@@ -159,7 +159,7 @@ def plan(
     place = None if offset is None else _numbers("offset", offset, ",", 3)
     ball_position = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
     if ball_height is None and ball_position is None:
-        standing = leg.posture(leg.configuration()).touched_at(place)
+        standing = leg.posture(leg.configuration()).with_contact_offset(place)
         ball_height = float(standing.contact_point[2]) + ball.radius
         if leg.contact_normal_cone is not None:  # a robot, whose toe must point ahead
             ball_height -= CROUCH * float(standing.contact_point[2])

@@ -14,14 +14,13 @@ import click
 import xarray as xr
 
 from kickdyn.air import AIRS
-from kickdyn.ball import Ball
+from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.robot.catalog import SHIPPED, load_leg
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import IN_MEMORY, Grid, check_size, read_postures
 from kickdyn.sweeps.kick import Kick
@@ -37,7 +36,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 COMPILING_AFTER = 1.0
 """Time from which a sweep that has not begun is said to compile [s]."""
 
-Shown = tuple[Impact, Ball, Flight]
+Shown = tuple[Impact, Flight]
 
 
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
@@ -241,9 +240,9 @@ def _writers(
     """Return functions that write the files; page and figure are made already."""
     writers: list[Callable[[], None]] = []
     if view is not None and shown:
-        from kickdyn.view.kick_page import kick_page, write_page
+        from kickdyn.view.page import page
 
-        writers.append(partial(write_page, view, kick_page(*shown)))
+        writers.append(partial(page(*shown).save, view))
     if plot is not None:
         from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
 
@@ -254,20 +253,19 @@ def _writers(
 
 
 def _best_kick(lines: Sequence[ReportLine], kick: Kick) -> Shown:
-    """Return impact, ball and flight of the best kick; raise `InvalidInput` where there is none."""
+    """Return impact and flight of the best kick; raise `InvalidInput` where there is none."""
     for line in lines:
         impact = line.outcome.impact
         if impact is not None:
-            flight = fly(impact.ball_after, kick.ball, kick.air, orientation=True)
-            return impact, kick.ball, flight
+            return impact, fly(impact.ball_after, kick.ball, kick.air, orientation=True)
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 
 def _serve(shown: Shown) -> None:
     """Serve the page of a kick until Ctrl-C."""
-    from kickdyn.view.live import serve
+    from kickdyn.view.page import page
 
-    with serve(*shown) as server:
+    with page(*shown).serve() as server:
         click.echo(f"showing the kick at {server.url} (this machine only) until Ctrl-C", err=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()

@@ -9,7 +9,7 @@ from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.instant_contact import simulate_as_instant
+from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.view.playback import pace_of, shown_at
 from kickdyn.view.screenshot import check_photo, save_photo
@@ -55,8 +55,8 @@ def view(
             if out is not None:
                 write_page(out, html)
             if png is not None:
-                assert isinstance(answer.hit, Impact)
-                pace = pace_of(answer.hit, float(answer.end.time))
+                assert isinstance(answer.impact, Impact)
+                pace = pace_of(answer.impact, float(answer.end.time))
                 say("taking the picture")
                 save_photo(html, png, shown_at(pace, at))
     if json_file is not None:

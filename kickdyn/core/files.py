@@ -1,4 +1,4 @@
-"""Writing files so that nothing half-written is ever left behind."""
+"""Files that come with kickdyn, and writing files so that nothing half-written is left behind."""
 
 from __future__ import annotations
 
@@ -11,6 +11,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from kickdyn.errors import InvalidInput
+
+
+def shipped(folder: str) -> Path:
+    """Return the path of a folder that comes with kickdyn, `urdf` or `scenes`.
+
+    It is inside the package in the wheel, beside it in a checkout.
+    """
+    package = Path(__file__).resolve().parents[1]
+    packaged = package / folder
+    return packaged if packaged.exists() else package.parent / folder
 
 
 def exists(path: str | os.PathLike[str]) -> bool:

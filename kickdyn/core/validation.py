@@ -86,6 +86,13 @@ def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
     return array
 
 
+def read_only(array: Array) -> Array:
+    """Return a copy that cannot be written to."""
+    own = array.copy()
+    own.setflags(write=False)
+    return own
+
+
 def brief(value: object) -> str:
     """Return how a value shows itself, cut where that is long."""
     try:

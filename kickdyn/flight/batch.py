@@ -16,15 +16,14 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
-from kickdyn.flight.fly import MAX_SPEED, check_scene
-from kickdyn.flight.forces import downward
-from kickdyn.flight.march import march
-from kickdyn.flight.steps import ALOFT, FAILED, LANDED
+from kickdyn.flight.flight_result import FlightStatus, outside_ranges
+from kickdyn.flight.fly import MAX_SPEED, check_scene, drops
+from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
 from kickdyn.flight.tolerances import tolerances
-from kickdyn.flight.validity_ranges import left_by
 from kickdyn.ground import Ground
 
-STATUSES = ("landed", "aloft", "failed")
+STATUSES = (FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED)
 """How a flight ends, in the order of the flags."""
 
 
@@ -37,14 +36,16 @@ def fly_many(
     *,
     time_limit: float = 1000.0,
 ) -> xr.Dataset:
-    """Let a ball fly from many launches.
+    """Return the flights of a ball from many launches.
 
     The answers are those of `fly`, hundreds of times as fast, without its planes, orientation and
     samples in between. The first call in a process takes about a second to load, the very first
-    some ten to compile, and each new air or ball another one.
+    some twenty to compile, and each new air or ball another one.
 
     Args:
-        states: the launches, arrays of shape `(n, 3)`; their time is not used.
+        states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
+            `(n, 3)`: what is given as `(3,)`, or not at all, is the same for all; their time is not
+            used.
         ball: mass and radius.
         air: None is the vacuum. Wind and coefficients that are functions must be written with
             floats and `math`, so that numba can compile them.
@@ -56,7 +57,7 @@ def fly_many(
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
         acceleration was not finite, the integrator gave up, the launch was faster than light, or
         the flight left the range of a coefficient that refuses that, and the numbers are nan;
-        where it is `aloft`, the landing is merely the last state. `outside` knows launch, apex
+        where it is `aloft`, the landing is merely the last state. `outside` is about launch, apex
         and landing only, while a ball is slowest between apex and landing.
 
     Raises:
@@ -70,109 +71,85 @@ def fly_many(
         )
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    drop = _drops(states, ball, ground)
-    n = len(drop)
-    nodes = np.full((n, 16), np.nan)
-    status, evaluations = np.zeros(n, np.int8), np.zeros(n, np.int64)
-    closed = _closed(states, ball, air)
-    if closed.any():
-        g = downward(ball, air)
-        with np.errstate(over="ignore", invalid="ignore"):
-            fallen, ended = _fall(states.velocity[closed], g, drop[closed], time_limit)
-        lost = ~np.isfinite(fallen).all(axis=1)
-        fallen[lost], ended[lost] = np.nan, FAILED
-        nodes[closed], status[closed] = fallen, ended
+    drop = drops(states.position, ball, ground)
+    closed = _have_closed_form(states, ball, air)
     too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
-    status[too_fast] = FAILED
-    rows = np.flatnonzero(~closed & ~too_fast)
-    if air is not None and len(rows):
-        rtol = max(tol, 100 * float(np.finfo(float).eps))
-        solved, ends, counts = np.empty((len(rows), 16)), status[rows], evaluations[rows]
-        scenes = _scenes(states, ball, air, drop, tol)[rows]
-        velocities = np.ascontiguousarray(states.velocity[rows])
-        rates = compiled_rates(ball, air)
-        given = (rtol, tol, time_limit)
-        try:
-            march(rates, scenes, velocities, *given, solved, ends, counts)
-        except Exception:  # a coefficient's own: only its rows shall fail
-            for i in range(len(rows)):
-                one = slice(i, i + 1)
-                answer = solved[one], ends[one], counts[one]
-                try:
-                    march(rates, scenes[one], velocities[one], *given, *answer)
-                except Exception:
-                    solved[i], ends[i], counts[i] = np.nan, FAILED, 0
-        nodes[rows], status[rows], evaluations[rows] = solved, ends, counts
-    left = _outside(states, nodes, rows, ball, air)
+    integrated = np.flatnonzero(~closed & ~too_fast)
+    nodes, evaluations = np.full((len(drop), 16), np.nan), np.zeros(len(drop), np.int64)
+    status = np.full(len(drop), FAILED, np.int8)
+    fall = _closed_forms(states.velocity[closed], downward(ball, air), drop[closed], time_limit)
+    nodes[closed], status[closed] = fall
+    if air is not None and len(integrated):
+        scenes = _scenes(states, ball, air, drop, tol)[integrated]
+        flown = _integrate(scenes, states.velocity[integrated], ball, air, tol, time_limit)
+        nodes[integrated], status[integrated], evaluations[integrated] = flown
+    outside = _outside(states, nodes, integrated, ball, air)
     attributes = _attributes(ball, air, ground, tol)
-    return _dataset(states, nodes, status, evaluations, left, attributes)
+    return _dataset(states, nodes, status, evaluations, outside, attributes)
 
 
-def _drops(states: BallState, ball: Ball, ground: Ground | None) -> Array:
-    """Return how far below its launch each flight ends [m]."""
-    if ground is None:
-        return np.zeros(len(states.position))
-    gap = states.position[:, 2] - ball.radius - ground.height
-    inside = np.flatnonzero(gap < -1e-9 * max(ball.radius, abs(ground.height)))
-    if inside.size:
-        raise InvalidInput(
-            f"flight {inside[0]} starts {-gap[inside[0]]:g} m inside the ground: the ball's centre "
-            f"must be at or above {ground.height + ball.radius:g} m"
-        )
-    return np.maximum(gap, 0.0)
-
-
-def _closed(
-    states: BallState, ball: Ball, air: Air | None
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which flights a closed form answers: `forces.is_ballistic`, row by row."""
+def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray[np.bool_]:
+    """Return which flights a closed form answers, those with spin or those without, or both."""
     spins = states.spin.any(axis=1)
-    if air is None:
-        return np.ones_like(spins)
     if downward(ball, air) <= 0.0:
         return np.zeros_like(spins)
-    if air.density == 0.0:
-        return np.ones_like(spins)
-    if air.drag is not None:
-        return np.zeros_like(spins)
-    if air.lift is None and air.torque is None:
-        return np.ones_like(spins)
-    return np.logical_not(spins)
+    return np.where(spins, is_ballistic(air, np.ones(3)), is_ballistic(air, np.zeros(3)))
 
 
-def _fall(
+def _closed_forms(
     velocity: Array, g: float, drop: Array, time_limit: float
 ) -> tuple[Array, NDArray[np.int8]]:
-    """Return nodes as `march` does, and status, of flights in a vacuum."""
+    """Return nodes as `march` does, and status, of flights that only weight acts on."""
     rise = velocity[:, 2]
-    root = np.sqrt(rise * rise + 2.0 * g * drop)
-    with np.errstate(divide="ignore", invalid="ignore"):  # in the branch not taken
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        root = np.sqrt(rise * rise + 2.0 * g * drop)
         end = np.where(rise >= 0.0, (rise + root) / g, 2.0 * drop / (root - rise))
-    landed = end <= time_limit
-    end = np.minimum(end, time_limit)
-    top = np.clip(rise / g, 0.0, end)
-    nodes = np.ones((len(end), 16))
-    for column, t in ((0, end), (8, top)):
-        nodes[:, column] = t
-        nodes[:, column + 1 : column + 4] = velocity * t[:, None]
-        nodes[:, column + 3] -= 0.5 * g * t * t
-        nodes[:, column + 4 : column + 7] = velocity
-        nodes[:, column + 6] -= g * t
-    nodes[landed, 3] = -drop[landed]
-    return nodes, np.where(landed, LANDED, ALOFT).astype(np.int8)
+        landed = end <= time_limit
+        end = np.minimum(end, time_limit)
+        top = np.clip(rise / g, 0.0, end)
+        nodes = [
+            end[:, None],
+            ballistic(velocity, g, end),
+            top[:, None],
+            ballistic(velocity, g, top),
+        ]
+    flown = np.hstack(nodes)
+    flown[landed, 3] = -drop[landed]
+    status = np.where(landed, LANDED, ALOFT).astype(np.int8)
+    lost = ~np.isfinite(flown).all(axis=1)
+    flown[lost], status[lost] = np.nan, FAILED
+    return flown, status
+
+
+def _integrate(
+    scenes: Array, velocities: Array, ball: Ball, air: Air, tol: float, time_limit: float
+) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
+    """Return nodes, status and evaluations of flights through the air."""
+    n = len(scenes)
+    march, rates = compiled_march(), compiled_rates(ball, air)
+    limits = (max(tol, 100 * float(np.finfo(float).eps)), tol, time_limit)
+    flown = np.empty((n, 16)), np.zeros(n, np.int8), np.zeros(n, np.int64)
+    try:
+        march(rates, scenes, velocities, *limits, *flown)
+    except Exception:  # a coefficient's own: only its rows shall fail
+        for i in range(n):
+            one = tuple(part[i : i + 1] for part in flown)
+            try:
+                march(rates, scenes[i : i + 1], velocities[i : i + 1], *limits, *one)
+            except Exception:
+                one[0][:], one[1][:], one[2][:] = np.nan, FAILED, 0
+    return flown
 
 
 def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) -> Array:
-    """Return what `march` must know of each flight, with the tolerances of `fly`."""
-    n = len(drop)
-    spins = states.spin.any(axis=1)
-    decays = spins & (air.torque is not None)
+    """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 9)`."""
+    decays = states.spin.any(axis=1) & brakes(air, np.ones(3))
     calm = not callable(air.wind) and air.wind[1] == 0.0
     planar = calm & (states.velocity[:, 1] == 0.0) & ~states.spin[:, ::2].any(axis=1)
     if callable(air.wind):
         wind = np.array([_speed(air, height) for height in states.position[:, 2].tolist()])
     else:
-        wind = np.full(n, math.hypot(*air.wind))
+        wind = np.full(len(drop), math.hypot(*air.wind))
     _, near, slow = tolerances(states.velocity, drop, wind, ball, air, tol)
     count = np.where(planar, 4.0, 6.0) + decays
     height = states.position[:, 2]
@@ -183,10 +160,10 @@ def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) ->
 def _outside(
     states: BallState, nodes: Array, rows: NDArray[np.intp], ball: Ball, air: Air | None
 ) -> NDArray[np.bool_]:
-    """Return which flights have a node where a coefficient is not meant to be used."""
-    left = np.zeros(len(nodes), bool)
+    """Return which flights have a node outside the range of a coefficient."""
+    outside = np.zeros(len(nodes), bool)
     if air is None:
-        return left
+        return outside
     launch, flown = states.position[rows, 2], nodes[rows]
     spin, one = states.spin[rows], np.ones((len(rows), 1))
     for height, velocity, share in (
@@ -194,14 +171,14 @@ def _outside(
         (launch + flown[:, 3], flown[:, 4:7], flown[:, 7:8]),
         (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
     ):
-        for _, out in left_by(height, velocity, share * spin, ball, air):
-            left[rows] |= out
-    left[~(nodes[:, 0] > 0.0)] = False  # failed: nobody knows; or never flew
-    return left
+        for _, out in outside_ranges(height, velocity, share * spin, ball, air):
+            outside[rows] |= out
+    outside[~(nodes[:, 0] > 0.0)] = False  # failed: nobody knows; or never flew
+    return outside
 
 
 def _speed(air: Air, height: float) -> float:
-    """Return the speed of the wind, nan where its function fails."""
+    """Return the speed of the wind [m/s], nan where its function fails."""
     try:
         return math.hypot(*air.wind_at(height))
     except Exception:  # someone's own function
@@ -211,6 +188,7 @@ def _speed(air: Air, height: float) -> float:
 def _attributes(
     ball: Ball, air: Air | None, ground: Ground | None, tol: float
 ) -> dict[str, str | float]:
+    """Return what was flown, as attributes of the dataset."""
     return {
         "title": "flights of a ball",
         "source": f"kickdyn {__version__}",
@@ -227,9 +205,10 @@ def _dataset(
     nodes: Array,
     status: NDArray[np.int8],
     evaluations: NDArray[np.int64],
-    left: NDArray[np.bool_],
+    outside: NDArray[np.bool_],
     attributes: dict[str, str | float],
 ) -> xr.Dataset:
+    """Return the results with names, units and meanings."""
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
     for name, values, unit, meaning in (
@@ -242,7 +221,12 @@ def _dataset(
         ("landing_velocity", velocity, "m/s", "velocity at the landing"),
         ("landing_spin", nodes[:, 7:8] * states.spin, "rad/s", "spin at the landing"),
         ("evaluations", evaluations, "1", "evaluations of the acceleration"),
-        ("outside", left, "1", "whether launch, apex or landing is out of a coefficient's range"),
+        (
+            "outside",
+            outside,
+            "1",
+            "whether launch, apex or landing is out of a coefficient's range",
+        ),
     ):
         dims = ("flight", "axis")[: values.ndim]
         data[name] = (dims, values, {"units": unit, "long_name": meaning})

@@ -1,18 +1,24 @@
-"""Compiling a ball's equations of motion with numba, plug-in coefficients included."""
+"""A ball's equations of motion in machine code, plug-in coefficients included.
+
+numba compiles a Python function only where all it calls is compiled too, and keeps it on the disk
+only under a name that says all it is made of: `fingerprint` makes that name.
+"""
 
 from __future__ import annotations
 
 import builtins
 import copy
+import hashlib
 import math
 import types
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel
@@ -20,25 +26,29 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput
 from kickdyn.flight import lanes
-from kickdyn.flight.fingerprint import fingerprint, used
 from kickdyn.flight.forces import forces, reynolds_number
 from kickdyn.flight.lanes import HOW, SIGNATURE, inlined, mathematics, side_by_side
 
-_KEPT = 200
-"""Compiled functions that are remembered; each holds some 100 kB of machine code."""
+_IN_MEMORY = 200
+"""Compiled functions that are kept in memory; each takes some 100 kB."""
 
 _ON_DISK = 200
-"""Files of equations that are kept, two for a ball and its air."""
+"""Files of equations that are kept on the disk, two for a ball and its air."""
 
 _SOURCES = (numba.__version__.encode(), Path(str(lanes.__file__)).read_bytes())
 """What the equations are made of besides their own functions: `exp`, and how to compile."""
 
-_compiled: dict[object, Any] = {}
+_LIBRARIES = (math, np)
+"""Modules whose names mean the same tomorrow; the attributes of others may be anything."""
+
+_PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.BuiltinFunctionType)
+
+_compiled: dict[tuple[str, bool], Any] = {}
 
 
 @lru_cache(maxsize=16)
 def compiled_rates(ball: Ball, air: Air) -> Any:
-    """Return `side_by_side(forces(ball, air))` as machine code.
+    """Return the rates of many flights side by side, `lanes.side_by_side`, as machine code.
 
     Raises:
         InvalidInput: wind or a coefficient is something that numba cannot compile.
@@ -57,14 +67,14 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
     rates = side_by_side(
         forces(ball, whole), forces(ball, straight), reynolds_number(ball, air), bound
     )
-    return _kept(rates, air)
+    return _from_disk(rates, air)
 
 
-def _kept(rates: Callable[..., Any], air: Air) -> Any:
-    """Return the equations of motion as machine code, from the disk where they are there."""
+def _from_disk(rates: Callable[..., Any], air: Air) -> Any:
+    """Return the equations of motion as machine code, read from the disk if they are there."""
     name = fingerprint(rates, *_SOURCES)
     if name is None:
-        return _made(rates, air)
+        return _compile_all(rates, air)
     # numba keeps a function by its name and what it closes over: the name says all, and what is
     # called is left out, so that nothing is compiled where the disk has it
     called: dict[str, Any] = {"__builtins__": builtins, "__name__": __name__}
@@ -74,16 +84,16 @@ def _kept(rates: Callable[..., Any], air: Air) -> Any:
         try:
             return numba.njit(SIGNATURE, cache=True, **HOW)(twin)
         except numba.TypingError:
-            called["rates"] = _made(rates, air)
+            called["rates"] = _compile_all(rates, air)
             dispatcher = numba.njit(SIGNATURE, cache=True, **HOW)(twin)
             _forget(Path(dispatcher.stats.cache_path))
             return dispatcher
     except (RuntimeError, OSError):  # nowhere to keep it
-        return _made(rates, air)
+        return _compile_all(rates, air)
 
 
-def _made(rates: Callable[..., Any], air: Air) -> Any:
-    """Compile the equations of motion, and before them what of the air may be someone's own."""
+def _compile_all(rates: Callable[..., Any], air: Air) -> Any:
+    """Return the equations of motion, compiled after the wind and coefficients they call."""
     for name in ("wind", "drag", "lift", "torque"):
         part = getattr(air, name)
         part = part.function if isinstance(part, CoefficientModel) else part
@@ -94,16 +104,18 @@ def _made(rates: Callable[..., Any], air: Air) -> Any:
 
 
 def _call(scene: Any, state: Any, rate: Any) -> None:
+    """Call the global `rates` of whatever module this code is put into."""
     rates(scene, state, rate)  # type: ignore[name-defined]  # noqa: F821
 
 
 def _forget(folder: Path) -> None:
-    """Remove the oldest equations that are kept on the disk, but for so many."""
+    """Remove the oldest equations that are kept on the disk, all but `_ON_DISK` files."""
     for file in sorted(folder.glob("*.equations_*"), key=_age)[_ON_DISK:]:
         file.unlink(missing_ok=True)
 
 
 def _age(file: Path) -> float:
+    """Return a number that is larger the older a file is."""
     try:
         return -file.stat().st_mtime
     except FileNotFoundError:  # another process was faster
@@ -123,18 +135,18 @@ def _refusing(model: CoefficientModel) -> Coefficient:
 
 
 def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:
-    """Compile now, so that what is wrong shows here and under its name."""
+    """Return a compiled function; an error shows here, under its name."""
     try:
         dispatcher = _tree(function, SIGNATURE if signature is SIGNATURE else None)
         if signature is not SIGNATURE:
             dispatcher.compile(signature)
     except Exception as error:  # numba has no common base for what it cannot do
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        told = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+        reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]
+        reason = reasons[0] if reasons else type(error).__name__
         raise InvalidInput(
             f"{name} {getattr(function, '__name__', function)!r} cannot be compiled by numba "
-            f"({told[0] if told else type(error).__name__}): write it with floats and math only, "
-            "or call fly for each flight"
+            f"({reason}): write it with floats and math only, or call fly for each flight"
         ) from error
     return dispatcher
 
@@ -151,24 +163,25 @@ def _tree(function: Any, signature: Any = None) -> Any:
         return function
     if not isinstance(function, types.FunctionType):
         raise TypeError(f"a {type(function).__name__} is not a function written in Python")
-    cells = tuple(_known(cell.cell_contents) for cell in function.__closure__ or ())
-    names = {name: _known(value) for name, value in used(function).items()}
-    key = _key(function, cells, names, signature)
+    name = fingerprint(function) or uuid.uuid4().hex
+    key = (name, signature is None)
     if key in _compiled:
         return _compiled[key]
+    cells = (types.CellType(_known(cell.cell_contents)) for cell in function.__closure__ or ())
+    names = {name: _known(value) for name, value in _used(function).items()}
     twin = types.FunctionType(
         function.__code__,
         {"__builtins__": builtins, "__name__": function.__module__, **names},
         function.__name__,
         function.__defaults__,
-        tuple(types.CellType(cell) for cell in cells) or None,
+        tuple(cells) or None,
     )
     twin.__kwdefaults__ = function.__kwdefaults__
     # the linker goes by names: of two that are the same, one of them kept by another process, it
     # would take either
-    twin.__qualname__ = f"{function.__name__}_{fingerprint(function) or uuid.uuid4().hex}"
+    twin.__qualname__ = f"{function.__name__}_{name}"
     dispatcher = inlined(twin) if signature is None else numba.njit(signature, **HOW)(twin)
-    if len(_compiled) >= _KEPT:
+    if len(_compiled) >= _IN_MEMORY:
         _compiled.clear()
     _compiled[key] = dispatcher
     return dispatcher
@@ -178,18 +191,75 @@ def _known(value: Any) -> Any:
     """Return a constant as it is, and a function of someone's own compiled."""
     if value is math:
         return mathematics
+    ours = isinstance(value, types.FunctionType) and not value.__module__.startswith("numpy")
+    return _tree(value) if ours or isinstance(value, CoefficientModel) else value
+
+
+def fingerprint(value: Any, *more: bytes) -> str | None:
+    """Return a name that two functions share only if they, and all that they call, do the same.
+
+    Args:
+        value: a function, whose code, defaults, and the values of the names it uses count; a plain
+            value; or a tuple of those.
+        more: what counts besides.
+
+    Returns:
+        32 hexadecimal digits; None where it uses what has no plain value: an array, a module of
+        someone's own, a function that is compiled already.
+    """
+    digest = hashlib.sha256()
+    try:
+        for part in (*more, *_parts(value, set())):
+            digest.update(b"%d:" % len(part) + part)
+    except TypeError:
+        return None
+    return digest.hexdigest()[:32]
+
+
+def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
+    """Yield the bytes that a value is made of; raise `TypeError` where there are none."""
     if isinstance(value, CoefficientModel):
-        return _tree(value)
-    ours = isinstance(value, types.FunctionType)
-    return _tree(value) if ours and not value.__module__.startswith("numpy") else value
+        value = value.function
+    if isinstance(value, types.FunctionType) and not value.__module__.startswith("numpy"):
+        if id(value) in met:  # it calls itself
+            yield value.__qualname__.encode()
+            return
+        met.add(id(value))
+        for part in (
+            value.__code__,
+            value.__defaults__,
+            tuple((value.__kwdefaults__ or {}).items()),
+            tuple(cell.cell_contents for cell in value.__closure__ or ()),
+            tuple(_used(value).items()),
+        ):
+            yield from _parts(part, met)
+    elif isinstance(value, types.CodeType):
+        yield value.co_code
+        names = value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars
+        yield from _parts((*names, value.co_argcount, value.co_flags, value.co_consts), met)
+    elif isinstance(value, tuple | frozenset):
+        ordered = value if isinstance(value, tuple) else sorted(value, key=repr)
+        yield b"%d" % len(ordered)
+        for part in ordered:
+            yield from _parts(part, met)
+    elif isinstance(value, types.FunctionType | np.ufunc) or any(value is m for m in _LIBRARIES):
+        yield f"{getattr(value, '__module__', '')} {value.__name__}".encode()
+    elif isinstance(value, _PLAIN):
+        yield f"{type(value).__name__} {value!r}".encode()
+    else:
+        raise TypeError(f"a {type(value).__name__} has no plain value")
 
 
-def _key(function: Any, cells: tuple[Any, ...], used: dict[str, Any], signature: Any) -> object:
-    """Return what makes two functions the same: two equal `Air` then compile once."""
-    parts = (*cells, *used.values(), *(function.__defaults__ or ()))
-    # by value where that is safe, by identity else: the function, kept alive with the key, keeps
-    # alive what it refers to
-    plain = (int, float, bool, str, type(None))
-    names = tuple((type(p), repr(p)) if isinstance(p, plain) else id(p) for p in parts)
-    mutable = any(not isinstance(p, (*plain, Dispatcher, types.ModuleType)) for p in parts)
-    return (function.__code__, tuple(used), names, signature is None, function if mutable else None)
+def _used(function: types.FunctionType) -> dict[str, Any]:
+    """Return the global names a function uses, with their values."""
+    return {
+        name: function.__globals__[name]
+        for name in sorted(_names(function.__code__))
+        if name in function.__globals__
+    }
+
+
+def _names(code: types.CodeType) -> set[str]:
+    """Return the names that a function and those defined in it look up."""
+    inner = (constant for constant in code.co_consts if isinstance(constant, types.CodeType))
+    return set(code.co_names).union(*(_names(each) for each in inner))

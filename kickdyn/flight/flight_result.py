@@ -1,4 +1,4 @@
-"""What a flight answers, once it is flown."""
+"""What `fly` answers: where a ball flew, how exactly, and what to be wary of."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -19,12 +20,11 @@ from kickdyn.core.representation import ReprMixin, Row, side_view
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import brakes
-from kickdyn.flight.validity_ranges import outside, said
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
+NO_SPIN = 1e-9
+"""Surface speed over speed below which a ball does not spin: rounding leaves as much to a plan."""
 
 
 class FlightStatus(StrEnum):
@@ -45,19 +45,18 @@ class FlightStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(ReprMixin):
-    """A ball's way through the air; all times count from the launch.
+    """The flight of a ball; all times count from the launch.
 
     Attributes:
+        ball, air, ground, plane, tol: what was flown, and how exactly.
+        has_orientation: whether `orientation` was asked for.
         launch: the start.
         apex: the highest point; the launch if the ball never rises.
-        landing: the end, a node too: on the ground, back at the height of the launch, or at the
-            plane.
+        landing: the end: on the ground, back at the height of the launch, or at the plane.
         status: `landed`; `at-plane`, where that came first; `aloft`, where the time limit did:
             `landing` is then merely the last state.
         method: how it was computed.
         evaluations: of the acceleration; 0 for the closed form.
-        ball, air, ground, plane, tol: what was flown, and how exactly.
-        turning: whether `orientation` was asked for.
     """
 
     ball: Ball
@@ -65,15 +64,15 @@ class Flight(ReprMixin):
     ground: Ground | None
     plane: Plane | None
     tol: float
-    turning: bool
+    has_orientation: bool
     launch: BallState
     apex: BallState
     landing: BallState
-    status: str
+    status: FlightStatus
     method: str
     evaluations: int
     _trajectory: Callable[[Array], Array] = field(repr=False)
-    _again: Callable[..., Flight] = field(repr=False)
+    _fly_again: Callable[..., Flight] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
@@ -110,16 +109,15 @@ class Flight(ReprMixin):
     def error(self) -> float:
         """Estimate of the error of the landing point [m], from a second flight; not a bound.
 
-        Twice what the landing moves, in space or along the way in its time, when the tolerance is
-        10,000 times tighter, but 1e-13 at tightest, or where that says too little, 100 times wider;
-        never less than a thousandth of the tolerance's share of the flight's length, where they
-        happen to agree. Of a closed form, its rounding. Computed when asked for: it costs that
-        flight, and below 1e-9 two.
+        It is twice what the landing moves, in space or along the path in its time, when the
+        tolerance is 10,000 times tighter (at tightest 1e-13), and below 1e-9 also when it is 100
+        times wider; never less than a thousandth of the tolerance's share of the flight's length.
+        For a closed form it is the rounding. Each of those flights is computed on first use.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
         if self.evaluations == 0:
             grazing = 1.0
-            if self.status == "at-plane" and self.plane is not None:
+            if self.status is FlightStatus.AT_PLANE and self.plane is not None:
                 speed = math.hypot(*self.landing.velocity)
                 across = abs(float(self.plane.normal @ self.landing.velocity))
                 grazing = speed / max(across, 1e-300)
@@ -129,7 +127,7 @@ class Flight(ReprMixin):
         if self.tol < 1e-9:
             tolerances.append(100 * self.tol)
         speed, moved = math.hypot(*self.landing.velocity), 0.0
-        for other in (self._again(tol=tol).landing for tol in tolerances):
+        for other in (self._fly_again(tol=tol).landing for tol in tolerances):
             late = speed * abs(self.duration - float(other.time))
             moved = max(moved, late, float(np.linalg.norm(self.landing.position - other.position)))
         return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length)
@@ -137,30 +135,40 @@ class Flight(ReprMixin):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each coefficient that was used outside the range it is meant for."""
-        return tuple(said(model, share) for model, share in outside(self) if share > 0)
+        return tuple(warning_of(model, share) for model, share in self.outside() if share > 0)
+
+    def outside(self) -> list[tuple[CoefficientModel, float]]:
+        """Return each coefficient model with the share of the flight outside its range."""
+        if self.air is None or self.evaluations == 0:
+            return []
+        states = self.sample(np.linspace(0.0, self.duration, 101))
+        found = outside_ranges(
+            states.position[:, 2], states.velocity, states.spin, self.ball, self.air
+        )
+        return [(model, float(out.mean())) for model, out in found]
 
     def arrival(self, x: float) -> BallState | None:
         """Return the ball where its centre first is at `x` [m, world frame]; None if it never is.
 
-        The height there is `position[2]`; the time is in the state. As exact as a landing: it is
-        flown to, which costs a flight.
+        The state is as exact as a landing: it is the end of a second flight, at a plane.
+
+        Raises:
+            InvalidInput: x is not a finite number.
         """
         there = validation.number("x", x, unit="m")
         before = float(self.launch.position[0]) - there
         if before == 0.0:
             return self.sample(0.0)
-        path = self._again(plane=Plane((there, 0, 0), (before, 0, 0), "centre"))
+        path = self._fly_again(plane=Plane((there, 0, 0), (before, 0, 0), "centre"))
         tie = 10 * self.tol
-        if path.status == "at-plane":
+        if path.status is FlightStatus.AT_PLANE:
             return path.landing if path.duration <= self.duration * (1 + tie) else None
-        short = abs(
-            float(path.landing.position[0]) - there
-        )  # where the ground came first, by a hair
+        short = abs(float(path.landing.position[0]) - there)  # the ground came first, by a hair?
         return path.landing if short <= tie * abs(before) else None
 
     def __reduce__(self) -> tuple[Callable[[], Flight], tuple[()]]:
-        """Pickle what was flown; it is flown anew, to the same last bit."""
-        return partial(self._again, orientation=self.turning), ()
+        """Pickle what was flown; unpickling flies it again, to the same last bit."""
+        return partial(self._fly_again, orientation=self.has_orientation), ()
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
@@ -176,11 +184,11 @@ class Flight(ReprMixin):
         return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
 
     def orientation(self, t: ArrayLike) -> Rotation:
-        """Return how the ball is turned from its orientation at the launch, world frame.
+        r"""Return how the ball is turned from its orientation at the launch, world frame.
 
-        The air brakes the spin but does not turn its axis, so this is a turn about that axis, by
-        the integral of the spin. `as_quat()` of the result gives `(x, y, z, w)`, as Pinocchio and
-        meshcat take it, `as_matrix()` the rotation matrix.
+        The air brakes the spin but does not turn its axis, so the rotation vector is
+        :math:`\int_0^t \omega\, dt`. `as_quat()` of the result gives `(x, y, z, w)`, as Pinocchio
+        and meshcat take it, `as_matrix()` the rotation matrix.
 
         Args:
             t: as for `sample`.
@@ -191,9 +199,7 @@ class Flight(ReprMixin):
         Raises:
             InvalidInput: a time outside the flight, or one flown without `orientation=True`.
         """
-        from scipy.spatial.transform import Rotation
-
-        if not self.turning:
+        if not self.has_orientation:
             raise InvalidInput("the orientation is not known: ask fly for it, orientation=True")
         times, moved = self._states(t)
         turned = moved[..., 7] if brakes(self.air, self.launch.spin) else times
@@ -206,19 +212,61 @@ class Flight(ReprMixin):
         return times, moved.reshape(*times.shape, moved.shape[-1])
 
 
-def profile(way: BallState, marked: tuple[BallState, ...]) -> str:
-    """Draw a ball's way as an SVG: height over the distance ahead, where it was launched to.
+def outside_ranges(
+    height: Array, velocity: Array, spin: Array, ball: Ball, air: Air
+) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
+    """Return each model of drag and lift, and which of n states lie outside its range.
+
+    Models of the torque are left out: nobody measured it for soccer balls at any speed.
 
     Args:
-        way: states along it, the first the launch.
+        height: of the centres, shape `(n,)` [m].
+        velocity: shape `(n, 3)` [m/s, world frame].
+        spin: shape `(n, 3)` [rad/s, world frame].
+        ball: what flies.
+        air: through what.
+    """
+    wind: Array = np.asarray(air.wind if not callable(air.wind) else 0.0)
+    if callable(air.wind):
+        wind = np.array([air.wind_at(z) for z in height.tolist()])
+    through = velocity - wind
+    square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
+    along = np.einsum("ij,ij->i", through, spin)
+    whole = np.einsum("ij,ij->i", spin, spin)
+    across = np.sqrt(np.maximum(whole - along * along / square, 0.0))
+    speed = np.sqrt(square)
+    reynolds = 2 * ball.radius * air.density / air.viscosity * speed
+    spin_parameter = ball.radius * across / speed
+    spins = ball.radius * np.sqrt(whole) > NO_SPIN * speed
+    return [
+        (model, (spins | (model is air.drag)) & model.is_outside(reynolds, spin_parameter))
+        for model in (air.drag, air.lift)
+        if isinstance(model, CoefficientModel)
+    ]
+
+
+def warning_of(model: CoefficientModel, share: float) -> str:
+    """Return a line that says which share of a flight is outside a model's range."""
+    return (
+        f"{model.kind} {model.name}: {100 * share:.0f} % of the flight is outside Re "
+        f"{model.reynolds[0]:.2g} to {model.reynolds[1]:.2g} and spin parameter "
+        f"{model.spin[0]:g} to {model.spin[1]:g}"
+    )
+
+
+def profile(states: BallState, marked: tuple[BallState, ...]) -> str:
+    """Draw height over the distance ahead, in the direction of the launch, as an SVG.
+
+    Args:
+        states: along the path of the ball, the first the launch.
         marked: states to put a dot on.
     """
-    start = way.position[0]
-    ahead = next((v[:2] for v in way.velocity if np.any(v[:2])), np.array([1.0, 0.0]))
+    start = states.position[0]
+    ahead = next((v[:2] for v in states.velocity if np.any(v[:2])), np.array([1.0, 0.0]))
     ahead = ahead / math.hypot(*ahead)
 
     def seen(position: Array) -> Array:
         return np.stack([(position - start)[..., :2] @ ahead, position[..., 2]], axis=-1)
 
     dots = np.array([seen(state.position) for state in marked])
-    return side_view(seen(way.position), dots=dots)
+    return side_view(seen(states.position), dots=dots)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,27 +13,25 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.ballistic import ballistic, time_to_fall
-from kickdyn.flight.flight_result import Flight
-from kickdyn.flight.forces import GRAVITY, STILL, brakes, downward, is_ballistic
-from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until
-from kickdyn.flight.state_layout import Motion
+from kickdyn.flight.equations import FlightEquations
+from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
+from kickdyn.flight.forces import (
+    STILL,
+    ballistic,
+    brakes,
+    downward,
+    is_ballistic,
+    time_to_fall,
+)
+from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until, joined
 from kickdyn.flight.tolerances import tolerances
-from kickdyn.flight.validity_ranges import outside, said
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
 MAX_SPEED = 299_792_458.0
 """In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
-
-
-class _Ends(NamedTuple):
-    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), so late [s]."""
-
-    drop: float
-    wall: tuple[Array, float] | None
-    time_limit: float
 
 
 def fly(
@@ -48,16 +46,18 @@ def fly(
     time_limit: float = 1000.0,
     strict: bool = False,
 ) -> Flight:
-    """Let a ball fly.
+    r"""Return the flight of a ball from its launch to the ground, or to a plane before.
 
-    What is not named is not computed: without air a formula answers (Eqs. 24-25), with air
-    scipy's DOP853 does, with lift only if the ball spins, in as many states as the scene needs.
+    Without air the closed form answers (Eqs. 24-25). With air, scipy's DOP853 integrates the
+    equations of `FlightEquations`, in as many states as the scene needs: first to the apex, then to
+    the landing.
 
     Args:
         state: the launch, as `Impact.ball_after` gives it; its time is not used.
         ball: mass and radius.
         air: None is the vacuum.
-        ground: where the flight ends; None ends it back at the height of the launch.
+        ground: where the flight ends; None ends it with the ball's centre back at the height of
+            the launch.
         tol: relative tolerance of the integration, 1e-13 to 1e-2, of the flight's own lengths and
             speeds.
         plane: a wall or a goal line, where the flight ends if it comes there first. A ball that
@@ -73,92 +73,61 @@ def fly(
             is an error.
         KickdynError: the integrator gave up.
     """
-    check_scene(state, ball, air, ground)
-    validation.check_type(Plane, plane=plane, optional=True)
-    if state.position.shape != (3,):
-        raise InvalidInput(f"launch has shape {state.position.shape}: fly takes one state, (3,)")
+    check_launch(state, ball, air, ground, plane)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    ends = _Ends(_drop(state, ball, ground), wall_of(plane, ball, state), time_limit)
-    scene: dict[str, Any] = {"ball": ball, "air": air, "ground": ground, "plane": plane, "tol": tol}
-    made: Callable[..., Flight] = partial(
-        Flight,
-        **scene,
-        turning=orientation,
-        _again=partial(fly, state, **scene, time_limit=time_limit),
+    ends = _Ends(
+        float(drops(state.position, ball, ground)), wall_of(plane, ball, state), time_limit
     )
-    g = downward(ball, air)
-    unmoved = air is None or is_ballistic(air, state.spin) or _creeps(state, ball, air, ends.drop)
-    if air is None or (unmoved and g > 0.0):
-        return made(**_fall(state, g, ends))
-    if not math.hypot(*state.velocity) <= MAX_SPEED:
-        raise InvalidInput(
-            f"launch speed is {math.hypot(*state.velocity):g} m/s: in air it must be at most "
-            f"{MAX_SPEED:g} m/s, that of light"
-        )
-    motion = Motion(state, ball, air, orientation)
-    wind = _windspeed(air, float(state.position[2]))
-    rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tol)
-    atol = np.array([*3 * [near], *3 * [slow], tol, tol * near / slow])[motion.kept]
-    try:
-        path = made(**_integrate(state, air, motion, ends, rtol, atol))
-    except KickdynError as error:
-        if motion.fault is None:
-            raise
-        kind = type(motion.fault).__name__
-        raise KickdynError(
-            f"{error}; the air's wind or a coefficient raised {kind}: {motion.fault}"
-        ) from motion.fault
-    if strict or any(getattr(model, "refuses", False) for model in (air.drag, air.lift)):
-        for model, share in outside(path):
-            if share > 0 and (strict or model.refuses):
-                raise InvalidInput(f"the flight leaves a coefficient's range: {said(model, share)}")
+    if air is None or _has_closed_form(state, ball, air, ends.drop):
+        solution = _closed_form(state, downward(ball, air), ends)
+    else:
+        solution = _integrated(state, ball, air, ends, tol, orientation)
+    again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit)
+    path = Flight(ball, air, ground, plane, tol, orientation, *solution, again)
+    _refuse_outside(path, strict)
     return path
 
 
+class _Ends(NamedTuple):
+    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), so late [s]."""
+
+    drop: float
+    wall: tuple[Array, float] | None
+    time_limit: float
+
+
+class _Solution(NamedTuple):
+    """What is computed of a `Flight`, in the order of its fields."""
+
+    launch: BallState
+    apex: BallState
+    landing: BallState
+    status: FlightStatus
+    method: str
+    evaluations: int
+    trajectory: Callable[[Array], Array]
+
+
+def check_launch(
+    state: BallState, ball: Ball, air: Air | None, ground: Ground | None, plane: Plane | None
+) -> None:
+    """Raise `InvalidInput` for what is not of the kind a flight needs, or for many launches."""
+    check_scene(state, ball, air, ground)
+    validation.check_type(Plane, plane=plane, optional=True)
+    if state.position.shape != (3,):
+        raise InvalidInput(
+            f"launch has shape {state.position.shape}: fly takes one state, (3,); fly_many takes "
+            "many"
+        )
+
+
 def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
-    """Raise `InvalidInput` for what is not of the kind a flight needs."""
+    """Raise `InvalidInput` for what is not of the kind flights need."""
     validation.check_type(BallState, launch=state)
     validation.check_type(Ball, ball=ball)
     validation.check_type(Air, air=air, optional=True)
     validation.check_type(Ground, ground=ground, optional=True)
-
-
-def _drop(state: BallState, ball: Ball, ground: Ground | None) -> float:
-    """Return how far below the launch the flight ends [m]."""
-    if ground is None:
-        return 0.0
-    gap = float(state.position[2]) - ball.radius - ground.height
-    if gap < -1e-9 * max(ball.radius, abs(ground.height)):  # more than rounding
-        raise InvalidInput(
-            f"the ball starts {-gap:g} m inside the ground: its centre must be at or above "
-            f"{ground.height + ball.radius:g} m"
-        )
-    return max(gap, 0.0)
-
-
-def _creeps(state: BallState, ball: Ball, air: Air, drop: float) -> bool:
-    """Return whether the ball is too slow, all the way, for the air to matter: see `STILL`.
-
-    An integrator would step to lengths that are no numbers any more.
-    """
-    if callable(air.wind) or air.wind.any() or brakes(air, state.spin):
-        return False
-    fastest = math.hypot(*state.velocity.tolist(), math.sqrt(2.0 * GRAVITY * drop))
-    return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
-
-
-def _windspeed(air: Air, height: float) -> float:
-    try:
-        return validation.number(
-            "wind", math.hypot(*air.wind_at(height)), at_most=MAX_SPEED, unit="m/s"
-        )
-    except InvalidInput:
-        raise
-    except Exception as fault:
-        raise InvalidInput(
-            f"the wind at the launch, {height:g} m high, raised {type(fault).__name__}: {fault}"
-        ) from fault
 
 
 def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, float] | None:
@@ -166,74 +135,135 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
     return None if plane is None else (plane.normal, plane.gap(ball, state.position))
 
 
-def _fall(state: BallState, g: float, ends: _Ends) -> dict[str, Any]:
+def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
+    """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
+
+    Args:
+        position: of the ball's centre at the launch, shape `(3,)` or `(n, 3)` [m, world frame].
+        ball: what flies.
+        ground: where flights end; None ends them at the height of the launch.
+
+    Raises:
+        InvalidInput: a ball starts inside the ground.
+    """
+    if ground is None:
+        return np.zeros(position.shape[:-1])
+    gap = position[..., 2] - ball.radius - ground.height
+    inside = np.flatnonzero(gap < -1e-9 * max(ball.radius, abs(ground.height)))  # not by rounding
+    if inside.size:
+        which = f"flight {inside[0]}" if gap.ndim else "the ball"
+        raise InvalidInput(
+            f"{which} starts {-gap.flat[inside[0]]:g} m inside the ground: the ball's centre must "
+            f"be at or above {ground.height + ball.radius:g} m"
+        )
+    return np.maximum(gap, 0.0)
+
+
+def _has_closed_form(state: BallState, ball: Ball, air: Air, drop: float) -> bool:
+    """Return whether only a downward weight acts, or the ball is too slow for any other force.
+
+    Below the Reynolds number `STILL` an integrator would step to lengths that are no numbers.
+    """
+    if downward(ball, air) <= 0.0:
+        return False
+    if is_ballistic(air, state.spin):
+        return True
+    if callable(air.wind) or air.wind.any() or brakes(air, state.spin):
+        return False
+    fastest = math.hypot(*state.velocity.tolist(), math.sqrt(2.0 * GRAVITY * drop))
+    return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
+
+
+def _closed_form(state: BallState, g: float, ends: _Ends) -> _Solution:
+    """Return the flight of a ball that only its weight acts on."""
     rise = float(state.velocity[2])
     fall, reach = time_to_fall(rise, ends.drop, g), math.inf
     if ends.wall is not None:
         normal, gap = ends.wall
         reach = time_to_fall(float(normal @ state.velocity), gap, g * float(normal[2]))
     end = min(fall, reach, ends.time_limit)
-    status = "landed" if end == fall else "at-plane" if end == reach else "aloft"
+    status = FlightStatus.AT_PLANE if end == reach else FlightStatus.ALOFT
     top = min(max(rise / g, 0.0), end)
-    nodes = ballistic(state.velocity, g, np.array([top, end]))
-    if status == "landed":
-        nodes[1, 2] = -ends.drop  # by definition; the formula says so but for rounding
-    return {
-        "launch": _at(state, 0.0, np.concatenate([np.zeros(3), state.velocity])),
-        "apex": _at(state, top, nodes[0]),
-        "landing": _at(state, end, nodes[1]),
-        "status": status,
-        "method": "closed form",
-        "evaluations": 0,
-        "_trajectory": partial(ballistic, state.velocity, g),
-    }
+    start, apex, last = ballistic(state.velocity, g, np.array([0.0, top, end]))
+    if end == fall:
+        status = FlightStatus.LANDED
+        last[2] = -ends.drop  # by definition; the formula says so but for rounding
+    nodes = _at(state, 0.0, start), _at(state, top, apex), _at(state, end, last)
+    return _Solution(*nodes, status, "closed form", 0, partial(ballistic, state.velocity, g))
 
 
-def _integrate(
-    state: BallState, air: Air, motion: Motion, ends: _Ends, rtol: float, atol: Array
-) -> dict[str, Any]:
-    # The way up ends at the apex, and only the way down looks for the landing: the event that marks
-    # it would otherwise be zero at the very start.
-    begin, rise, climb = motion.begin, motion.rise, motion.climb
-    apex = Event(lambda states: float(states[climb]))
-    floor = motion.reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
-    walls = [] if ends.wall is None else [motion.reaching(*ends.wall)]
-    rates = np.array(motion.rates(0.0, begin.tolist()))
-    rises = begin[climb] > 0.0 or (begin[climb] == 0.0 and rates[climb] > 0.0)
-    nodes, arcs = [(0.0, begin)], []
-
-    def until(event: Event) -> Event | None:
-        events, start = [event, *walls], nodes[-1]
-        arcs.append(fly_until(events, climb, motion.rates, start, ends.time_limit, rtol, atol))
-        nodes.append((arcs[-1].end, arcs[-1].state))
-        return arcs[-1].reached
-
-    reached: Event | None = apex
-    if ends.drop == 0.0 and not rises:
-        reached = floor
-    elif any(_passes(wall, begin, rates) for wall in walls):
-        reached = walls[0]
-    elif rises:
-        reached = until(apex)
-    if reached is apex:
-        reached = until(floor)
+def _integrated(
+    state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float, orientation: bool
+) -> _Solution:
+    """Return the flight of a ball through the air, integrated to its end."""
+    speed = math.hypot(*state.velocity)
+    if not speed <= MAX_SPEED:
+        raise InvalidInput(
+            f"launch speed is {speed:g} m/s: in air it must be at most {MAX_SPEED:g} m/s, that of "
+            "light"
+        )
+    equations = FlightEquations(state, ball, air, orientation)
+    wind = _wind_speed(air, float(state.position[2]))
+    rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tol)
+    atol = np.array([*3 * [near], *3 * [slow], tol, tol * near / slow])[equations.kept]
+    try:
+        arcs, status = _arcs(equations, ends, rtol, atol)
+    except KickdynError as error:
+        if equations.fault is None:
+            raise
+        kind = type(equations.fault).__name__
+        raise KickdynError(
+            f"{error}; the air's wind or a coefficient raised {kind}: {equations.fault}"
+        ) from equations.fault
+    nodes = [(0.0, equations.begin), *((arc.end, arc.state) for arc in arcs)]
     end, last = nodes[-1][0], nodes[-1][1].copy()
-    if reached is floor:
-        last[rise] = -ends.drop  # by definition; the event's root says so but for rounding
+    if status is FlightStatus.LANDED:
+        last[equations.rise] = -ends.drop  # by definition; the root says so but for rounding
     crests = [crest for arc in arcs for crest in arc.crests]
-    highest = max([*nodes, *crests], key=lambda node: float(node[1][rise]))
+    top, highest = max([*nodes, *crests], key=lambda node: float(node[1][equations.rise]))
     spins = bool(state.spin.any())
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
-    effects = [name for name, model in acting.items() if model]
-    return {
-        "launch": _at(state, 0.0, motion.whole(begin)),
-        "apex": _at(state, highest[0], motion.whole(highest[1])),
-        "landing": _at(state, end, motion.whole(last)),
-        "status": "landed" if reached is floor else "at-plane" if reached in walls else "aloft",
-        "method": f"{METHOD}, rtol {rtol:g}, {', '.join(effects) or 'buoyancy only'}",
-        "evaluations": sum(arc.evaluations for arc in arcs),
-        "_trajectory": partial(_piecewise, arcs, motion),
-    }
+    effects = ", ".join(name for name, model in acting.items() if model) or "buoyancy only"
+    trajectory = joined(arcs, equations.begin)
+    return _Solution(
+        _at(state, 0.0, equations.whole(equations.begin)),
+        _at(state, top, equations.whole(highest)),
+        _at(state, end, equations.whole(last)),
+        status,
+        f"{METHOD}, rtol {rtol:g}, {effects}",
+        sum(arc.evaluations for arc in arcs),
+        lambda t: equations.whole(trajectory(t)).T,
+    )
+
+
+def _arcs(
+    equations: FlightEquations, ends: _Ends, rtol: float, atol: Array
+) -> tuple[list[Arc], FlightStatus]:
+    """Return the arcs up to the apex and on to the end, and which end it is.
+
+    The way up ends at the apex, and only the way down looks for the landing: the event that marks
+    it would otherwise be zero at the very start.
+    """
+    begin, climb = equations.begin, equations.climb
+    apex = Event(lambda states: float(states[climb]))
+    floor = equations.reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
+    walls = [] if ends.wall is None else [equations.reaching(*ends.wall)]
+    rates = np.array(equations.rates(0.0, begin.tolist()))
+    rises = begin[climb] > 0.0 or (begin[climb] == 0.0 and rates[climb] > 0.0)
+    if ends.drop == 0.0 and not rises:
+        return [], FlightStatus.LANDED
+    if any(_passes(wall, begin, rates) for wall in walls):
+        return [], FlightStatus.AT_PLANE
+    arcs: list[Arc] = []
+    at, state = 0.0, begin
+    for target in [apex, floor] if rises else [floor]:
+        events = [target, *walls]
+        arc = fly_until(events, climb, equations.rates, (at, state), ends.time_limit, rtol, atol)
+        arcs.append(arc)
+        at, state = arc.end, arc.state
+        if arc.reached is not target:
+            return arcs, FlightStatus.ALOFT if arc.reached is None else FlightStatus.AT_PLANE
+    return arcs, FlightStatus.LANDED
 
 
 def _passes(wall: Event, begin: Array, rates: Array) -> bool:
@@ -243,17 +273,34 @@ def _passes(wall: Event, begin: Array, rates: Array) -> bool:
     return wall.value(begin) <= 0.0 and (across < 0.0 or (across == 0.0 and pull < 0.0))
 
 
-def _piecewise(arcs: list[Arc], motion: Motion, t: Array) -> Array:
-    states = np.tile(motion.begin[:, None], (1, len(t)))
-    began = -math.inf
-    for arc in arcs:
-        inside = (t > began) & (t <= arc.end)
-        if inside.any():
-            states[:, inside] = arc.trajectory(t[inside])
-        began = arc.end
-    return motion.whole(states).T
+def _wind_speed(air: Air, height: float) -> float:
+    """Return the speed of the wind at a height [m/s], or raise `InvalidInput` where it has none."""
+    try:
+        blowing = air.wind_at(height)
+        return validation.number("wind", math.hypot(*blowing), at_most=MAX_SPEED, unit="m/s")
+    except InvalidInput:
+        raise
+    except Exception as fault:
+        raise InvalidInput(
+            f"the wind at the launch, {height:g} m high, raised {type(fault).__name__}: {fault}"
+        ) from fault
 
 
 def _at(launch: BallState, time: float, moved: Array) -> BallState:
-    spin = launch.spin if len(moved) < 7 else moved[6] * launch.spin
-    return BallState(launch.position + moved[:3], moved[3:6], spin, time)
+    """Return the ball at a time, from what changed since the launch."""
+    return BallState(launch.position + moved[:3], moved[3:6], moved[6] * launch.spin, time)
+
+
+def _refuse_outside(path: Flight, strict: bool) -> None:
+    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that.
+
+    If `strict`, every model does.
+    """
+    models = () if path.air is None else (path.air.drag, path.air.lift)
+    if not (strict or any(getattr(model, "refuses", False) for model in models)):
+        return
+    for model, share in path.outside():
+        if share > 0 and (strict or model.refuses):
+            raise InvalidInput(
+                f"the flight leaves a coefficient's range: {warning_of(model, share)}"
+            )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,11 +15,9 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.bounce import bounce
-from kickdyn.flight.flight_result import Flight, profile
-from kickdyn.flight.fly import check_scene, fly, wall_of
-from kickdyn.flight.roll import Glide, roll, slide
-from kickdyn.flight.validity_ranges import outside, said
+from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
+from kickdyn.flight.fly import check_launch, fly, wall_of
+from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
 
@@ -27,11 +25,12 @@ LEAST_REBOUND = 0.15
 """Upward speed after a bounce below which the ball stays down [m/s]; it would hop about 1 mm."""
 
 MOST_BOUNCES = 200
+"""After which a ball that hardly loses energy is given up."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Course(ReprMixin):
-    """All a ball does until it rests or meets a plane; times count from the launch.
+    """All a ball does until it rests or reaches a plane; times count from the launch.
 
     Attributes:
         status: `at-rest`; `at-plane`, where that ended it; `aloft`, where a flight would not come
@@ -39,15 +38,13 @@ class Course(ReprMixin):
             ball rolling.
         flights: one before each bounce.
         bounces: the ball just after each touch of the ground that sent it up again.
-        glides: slide and roll, if it came to that.
-        rest: the last state.
+        ground_phases: sliding and rolling, if it came to that.
     """
 
-    status: str
+    status: FlightStatus
     flights: tuple[Flight, ...]
     bounces: tuple[BallState, ...]
-    glides: tuple[Glide, ...]
-    rest: BallState
+    ground_phases: tuple[GroundPhase, ...]
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
@@ -67,26 +64,33 @@ class Course(ReprMixin):
         """The start."""
         return self.flights[0].launch
 
+    @cached_property
+    def rest(self) -> BallState:
+        """The last state."""
+        last = self.ground_phases[-1].end if self.ground_phases else self.flights[-1].landing
+        return BallState(last.position, last.velocity, last.spin, self.duration)
+
     @property
     def distance(self) -> float:
         """Horizontal distance from launch to rest [m]."""
-        return float(np.hypot(*(self.rest.position - self.flights[0].launch.position)[:2]))
+        return float(np.hypot(*(self.rest.position - self.launch.position)[:2]))
 
-    @property
+    @cached_property
     def duration(self) -> float:
         """Time from launch to rest [s]."""
-        return float(self.rest.time)
+        flown = sum(flight.duration for flight in self.flights)
+        return flown + sum(phase.duration for phase in self.ground_phases)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each coefficient used outside its range, by its share of the time aloft."""
         times, of_model = dict[str, float](), dict[str, CoefficientModel]()
         for path in self.flights:
-            for model, share in outside(path):
+            for model, share in path.outside():
                 of_model[model.kind] = model
                 times[model.kind] = times.get(model.kind, 0.0) + share * path.duration
         aloft = sum(path.duration for path in self.flights)
-        return tuple(said(of_model[kind], t / aloft) for kind, t in times.items() if t > 0.0)
+        return tuple(warning_of(of_model[kind], t / aloft) for kind, t in times.items() if t > 0.0)
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
@@ -95,12 +99,12 @@ class Course(ReprMixin):
             t: since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
 
         Raises:
-            InvalidInput: a time outside.
+            InvalidInput: a time outside the course.
         """
         asked = validation.times(t, self.duration, "the course")
         times = np.atleast_1d(asked)
         position, velocity, spin = (np.zeros((len(times), 3)) for _ in range(3))
-        pieces: Sequence[Flight | Glide] = (*self.flights, *self.glides)
+        pieces: Sequence[Flight | GroundPhase] = (*self.flights, *self.ground_phases)
         began = 0.0
         for number, piece in enumerate(pieces):
             last = number == len(pieces) - 1
@@ -141,48 +145,62 @@ def follow(
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
             `fly`.
     """
-    check_scene(state, ball, air, ground)
+    check_launch(state, ball, air, ground, plane)
     if ground is None:
         ground = Ground(float(state.position[2]) - ball.radius, "turf")
     surface = ground.surface
     if not isinstance(surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
+    one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
+                         time_limit=time_limit)  # fmt: skip
+    flights, bounces, status = _bouncing(state, ball, surface, one_flight)
+    phases: list[GroundPhase] = []
+    if status is None:
+        state = bounce(flights[-1].landing, ball, surface)
+        phases = _grounded(state, ball, air, surface, tol, plane, time_limit)
+        status = FlightStatus.AT_PLANE if phases[-1].at_wall else FlightStatus.AT_REST
+        status = FlightStatus.BLOWN if phases[-1].blown else status
+    return Course(status, tuple(flights), tuple(bounces), tuple(phases))
+
+
+def _bouncing(
+    state: BallState, ball: Ball, surface: Surface, one_flight: Callable[[BallState], Flight]
+) -> tuple[list[Flight], list[BallState], FlightStatus | None]:
+    """Return flights, states after bounces, and the status, None where the ball stays down."""
     flights: list[Flight] = []
     bounces: list[BallState] = []
     clock = 0.0
     while True:
-        path = fly(state, ball, air, ground, tol, plane=plane, time_limit=time_limit)
-        flights.append(path)
-        clock += path.duration
-        if path.status != "landed":
-            return _done(path.status, flights, bounces, [], path.landing, clock)
-        state = bounce(path.landing, ball, surface)
+        flights.append(one_flight(state))
+        if flights[-1].status is not FlightStatus.LANDED:
+            return flights, bounces, flights[-1].status
+        clock += flights[-1].duration
+        state = bounce(flights[-1].landing, ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
-            break
+            return flights, bounces, None
         if len(bounces) == MOST_BOUNCES:
-            return _done("bouncing", flights, bounces, [], path.landing, clock)
+            return flights, bounces, FlightStatus.BOUNCING
         bounces.append(BallState(state.position, state.velocity, state.spin, clock))
+
+
+def _grounded(
+    state: BallState,
+    ball: Ball,
+    air: Air | None,
+    surface: Surface,
+    tol: float,
+    plane: Plane | None,
+    time_limit: float,
+) -> list[GroundPhase]:
+    """Return the phases of a ball that stays down: sliding, if it does, then rolling."""
     if surface.friction == 0.0:
         raise InvalidInput(f"friction of {surface.name} is 0: the ball would slide for ever")
-    glides: list[Glide] = []
+    phases: list[GroundPhase] = []
     sliding = slide(state, ball, air, surface, wall_of(plane, ball, state))
     if sliding is not None:
-        glides.append(sliding)
+        phases.append(sliding)
         state = sliding.end
-    if not (glides and glides[-1].at_wall):
-        glides.append(roll(state, ball, air, surface, tol, wall_of(plane, ball, state), time_limit))
-    clock += sum(glide.duration for glide in glides)
-    status = "at-plane" if glides[-1].at_wall else "blown" if glides[-1].blown else "at-rest"
-    return _done(status, flights, bounces, glides, glides[-1].end, clock)
-
-
-def _done(
-    status: str,
-    flights: list[Flight],
-    bounces: list[BallState],
-    glides: list[Glide],
-    last: BallState,
-    clock: float,
-) -> Course:
-    rest = BallState(last.position, last.velocity, last.spin, clock)
-    return Course(status, tuple(flights), tuple(bounces), tuple(glides), rest)
+        if sliding.at_wall:
+            return phases
+    wall = wall_of(plane, ball, state)
+    return [*phases, roll(state, ball, air, surface, tol, wall, time_limit)]

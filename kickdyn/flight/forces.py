@@ -1,17 +1,28 @@
-"""What the air does to a ball: weight, buoyancy, drag (Eq. 12), lift (Eq. 13), spin brake."""
+r"""What acts on a ball in flight, and the closed form where only its weight does.
+
+Weight less buoyancy, drag (Eq. 12), lift (Eq. 13) and the torque that brakes the spin:
+
+.. math::
+
+    m \dot v &= -(m - \rho V) g\, e_z - \tfrac12 \rho A C_D |u|\, u
+        + \tfrac12 \rho A C_L |u|^2 \frac{\omega \times u}{|\omega \times u|} \\
+    I \dot\omega &= -(\rho A r^2 \beta |u| + 8 \pi \mu r^3)\, \omega
+
+with u the velocity relative to the air.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
-
-GRAVITY = 9.81
-"""[m/s2], the paper's."""
+from kickdyn.core.vectors import GRAVITY
 
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""
@@ -24,7 +35,7 @@ Forces = Callable[
 
 
 def downward(ball: Ball, air: Air | None) -> float:
-    """Return weight less buoyancy per mass [m/s2]."""
+    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2]."""
     if air is None or not air.buoyancy:
         return GRAVITY
     return GRAVITY * (1.0 - air.density * ball.volume / ball.mass)
@@ -49,11 +60,11 @@ def is_planar(air: Air | None, velocity: Array, spin: Array) -> bool:
 
 
 def forces(ball: Ball, air: Air) -> Forces:
-    """Return a function of height, velocity and spin: acceleration and rate of spin decay.
+    r"""Return a function of height, velocity and spin: acceleration and rate of spin decay.
 
-    It takes z, vx, vy, vz, wx, wy, wz and returns ax, ay, az [m/s2] and k [1/s] with
-    d omega/dt = -k omega. It is made of floats, `math` and functions of the same kind only, so that
-    it can be compiled.
+    It takes z [m], vx, vy, vz [m/s], wx, wy, wz [rad/s] and returns ax, ay, az [m/s2] and k [1/s]
+    with :math:`\dot\omega = -k \omega`, all in the world frame. It uses only floats, `math` and
+    functions of the same kind, so that numba can compile it.
     """
     g = downward(ball, air)
     drag, lift, beta = (
@@ -92,7 +103,7 @@ def forces(ball: Ball, air: Air) -> Forces:
 
 
 def reynolds_number(ball: Ball, air: Air) -> Reynolds:
-    """Return a function of height and velocity: the Reynolds number; compiles as `forces` does."""
+    """Return a function of height and velocity: the Reynolds number; numba can compile it too."""
     wind, per_speed = air.wind_at, 2.0 * ball.radius * air.density / air.viscosity
 
     def reynolds(z: float, vx: float, vy: float, vz: float) -> float:
@@ -101,3 +112,37 @@ def reynolds_number(ball: Ball, air: Air) -> Reynolds:
         return per_speed * math.sqrt(ux * ux + uy * uy + uz * uz)
 
     return reynolds
+
+
+def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
+    r"""Return when a body first is `drop` below its start while moving down [s]; inf if never.
+
+    :math:`(v + \sqrt{v^2 + 2 g d}) / g` (Eq. 24). Down is any direction: towards a plane `drop` is
+    the gap, and `rise_speed` and `g` are the components along its normal.
+
+    Args:
+        rise_speed: upward speed at the start [m/s].
+        drop: 0 or more [m].
+        g: downward acceleration [m/s2].
+    """
+    fallen = 2.0 * g * drop
+    if fallen < 0.0:
+        square = rise_speed * rise_speed + fallen
+        if rise_speed >= 0.0 or square < 0.0:
+            return math.inf
+        root = math.sqrt(square)
+    else:
+        root = math.hypot(rise_speed, math.sqrt(fallen))  # speeds below 1e-154 have no square
+    if rise_speed < 0.0:
+        return 2.0 * drop / (root - rise_speed)  # Eq. (24), without cancellation
+    return (rise_speed + root) / g if g > 0.0 else math.inf
+
+
+def ballistic(velocity: Array, g: float, t: Array) -> Array:
+    r"""Return displacement, velocity and share of the spin left in a vacuum, shape `(n, 7)`.
+
+    They are :math:`v t - \frac12 g t^2 e_z`, :math:`v - g t\, e_z` and 1, at n times [s].
+    """
+    down = np.array([0.0, 0.0, -g])
+    moved = velocity * t[:, None] + 0.5 * down * (t * t)[:, None]
+    return np.hstack([moved, velocity + down * t[:, None], np.ones((len(t), 1))])

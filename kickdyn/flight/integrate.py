@@ -1,13 +1,17 @@
-"""Flight through the air: scipy's integrators, cut exactly at apex and landing."""
+"""Integration of a differential equation by scipy's DOP853, up to the first of some events.
+
+DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wanner, Solving Ordinary
+Differential Equations I, II.5.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution
+from scipy.integrate import DOP853, DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
@@ -16,18 +20,18 @@ from kickdyn.errors import KickdynError
 METHOD = "DOP853"
 
 MAX_EVALUATIONS = 250_000
-"""Of the acceleration; a ball in syrup would take an explicit method for ever."""
+"""Most evaluations of the rates: a ball in syrup would take an explicit method for ever."""
 
 Rates = Callable[[float, Sequence[float]], list[float]]
 
 
 class Event(NamedTuple):
-    """What happens where a value, of the states, falls through zero.
+    """What happens where a function of the states falls through zero.
 
     Attributes:
-        value: what falls.
-        rate: its rate of change, where the states tell it: then a value that falls and rises again
-            within a step is seen too, as of a ball that grazes a wall.
+        value: that function.
+        rate: its rate of change as a function of the states, or None. With it, a value that falls
+            and rises again within a step is seen too, as of a ball that grazes a wall.
     """
 
     value: Callable[[Array], float]
@@ -35,28 +39,44 @@ class Event(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """A piece of flight that ends at an event.
+    """A solution up to an event, or to the time limit.
 
     Attributes:
-        end: time of the event, or of the time limit [s].
+        end: time of the event or the limit [s].
         state: there, shape `(m,)`.
-        trajectory: the states at many times, shape `(m, n)`.
-        evaluations: of the acceleration.
+        pieces: scipy's interpolants, one for each step.
+        evaluations: of the rates.
         reached: the event that ended it; None where the time limit did.
-        crests: time and state wherever the ball was highest for a while.
+        crests: time and state wherever the height had a maximum.
     """
 
     end: float
     state: Array
-    trajectory: Callable[[Array], Array]
+    pieces: list[DenseOutput]
     evaluations: int
     reached: Event | None
     crests: list[tuple[float, Array]]
 
 
+def joined(arcs: Sequence[Arc], begin: Array) -> Callable[[Array], Array]:
+    """Return the states `(m, n)` at n times as a function of the times, from consecutive arcs.
+
+    Without any arc they are those at the beginning.
+    """
+    pieces = [piece for arc in arcs for piece in arc.pieces]
+    path = OdeSolution([pieces[0].t_old, *(p.t for p in pieces)], pieces) if pieces else None
+
+    def states(t: Array) -> Array:
+        if path is None or not t.size:  # scipy's solution takes no empty array
+            return np.tile(begin[:, None], (1, t.size))
+        return np.asarray(path(t))
+
+    return states
+
+
 def fly_until(
     events: Sequence[Event],
-    climb: int,
+    climb: int | None,
     rates: Rates,
     start: tuple[float, Array],
     time_limit: float,
@@ -66,8 +86,9 @@ def fly_until(
     """Integrate until the first of `events`, or to the time limit.
 
     Args:
-        events: any of them ends the flight.
-        climb: index of the upward speed, whose falling through zero marks a crest.
+        events: any of them ends the integration.
+        climb: index of the upward speed, whose falling through zero marks a crest; None for no
+            crests.
         rates: derivative of the states.
         start: time and states to begin with.
         time_limit: [s].
@@ -80,52 +101,65 @@ def fly_until(
     began, state = start
     if not np.isfinite(rates(began, state.tolist())).all():  # the step size would become NaN
         raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
-
-    def upward(states: Array) -> float:
-        return float(states[climb])
-
-    pieces: list[Any] = []
+    crest = None if climb is None else Event(lambda states: float(states[climb]))
+    pieces: list[DenseOutput] = []
     crests: list[tuple[float, Array]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
         solver = DOP853(rates, began, state, time_limit, rtol=rtol, atol=atol)
         while solver.status == "running":
             before = state
-            failure = solver.step()
-            state = solver.y
-            if not np.isfinite(state).all():
-                failure = "the numbers overflow"
-            elif solver.nfev > MAX_EVALUATIONS:
-                failure = f"it takes more than {MAX_EVALUATIONS} evaluations"
-            if failure:
-                raise KickdynError(
-                    f"the flight could not be integrated beyond {solver.t:g} s: {failure}"
-                )
-            piece = solver.dense_output()
-            pieces.append(piece)
-            end, event = min(
-                ((_when(event, piece, before, state), event) for event in events),
-                key=lambda found: found[0],
-            )
-            crest = _when(Event(upward), piece, before, state)
-            if end < math.inf:
-                end = max(end, math.nextafter(piece.t_old, math.inf))
-                pieces.pop()
-                node, calls = (piece.t_old, before), solver.nfev
-                final, more = _landed(event.value, rates, node, end, rtol, atol)
-                for other in events:  # which the interpolant saw after this one
-                    last = final[-1](final[-1].t)
-                    if other is not event and other.value(before) >= 0.0 > other.value(last):
-                        event, end, calls = other, final[-1].t, calls + more
-                        final, more = _landed(event.value, rates, node, end, rtol, atol)
-                pieces += final
-                path = OdeSolution([began, *(p.t for p in pieces)], pieces)
-                if crest <= path.t_max:
-                    crests.append((crest, piece(crest)))
-                return Arc(path.t_max, path(path.t_max), path, calls + more, event, crests)
-            if crest < math.inf:
-                crests.append((crest, piece(crest)))
-    path = OdeSolution([began, *(p.t for p in pieces)], pieces)
-    return Arc(time_limit, state, path, solver.nfev, None, crests)
+            state, piece = _step(solver)
+            times = [_when(event, piece, before, state) for event in events]
+            top = math.inf if crest is None else _when(crest, piece, before, state)
+            if (end := min(times)) == math.inf:
+                pieces.append(piece)
+                if top < math.inf:
+                    crests.append((top, piece(top)))
+                continue
+            first, node = events[times.index(end)], (float(piece.t_old), before)
+            end = max(end, math.nextafter(node[0], math.inf))
+            reached, final, calls = _first_of(events, first, rates, node, end, rtol, atol)
+            last = final[-1]
+            if top <= last.t:
+                crests.append((top, piece(top)))
+            total = solver.nfev + calls
+            return Arc(last.t, last(last.t), [*pieces, *final], total, reached, crests)
+    return Arc(time_limit, state, pieces, solver.nfev, None, crests)
+
+
+def _step(solver: DOP853) -> tuple[Array, DenseOutput]:
+    """Return the states after one more step, and its interpolant."""
+    failure = solver.step()
+    if not np.isfinite(solver.y).all():
+        failure = "the numbers overflow"
+    elif solver.nfev > MAX_EVALUATIONS:
+        failure = f"it takes more than {MAX_EVALUATIONS} evaluations"
+    if failure:
+        raise KickdynError(f"the flight could not be integrated beyond {solver.t:g} s: {failure}")
+    return solver.y, solver.dense_output()
+
+
+def _first_of(
+    events: Sequence[Event],
+    event: Event,
+    rates: Rates,
+    start: tuple[float, Array],
+    end: float,
+    rtol: float,
+    atol: Array,
+) -> tuple[Event, list[DenseOutput], int]:
+    """Return the event that ends a step, the steps up to it, and their evaluations.
+
+    `event` is the first on the interpolant of the step; on the steps taken anew, another may be.
+    """
+    pieces, calls = _landed(event.value, rates, start, end, rtol, atol)
+    for other in events:
+        last = pieces[-1](pieces[-1].t)
+        if other is not event and other.value(start[1]) >= 0.0 > other.value(last):
+            event = other
+            pieces, more = _landed(other.value, rates, start, pieces[-1].t, rtol, atol)
+            calls += more
+    return event, pieces, calls
 
 
 def _landed(
@@ -135,13 +169,13 @@ def _landed(
     end: float,
     rtol: float,
     atol: Array,
-) -> tuple[list[Any], int]:
-    """Step anew to the event, which was found on an interpolant, to the integrator's own accuracy.
+) -> tuple[list[DenseOutput], int]:
+    """Return steps to an event that was found on an interpolant, and their evaluations.
 
     Within a long step the interpolant is far less exact than the step. The event then is a little
     off zero, and its rate says how much time that is.
     """
-    pieces: list[Any] = []
+    pieces: list[DenseOutput] = []
     calls = 0
     for _ in range(3):
         solver = DOP853(
@@ -167,7 +201,7 @@ def _landed(
     return pieces, calls
 
 
-def _when(event: Event, piece: Any, before: Array, after: Array) -> float:
+def _when(event: Event, piece: DenseOutput, before: Array, after: Array) -> float:
     """Return when an event comes within a step, inf if it does not."""
     if _falls(event.value, before, after):
         return _root(event.value, piece, piece.t)
@@ -181,21 +215,22 @@ def _when(event: Event, piece: Any, before: Array, after: Array) -> float:
 
 
 def _falls(value: Callable[[Array], float], before: Array, after: Array) -> bool:
+    """Return whether a value falls through zero from one state to another."""
     return value(before) >= 0.0 >= value(after) and value(before) > value(after)
 
 
-def _root(of: Callable[[Array], float], piece: Any, ended: float) -> float:
+def _root(of: Callable[[Array], float], piece: DenseOutput, ended: float) -> float:
     """Return when a value falls through zero between the start of a step and `ended`."""
 
     def value(t: float) -> float:
         return of(piece(t))
 
-    began = piece.t_old
+    began = float(piece.t_old)
     # An event that is zero at the start, as a level launch that lift carries up, must rise first.
     times = (began, *(began + (ended - began) * 0.5**k for k in range(1, 60)))
     low = next((t for t in times if value(t) > 0.0), None)
     if low is None:
-        return float(began)
+        return began
     if value(ended) >= 0.0:
         return float(ended)
     return float(brentq(value, low, ended, xtol=1e-300, disp=False))

@@ -1,58 +1,293 @@
-"""Many flights in machine code: scipy's DOP853 again, without its Python.
+"""Many flights in machine code: scipy's DOP853 without its Python.
 
-Events are not read off an interpolant: the step that crosses one is taken anew with the length that
-ends there, so that a node is as accurate as the steps are. Every flight has a lane, with its own
-time and step; whichever ends makes room for the next.
+Coefficients, error estimate and first step are scipy's. The next step is 0.7 of what the estimate
+allows, not 0.9: fewer are rejected, and as many evaluations give half the error. Events are not
+read off an interpolant: the step that crosses one is taken anew with the length that ends there, so
+that a node is as accurate as the steps are. Every flight has a lane, with its own time and step;
+whichever ends makes room for the next.
 """
+
+# mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
 import math
 import zlib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
+from scipy.integrate import DOP853
 
 from kickdyn.core.compilation import compiled, named
-from kickdyn.flight import lanes, steps
+from kickdyn.flight import lanes
 from kickdyn.flight.integrate import MAX_EVALUATIONS
-from kickdyn.flight.lanes import HOW, LANES, LEFT, SIGNATURE, SIZE, U, W, X, Z, inlined, njit
-from kickdyn.flight.steps import (
-    ALOFT,
-    DROP,
-    ERROR,
-    FAILED,
-    GROWTH,
-    HIGH,
-    KNOWN,
-    LANDED,
-    LOW,
-    NEXT,
-    SPAN,
-    STAGES,
-    TAKEN,
-    H,
-    T,
-    advance,
-    board,
-    judge,
-    starts,
-    step,
-)  # fmt: skip
+from kickdyn.flight.lanes import (
+    DECAYS,
+    HOW,
+    LANES,
+    LEFT,
+    SIGNATURE,
+    SIZE,
+    U,
+    W,
+    X,
+    Z,
+    inlined,
+    njit,
+)
+
+LANDED, ALOFT, FAILED = 0, 1, 2
+
+STAGES = DOP853.n_stages
+"""Evaluations of a step. Row 0 of the rates is of its beginning, row `STAGES` of its end."""
+
+# Weights of the rates before stage i, then of the step itself, then of both estimates of its error:
+# without zeros, in fours, each of which is one pass through memory.
+_TABLE = np.vstack([DOP853.A, DOP853.B, DOP853.E5[:-1], DOP853.E3[:-1]])
+_FIFTH, _THIRD = STAGES + 1, STAGES + 2
+_COUNT = np.count_nonzero(_TABLE, axis=1)
+_WHICH = np.zeros((len(_TABLE), STAGES + 4), np.int64)
+_WEIGHT = np.zeros(_WHICH.shape)
+for _k, _row in enumerate(_TABLE):
+    _used = np.flatnonzero(_row)
+    _WHICH[_k, : len(_used)] = _used
+    _WEIGHT[_k, : len(_used)] = _row[_used]
+
+T, H, DROP, STATES, ERROR, GROWTH, TAKEN, NEXT, SPAN, LOW, HIGH = range(11)
+"""Rows of a lane's numbers: time, step; drop to the landing, number of states that change; the
+step's error over what is tolerated, the factor that allows for the next one, whether it is taken;
+the next step, the whole step that an event lies in, and bounds of the event within it."""
+
+_LANE_ROWS = 11
 
 _EPS = float(np.finfo(float).eps)
 
 _FLYING, _TO_APEX, _TO_LANDING, _IDLE = range(4)  # what a lane's step is for
-_ROW, _PHASE, _REJECTED, _RISES, _CALLS = range(5)  # of what a lane knows in integers
+_ROW, _PHASE, _REJECTED, _RISES, _CALLS = range(5)  # rows of a lane's integers
+
+
+@cache
+def compiled_march() -> Any:
+    """Return `_march` as machine code, from the disk if it can be kept there: it takes seconds."""
+    matrix = numba.float64[:, ::1]
+    signature = numba.void(
+        numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
+        matrix, numba.int8[::1], numba.int64[::1],
+    )  # fmt: skip
+    # numba looks for changes in this file only; the other is part of the name
+    source = Path(str(lanes.__file__)).read_bytes()
+    name = f"march_{zlib.crc32(source, MAX_EVALUATIONS):08x}"
+    return compiled(named(_march, name), signature, **HOW)
+
+
+def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations):
+    """Fly every row: load flights into lanes, step all lanes at once, see where each one stands.
+
+    Args:
+        rates_of: the compiled rates, `lanes.side_by_side`.
+        scenes: per row height, spin (3), whether it decays, drop, number of states that change,
+            absolute tolerance of displacement and of velocity.
+        velocities: at the launch, shape `(n, 3)` [m/s].
+        rtol: relative tolerance.
+        tol: absolute tolerance of the spin.
+        limit: of time [s].
+        out: shape `(n, 16)`: time and 7 states at the end, time and 7 states at the apex.
+        status: `LANDED`, `ALOFT` or `FAILED`.
+        evaluations: of the acceleration.
+    """
+    n = len(out)
+    rates, begin = np.zeros((STAGES + 1, SIZE)), np.empty((n, 8))
+    _start(rates_of, scenes, velocities, rtol, tol, limit, rates, begin, status, evaluations)
+    scene, scale = np.zeros(5 * LANES), np.ones(SIZE)
+    y, new, far, far_rates = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE)
+    five, three = np.zeros(SIZE), np.zeros(SIZE)
+    lane, counts = np.zeros((_LANE_ROWS, LANES)), np.zeros((5, LANES), np.int64)
+    counts[_PHASE] = _IDLE
+    waiting, flying = 0, 0
+    while True:
+        for i in range(LANES):
+            while counts[_PHASE, i] == _IDLE and waiting < n:
+                row = waiting
+                waiting += 1
+                _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane)
+                _write_node(i, 0.0, y, out[row])
+                _write_node(i, 0.0, y, out[row, 8:])
+                if status[row] != ALOFT:
+                    continue
+                lane[T, i] = 0.0
+                for c in range(7):
+                    rates[0, c * LANES + i] = begin[row, c]
+                climb, lifted = begin[row, 2], begin[row, 5]
+                counts[_ROW, i], counts[_CALLS, i], counts[_REJECTED, i] = row, 2, 0
+                counts[_RISES, i] = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
+                _set_step(i, begin[row, 7], limit, lane, counts)
+                flying += 1
+        if flying == 0:
+            break
+        _step(rates_of, scene, y, lane, rates, five, three, new)
+        _estimate_error(y, new, rates, rtol, scale, lane, five, three)
+        for i in range(LANES):
+            if counts[_PHASE, i] == _IDLE:
+                continue
+            row = counts[_ROW, i]
+            counts[_CALLS, i] += STAGES
+            lane[TAKEN, i] = 0.0
+            here = (i, y, rates, new, lane, counts)
+            if counts[_PHASE, i] == _FLYING:
+                done = _after_step(*here, limit, far, far_rates, out[row])
+            else:
+                done = _after_event_step(*here, tol, limit, far, far_rates, out[row])
+            if done >= 0:
+                status[row], evaluations[row] = done, counts[_CALLS, i]
+                counts[_PHASE, i], lane[H, i] = _IDLE, 0.0
+                flying -= 1
+        _accept(y, rates, new, lane)
+    for row in range(n):
+        if status[row] == FAILED:
+            out[row] = math.nan
 
 
 @njit
-def _guess(i, y, new, h, rates, new_rates, drop, apex, low):  # type: ignore[no-untyped-def]
+def _weighted_sum(k, rates, total):
+    """Put the sum of the rates, weighted by row k of the table, into `total`."""
+    for n in range(0, _COUNT[k], 4):
+        i, j, p, q = _WHICH[k, n], _WHICH[k, n + 1], _WHICH[k, n + 2], _WHICH[k, n + 3]
+        a, b, c, d = _WEIGHT[k, n], _WEIGHT[k, n + 1], _WEIGHT[k, n + 2], _WEIGHT[k, n + 3]
+        for m in range(SIZE):
+            sum_of_four = (a * rates[i, m] + b * rates[j, m]) + (c * rates[p, m] + d * rates[q, m])
+            total[m] = sum_of_four if n == 0 else total[m] + sum_of_four
+
+
+@njit
+def _add_scaled(y, h, slope, new):
+    """Put `y` plus `h` times `slope` into `new`."""
+    for m in range(SIZE):
+        new[m] = y[m] + h[m] * slope[m]
+
+
+@njit
+def _broadcast(row, whole):
+    """Put the number of each lane into the places of all of its states."""
+    for c in range(0, SIZE, LANES):
+        for i in range(LANES):
+            whole[c + i] = row[i]
+
+
+@njit
+def _step(rates_of, scene, y, lane, rates, slope, h, new):
+    """Take a step in every lane, from `y` with its rates to `new` with its rates."""
+    _broadcast(lane[H], h)
+    for k in range(1, STAGES + 1):
+        _weighted_sum(k, rates, slope)
+        _add_scaled(y, h, slope, new)
+        rates_of(scene, new, rates[k])
+
+
+@njit
+def _estimate_error(y, new, rates, rtol, scale, lane, five, three):
+    r"""Estimate the error of a step over what is tolerated, and the next step, as scipy does.
+
+    :math:`h e_5^2 / \sqrt{(e_5^2 + 0.01 e_3^2) n}`, with both estimates scaled by the tolerances.
+    """
+    last = rates[STAGES]
+    _weighted_sum(_FIFTH, rates, five)
+    _weighted_sum(_THIRD, rates, three)
+    for m in range(SIZE):
+        per = 1.0 / (scale[m] + rtol * max(abs(y[m]), abs(new[m])))
+        five[m] = (five[m] * per) ** 2
+        three[m] = (three[m] * per) ** 2 + 0.0 * (new[m] + last[m])  # nan if not finite
+    for c in range(LANES, SIZE, LANES):
+        for i in range(LANES):
+            five[i] += five[c + i]
+            three[i] += three[c + i]
+    for i in range(LANES):
+        size = (five[i] + 0.01 * three[i]) * lane[STATES, i]
+        error = lane[H, i] * five[i] / math.sqrt(size)
+        lane[ERROR, i] = error if size != 0.0 else 0.0
+        lane[GROWTH, i] = 0.7 / math.sqrt(math.sqrt(math.sqrt(lane[ERROR, i])))
+
+
+@njit
+def _accept(y, rates, new, lane):
+    """Take the step in the lanes where row `TAKEN` says so."""
+    for c in range(0, SIZE, LANES):
+        for i in range(LANES):
+            m, taken = c + i, lane[TAKEN, i] != 0.0
+            y[m] = new[m] if taken else y[m]
+            rates[0, m] = rates[STAGES, m] if taken else rates[0, m]
+
+
+@njit
+def _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane):
+    """Put a flight into a lane."""
+    for c in range(5):
+        scene[c * LANES + i] = scenes[row, c]
+    for c in range(3):
+        y[X + c * LANES + i] = 0.0
+        y[U + c * LANES + i] = velocities[row, c]
+        scale[X + c * LANES + i] = scenes[row, 7]
+        scale[U + c * LANES + i] = scenes[row, 8]
+    y[LEFT + i], scale[LEFT + i] = 1.0, tol
+    lane[DROP, i], lane[STATES, i] = scenes[row, 5], scenes[row, 6]
+
+
+@njit
+def _scaled_distance(i, a, b, y, rtol, scale, without):
+    """Return the length of a - b over what is tolerated, but for the last row if `without`."""
+    total = 0.0
+    for c in range(0, LEFT if without else SIZE, LANES):
+        total += ((a[c + i] - b[c + i]) / (scale[c + i] + rtol * abs(y[c + i]))) ** 2
+    return math.sqrt(total)
+
+
+@njit
+def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations):
+    """Find the first rates of every flight, and scipy's guess of its first step.
+
+    Hairer, Norsett & Wanner, II.4. A flight that cannot begin, or ends at once, is given a status.
+    """
+    scene, scale = np.zeros(5 * LANES), np.ones(SIZE)
+    y, new, still, h = np.zeros(SIZE), np.empty(SIZE), np.zeros(SIZE), np.empty(SIZE)
+    lane = np.zeros((_LANE_ROWS, LANES))
+    n = len(starts)
+    for first in range(0, n, LANES):
+        for i in range(LANES):
+            _load_flight(i, min(first + i, n - 1), scenes, velocities, tol, scene, y, scale, lane)
+        rates_of(scene, y, rates[0])
+        for i in range(LANES):
+            count = math.sqrt(lane[STATES, i])
+            d0 = _scaled_distance(i, y, still, y, rtol, scale, scene[DECAYS + i] == 0.0) / count
+            d1 = _scaled_distance(i, rates[0], still, y, rtol, scale, False) / count
+            lane[T, i] = d1
+            lane[H, i] = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, limit)
+        _broadcast(lane[H], h)
+        _add_scaled(y, h, rates[0], new)
+        rates_of(scene, new, rates[1])
+        for i in range(min(LANES, n - first)):
+            row, h0, d1 = first + i, lane[H, i], lane[T, i]
+            d2 = _scaled_distance(i, rates[1], rates[0], y, rtol, scale, False)
+            d2 /= math.sqrt(lane[STATES, i]) * h0
+            steepest = max(d1, d2)
+            h1 = max(1e-6, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** 0.125
+            starts[row, 7] = min(100.0 * h0, h1, limit)
+            evaluations[row], status[row] = 2, ALOFT
+            for c in range(7):
+                starts[row, c] = rates[0, c * LANES + i]
+                if not math.isfinite(starts[row, c]):
+                    evaluations[row], status[row] = 1, FAILED
+            climb = starts[row, 2]
+            if scenes[row, 5] == 0.0 and (climb < 0.0 or (climb == 0.0 and starts[row, 5] <= 0.0)):
+                evaluations[row], status[row] = 1, LANDED
+
+
+@njit
+def _guess_event(i, y, new, h, rates, new_rates, drop, apex, low):
     """Return about where in a step the event falls through 0, as a fraction, or -1 for nowhere.
 
-    From the quintic through height, speed and acceleration at both ends.
+    The height is the quintic through height, speed and acceleration at both ends.
     """
     c1, c2 = h * y[W + i], 0.5 * h * h * rates[W + i]
     d = new[Z + i] - y[Z + i] - c1 - c2
@@ -89,11 +324,11 @@ def _guess(i, y, new, h, rates, new_rates, drop, apex, low):  # type: ignore[no-
 
 
 @njit
-def _arrived(i, apex, new, rates, tol, lane):  # type: ignore[no-untyped-def]
-    """Move a lane's try at an event by Newton's method; return whether it is there.
+def _refine_event(i, apex, new, rates, tol, lane):
+    """Move a lane's step towards an event by Newton's method; return whether it ends there.
 
-    Once the way left is so short that its third order is far below the tolerance, a parabola covers
-    it: the states are then those of the event.
+    Once the time left is so short that its third order is far below the tolerance, a parabola
+    covers it: the states are then those of the event.
     """
     h, span, drop = lane[H, i], lane[SPAN, i], lane[DROP, i]
     speed, slope = new[W + i], rates[W + i]
@@ -124,7 +359,7 @@ def _arrived(i, apex, new, rates, tol, lane):  # type: ignore[no-untyped-def]
 
 
 @njit
-def _note(i, t, y, out):  # type: ignore[no-untyped-def]
+def _write_node(i, t, y, out):
     """Put a time and the states there into 8 numbers."""
     out[0] = t
     for c in range(7):
@@ -132,170 +367,87 @@ def _note(i, t, y, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _propose(i, h, limit, lane, knows):  # type: ignore[no-untyped-def]
-    """Set the length of a lane's next step; return -1, or `FAILED` where that is in vain."""
+def _set_step(i, h, limit, lane, counts):
+    """Set the length of a lane's next step; return -1, or `FAILED` where no step helps."""
     t = lane[T, i]
     smallest = max(10.0 * _EPS * t, 1e-300)
     lane[H, i] = min(max(h, smallest), limit - t)
-    knows[_PHASE, i] = _FLYING
-    vain = knows[_CALLS, i] > MAX_EVALUATIONS or (knows[_REJECTED, i] == 1 and h < smallest)
+    counts[_PHASE, i] = _FLYING
+    vain = counts[_CALLS, i] > MAX_EVALUATIONS or (counts[_REJECTED, i] == 1 and h < smallest)
     return FAILED if vain else -1
 
 
 @inlined
-def _pass(i, end, lane, knows, limit, out):  # type: ignore[no-untyped-def]
+def _advance_clock(i, end, lane, counts, limit, out):
     """Move a lane's clock to the `end` of its step; return status, -1 while the flight lasts."""
     last = lane[SPAN, i] == limit - lane[T, i]
     lane[T, i] = limit if last else lane[T, i] + lane[SPAN, i]
-    knows[_REJECTED, i] = 0
+    counts[_REJECTED, i] = 0
     if not last:
-        return _propose(i, lane[NEXT, i], limit, lane, knows)
+        return _set_step(i, lane[NEXT, i], limit, lane, counts)
     if end[Z + i] > out[11]:
-        _note(i, limit, end, out[8:])
-    _note(i, limit, end, out)
+        _write_node(i, limit, end, out[8:])
+    _write_node(i, limit, end, out)
     return ALOFT
 
 
 @inlined
-def _seek(i, y, rates, lane, knows, far, far_rates):  # type: ignore[no-untyped-def]
-    """Turn to the apex or the landing if the step whose end `far` holds crosses one, else -1."""
+def _turn_to_event(i, y, rates, lane, counts, far, far_rates):
+    """Set a step to the apex or landing that lies before `far`; return whether there is one."""
     drop, span, first = lane[DROP, i], lane[SPAN, i], rates[0]
-    passed = knows[_PHASE, i] == _TO_APEX
+    passed = counts[_PHASE, i] == _TO_APEX
     if not passed and y[W + i] >= 0.0 >= far[W + i] and y[W + i] > far[W + i]:
-        knows[_RISES, i] = 0
-        part = _guess(i, y, far, span, first, far_rates, drop, True, 0.0)
+        counts[_RISES, i] = 0
+        part = _guess_event(i, y, far, span, first, far_rates, drop, True, 0.0)
         if part >= 0.0:
             lane[LOW, i], lane[HIGH, i], lane[H, i] = 0.0, span, part * span
-            knows[_PHASE, i] = _TO_APEX
+            counts[_PHASE, i] = _TO_APEX
             return True
     low = lane[H, i] if passed else 0.0
     above, below = y[Z + i] + drop, far[Z + i] + drop
-    if knows[_RISES, i] == 0 and above >= 0.0 >= below and above > below:
-        part = _guess(i, y, far, span, first, far_rates, drop, False, low / span)
+    if counts[_RISES, i] == 0 and above >= 0.0 >= below and above > below:
+        part = _guess_event(i, y, far, span, first, far_rates, drop, False, low / span)
         lane[LOW, i], lane[HIGH, i], lane[H, i] = low, span, max(part * span, low)
-        knows[_PHASE, i] = _TO_LANDING
+        counts[_PHASE, i] = _TO_LANDING
         return True
     return False
 
 
 @inlined
-def _sought(i, y, rates, new, lane, knows, tol, limit, far, far_rates, out):  # type: ignore[no-untyped-def]
-    """Look at a step that went for an event; return the flight's status, -1 while it lasts."""
-    apex = knows[_PHASE, i] == _TO_APEX
-    if not _arrived(i, apex, new, rates[STAGES], tol, lane):
+def _after_event_step(i, y, rates, new, lane, counts, tol, limit, far, far_rates, out):
+    """Handle a step towards an event; return the flight's status, -1 while it lasts."""
+    apex = counts[_PHASE, i] == _TO_APEX
+    if not _refine_event(i, apex, new, rates[STAGES], tol, lane):
         return -1
     t = lane[T, i] + lane[H, i]
     if not apex:
-        _note(i, t, new, out)
+        _write_node(i, t, new, out)
         out[3] = -lane[DROP, i]  # by definition; the event's root says so but for rounding
         return LANDED
     if new[Z + i] > out[11]:
-        _note(i, t, new, out[8:])
-    if _seek(i, y, rates, lane, knows, far, far_rates):
+        _write_node(i, t, new, out[8:])
+    if _turn_to_event(i, y, rates, lane, counts, far, far_rates):
         return -1
     for m in range(i, SIZE, LANES):
         y[m], rates[0, m] = far[m], far_rates[m]
-    return _pass(i, far, lane, knows, limit, out)
+    return _advance_clock(i, far, lane, counts, limit, out)
 
 
 @inlined
-def _flown(i, y, rates, new, lane, knows, limit, far, far_rates, out):  # type: ignore[no-untyped-def]
-    """Look at an ordinary step; return the flight's status, -1 while it lasts."""
+def _after_step(i, y, rates, new, lane, counts, limit, far, far_rates, out):
+    """Handle an ordinary step; return the flight's status, -1 while it lasts."""
     h, error, growth = lane[H, i], lane[ERROR, i], lane[GROWTH, i]
     if not error < 1.0:  # or not a number
-        knows[_REJECTED, i] = 1
+        counts[_REJECTED, i] = 1
         h *= max(0.2, growth) if error < math.inf else 0.2
-        return _propose(i, h, limit, lane, knows)
+        return _set_step(i, h, limit, lane, counts)
     lane[SPAN, i] = h
-    lane[NEXT, i] = h * min(growth, 1.0 if knows[_REJECTED, i] == 1 else 10.0)
+    lane[NEXT, i] = h * min(growth, 1.0 if counts[_REJECTED, i] == 1 else 10.0)
     drop = lane[DROP, i]
     if y[W + i] >= 0.0 >= new[W + i] or y[Z + i] + drop >= 0.0 >= new[Z + i] + drop:
         for m in range(i, SIZE, LANES):
             far[m], far_rates[m] = new[m], rates[STAGES, m]
-        if _seek(i, y, rates, lane, knows, far, far_rates):
+        if _turn_to_event(i, y, rates, lane, counts, far, far_rates):
             return -1
     lane[TAKEN, i] = 1.0
-    return _pass(i, new, lane, knows, limit, out)
-
-
-def _march(pull, scenes, velocities, rtol, tol, limit, out, status, evaluations):  # type: ignore[no-untyped-def]
-    """Fly every row.
-
-    Args:
-        pull: the compiled rates, `lanes.side_by_side`.
-        scenes: per row height, spin (3), whether it decays, drop, number of states that change,
-            absolute tolerance of displacement and of velocity.
-        velocities: at the launch, shape `(n, 3)` [m/s].
-        rtol: relative tolerance.
-        tol: absolute tolerance of the spin.
-        limit: of time [s].
-        out: shape `(n, 16)`: time and 7 states at the end, time and 7 states at the apex.
-        status: `LANDED`, `ALOFT` or `FAILED`.
-        evaluations: of the acceleration.
-    """
-    n = len(out)
-    rates, begin = np.zeros((STAGES + 1, SIZE)), np.empty((n, 8))
-    starts(pull, scenes, velocities, rtol, tol, limit, rates, begin, status, evaluations)
-    scene, scale = np.zeros(5 * LANES), np.ones(SIZE)
-    y, new, far, far_rates = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE)
-    five, three = np.zeros(SIZE), np.zeros(SIZE)
-    lane, knows = np.zeros((KNOWN, LANES)), np.zeros((5, LANES), np.int64)
-    knows[_PHASE] = _IDLE
-    waiting, flying = 0, 0
-    while True:
-        for i in range(LANES):
-            while knows[_PHASE, i] == _IDLE and waiting < n:
-                row = waiting
-                waiting += 1
-                board(i, row, scenes, velocities, tol, scene, y, scale, lane)
-                _note(i, 0.0, y, out[row])
-                _note(i, 0.0, y, out[row, 8:])
-                if status[row] != ALOFT:
-                    continue
-                lane[T, i] = 0.0
-                for c in range(7):
-                    rates[0, c * LANES + i] = begin[row, c]
-                climb, lifted = begin[row, 2], begin[row, 5]
-                knows[_ROW, i], knows[_CALLS, i], knows[_REJECTED, i] = row, 2, 0
-                knows[_RISES, i] = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
-                _propose(i, begin[row, 7], limit, lane, knows)
-                flying += 1
-        if flying == 0:
-            break
-        step(pull, scene, y, lane, rates, five, three, new)
-        judge(y, new, rates, rtol, scale, lane, five, three)
-        for i in range(LANES):
-            if knows[_PHASE, i] == _IDLE:
-                continue
-            row = knows[_ROW, i]
-            knows[_CALLS, i] += STAGES
-            lane[TAKEN, i] = 0.0
-            here = (i, y, rates, new, lane, knows)
-            if knows[_PHASE, i] == _FLYING:
-                done = _flown(*here, limit, far, far_rates, out[row])
-            else:
-                done = _sought(*here, tol, limit, far, far_rates, out[row])
-            if done >= 0:
-                status[row], evaluations[row] = done, knows[_CALLS, i]
-                knows[_PHASE, i], lane[H, i] = _IDLE, 0.0
-                flying -= 1
-        advance(y, rates, new, lane)
-    for row in range(n):
-        if status[row] == FAILED:
-            out[row] = math.nan
-
-
-def _compiled() -> Any:
-    """Return `_march` as machine code, from the disk if it can be kept there: it takes seconds."""
-    matrix = numba.float64[:, ::1]
-    signature = numba.void(
-        numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
-        matrix, numba.int8[::1], numba.int64[::1],
-    )  # fmt: skip
-    # numba looks for changes in this file only; the others are part of the name
-    sources = [Path(str(module.__file__)).read_bytes() for module in (lanes, steps)]
-    check_type = zlib.crc32(b"".join(sources), MAX_EVALUATIONS)
-    return compiled(named(_march, f"march_{check_type:08x}"), signature, **HOW)
-
-
-march = _compiled()
+    return _advance_clock(i, new, lane, counts, limit, out)

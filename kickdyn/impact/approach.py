@@ -14,7 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.digits import approach_rounding
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 MAX_SPEED = 1e140
 """[m/s]. Squares of it, times a mass, are energies that a float64 still holds."""
@@ -56,7 +56,7 @@ def approach(
     v = validation.vector("v", v, posture.leg.nv)
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
-    posture = posture.touched_at(contact.offset)
+    posture = posture.with_contact_offset(contact.offset)
     velocity, spin, moves = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
         velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")

@@ -30,8 +30,7 @@ from kickdyn.impact.hertz import (
     until,
 )
 from kickdyn.impact.joint_torque import Torque, acting, check_pickles, own_torque
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 CONTACT_TIME = 0.010
 """[s]. 9 to 14 ms were measured in soccer, Australian football and rugby league (review in Ball,

@@ -15,8 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
 from kickdyn.impact.hertz import HertzContact
-from kickdyn.robot.posture import Posture
-from kickdyn.robot.workspace import Workspace
+from kickdyn.robot.leg import Posture, Workspace
 
 CREEP = 1e-3
 """Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,

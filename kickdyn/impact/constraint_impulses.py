@@ -6,7 +6,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraint_projector import ConstraintProjector
+from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Leg
 
 

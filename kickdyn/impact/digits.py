@@ -9,7 +9,7 @@ import numpy as np
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array, length
 from kickdyn.impact.contact_problem import ContactProblem, contact_axes
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 if TYPE_CHECKING:
     from kickdyn.impact.impact_result import Impact
@@ -45,7 +45,7 @@ def impulse_rounding(hit: Impact) -> float:
         scale = 1.0 / np.sqrt(matrix.diagonal())
         share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
     if posture.constraint_projector is not None:
-        share += EPS * posture.rounding
+        share += EPS * posture.rounding_gain
     return 2.0 * share
 
 

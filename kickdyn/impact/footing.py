@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kickdyn.core.validation import Array
-from kickdyn.robot.constraint_projector import ConstraintProjector
-from kickdyn.robot.constraints import Support
+from kickdyn.robot.constraints import ConstraintProjector, Support
 
 ROUNDING = 1e-12
 """Share of the impulse on the ball that counts as none."""

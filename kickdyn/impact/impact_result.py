@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
@@ -22,7 +21,7 @@ from kickdyn.impact.footing import judged
 from kickdyn.impact.joint_impulses import joint_impulses, struck
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 ENERGY_ROUNDING = 1e-12
 """Share of impulse times contact speed below which energy gained is rounding."""
@@ -33,7 +32,7 @@ RESIDUAL_ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impact(ReadOnly, ReprMixin):
+class Impact(ReprMixin):
     """What a strike does, with the residuals that prove it.
 
     What the leg does after the impulse is computed when it is first read, and kept.

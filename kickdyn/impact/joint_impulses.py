@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross3
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 
 def joint_impulses(
@@ -48,7 +48,9 @@ def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
     """
     leg, space = posture.leg, posture.leg.workspace
     if posture.is_ill_conditioned:
-        return posture.articulated.respond(leg.contact_joint, np.array(on_foot(posture, impulse)))
+        return posture.articulated_bodies.respond(
+            leg.contact_joint, np.array(on_foot(posture, impulse))
+        )
     model, data, still = space.model, space.data, space.still
     space.pushes.fill(0.0)  # of the impact before
     space.pushes[leg.contact_joint] = on_foot(posture, impulse)
@@ -59,7 +61,7 @@ def struck(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
 
 def on_foot(posture: Posture, impulse: Array) -> tuple[float, ...]:
     """Return what `at_joint` does, of an impulse at the contact point, shape `(3,)` [N s]."""
-    push = impulse.dot(posture.joint_rotation).tolist()
+    push = impulse.dot(posture.rotation_world_joint).tolist()
     return (*push, *cross3(posture.contact_lever.tolist(), push))
 
 

@@ -14,10 +14,9 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.joint_impulses import at_joint
-from kickdyn.robot.constraint_projector import INDEPENDENT
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.constraints import INDEPENDENT
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import listed
-from kickdyn.robot.posture import Posture
 
 ELSEWHERE, STEADY = 0.7, 1e-9
 """Joint angles [rad, m] and the change of their axes up to which these count as fixed."""
@@ -76,7 +75,7 @@ def leg_slopes(
     check_steady(leg)
     model, data, nv, still = space.model, space.data, leg.nv, space.still
     push = np.concatenate([-impulse, np.zeros(3)])
-    foot = _Load(leg.contact_joint, posture.joint_rotation, posture.contact_lever, push)
+    foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, push)
     loads = [foot, *(load for _, load in _carried(posture, held))]
     jacobians = [_jacobian(posture, load) for load in loads]
     space.pushes.fill(0.0)

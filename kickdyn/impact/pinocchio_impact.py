@@ -13,7 +13,7 @@ from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, approach
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -29,7 +27,7 @@ Jacobians = Mapping[str, Array]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(ReadOnly, ReprMixin):
+class Sensitivity(ReprMixin):
     """Derivatives of a strike's results, one Jacobian per source.
 
     Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
@@ -117,7 +115,7 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
 
     def named(rows: Array) -> Jacobians:
         rows.setflags(write=False)
-        return MappingProxyType({name: rows[:, place] for name, place in at.items()})
+        return {name: rows[:, place] for name, place in at.items()}
 
     return Sensitivity(
         impulse=named(impulse),
@@ -134,7 +132,7 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
 def _check_stays(hit: Impact) -> None:
     """Raise `InvalidInput` if what the supports hold moves after the impact."""
     hold = hit.posture.constraint_projector
-    if hold is not None and hold.moved(hit.v_after) is not None:
+    if hold is not None and hold.find_violation(hit.v_after) is not None:
         raise InvalidInput(
             f"a support moves at {hit.support_residual:.3g} after the impact (footing "
             f"{hit.footing}): sensitivities are for supports that hold"

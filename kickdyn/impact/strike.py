@@ -16,7 +16,7 @@ from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, approach
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import LAWS, ContactProblem
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 
 def strike(

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ROUNDING, Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -40,7 +38,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uncertainty(ReadOnly, Printed):
+class Uncertainty(Printed):
     """Covariances of a strike's results, and the budget: which source makes which part.
 
     `print` shows the budget as a table.
@@ -151,7 +149,7 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
         size = places[name].stop - places[name].start
         covariance = _covariance(name, value, size)
         parts = {result: _carried(getattr(slopes, result)[name], covariance) for result in RESULTS}
-        by_source[name] = MappingProxyType(parts)
+        by_source[name] = parts
         margin += float(_carried(slopes.margin_slope[name], covariance)[0, 0])
     impulse, velocity, spin = (
         np.sum([parts[result] for parts in by_source.values()], axis=0) for result in RESULTS
@@ -165,8 +163,8 @@ def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
         spin=spin,
         impulse_size=math.sqrt(_along(ways["impulse_size"], impulse)),
         speed=math.sqrt(_along(ways["speed"], velocity)),
-        ways=MappingProxyType(ways),
-        by_source=MappingProxyType(by_source),
+        ways=ways,
+        by_source=by_source,
         branch=slopes.branch,
         branch_sigmas=_sigmas(slopes, margin),
     )

@@ -24,8 +24,7 @@ from kickdyn.impact.joint_impulses import joint_impulses
 from kickdyn.impact.laws import ContactProblem
 from kickdyn.impact.strike import check_energy, strike
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 MAX_RESIDUAL = 1e-9
 WHY_NOT = {
@@ -115,7 +114,7 @@ def unilateral_strike(
     held = strike(posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
     leg = posture.leg
     supports = _checked(leg)
-    free = leg.with_supports().posture(held.posture.q).touched_at(contact.offset)
+    free = leg.with_supports().posture(held.posture.q).with_contact_offset(contact.offset)
     feet = _feet(held, supports)
     contacts = _contacts(held, free, feet)
     bounced = contacts.before.copy()

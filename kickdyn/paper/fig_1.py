@@ -11,8 +11,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape
 from kickdyn.planning.self_motion import self_motion
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 NAME = "Fig. 1"
 START_DEG = (25.0, 40.0, 10.0)

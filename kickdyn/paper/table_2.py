@@ -11,8 +11,7 @@ from kickdyn.impact.laws import normal_impulse
 from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import FITTED, Item, near
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 NAME = "Table 2"
 SPEED = 1.0  # [m/s]

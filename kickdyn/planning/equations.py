@@ -14,8 +14,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_derivatives import leg_slopes
 from kickdyn.planning.heading import heading_for, turned
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 FEASIBLE = 1e-4
 """How far constraints may be missed, each over its own scale; velocities are then made exact, and
@@ -163,7 +162,7 @@ class Equations:
         """Return the posture for the angles of the joints that move the foot."""
         whole = self.rest.copy()
         whole[self.qs] = q
-        return self.leg.posture(whole).touched_at(self.impact_target.contact.offset)
+        return self.leg.posture(whole).with_contact_offset(self.impact_target.contact.offset)
 
     def whole(self, v: Array) -> Array:
         """Return the joint velocity of the whole leg."""
@@ -203,7 +202,7 @@ class Equations:
     def facing(self, posture: Posture) -> Array:
         """Return by how much the foot turns its front to the ball: 0 or more where it does."""
         ways = [
-            posture.touched_at(row).contact_point - posture.contact_point
+            posture.with_contact_offset(row).contact_point - posture.contact_point
             for row in self.contact_normal_cone
         ]
         return np.reshape(ways, (-1, 3)) @ self.impact_target.contact.normal
@@ -267,7 +266,9 @@ class Equations:
             room[:, at_v] = -2 * used * np.reshape(by_v, (zero.size, -1))[both] * self.speed
             rows += list(room)
         for row in self.contact_normal_cone:
-            turning = self.impact_target.contact.normal @ (posture.touched_at(row).jacobian - kic)
+            turning = self.impact_target.contact.normal @ (
+                posture.with_contact_offset(row).jacobian - kic
+            )
             rows.append(np.append(turning[self.vs], np.zeros(n + 1)))
         return np.array(rows)
 

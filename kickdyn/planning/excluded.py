@@ -8,8 +8,7 @@ from kickdyn.core.validation import Array
 from kickdyn.planning.equations import Objective
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.search import Search
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 
 def why_none(

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.forces import GRAVITY
 
 FARTHEST = 1e4
 """How far away a target may be [m]: air and gravity are those of one place."""

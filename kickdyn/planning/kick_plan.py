@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -109,9 +108,9 @@ class KickPlan(ReprMixin):
     @property
     def into_stop(self) -> tuple[str, ...]:
         """Joints at an end of their range that run on beyond it just after the impact."""
-        found = []
+        found, values = [], self.leg.joint_values(self.q)
         for name, i in self._joints():
-            (low, high), at, v = self.leg.joint_range(name), self._angle(name), self.hit.v_after[i]
+            (low, high), at, v = self.leg.joint_range(name), values[name], self.hit.v_after[i]
             if (at - low < AT_END and v < 0.0) or (high - at < AT_END and v > 0.0):
                 found.append(name)
         return tuple(found)
@@ -119,13 +118,9 @@ class KickPlan(ReprMixin):
     def _joints(self) -> list[tuple[str, int]]:
         """Return the joints that move just after the impact, with their place in v."""
         leg = self.leg
-        every = [(name, leg.velocity_index(name)) for name in leg.angles_deg(self.q)]
+        every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
         fast = float(np.abs(self.hit.v_after).max())
         return [(name, i) for name, i in every if abs(self.hit.v_after[i]) > STILL * fast]
-
-    def _angle(self, name: str) -> float:
-        value = self.leg.angles_deg(self.q)[name]
-        return value if self.leg.joint_unit(name) == "m" else math.radians(value)
 
     @property
     def q(self) -> Array:

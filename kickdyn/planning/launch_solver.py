@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import GRAVITY
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.shooting import ShootingProblem, Trajectory
 

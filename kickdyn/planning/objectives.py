@@ -19,7 +19,7 @@ from kickdyn.planning.equations import Equations, Objective
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, of_launch
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 SMOOTH = 12
 """Power of the norm that stands for the largest of several, within 10 % for six joints' worth."""

@@ -117,12 +117,11 @@ def text(planned: KickPlan) -> list[str]:
     """Return a plan's numbers as lines of text."""
     launch, hit, leg = planned.launch, planned.hit, planned.leg
     up, left = planned.impact_target.place
-    angles = leg.angles_deg(planned.q)
     joints = [
-        f"  {name:24} {angles[name]:9.2f} {leg.joint_unit(name).replace('rad', 'deg')}  "
+        f"  {name:24} {value:9.2f} {unit}  "
         f"{planned.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
-        for name in angles
-        if planned.v[leg.velocity_index(name)] != 0.0 or angles[name] != 0.0
+        for name, (value, unit) in leg.display_values(planned.q).items()
+        if planned.v[leg.velocity_index(name)] != 0.0 or value != 0.0
     ]
     value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
     what = SAID.get(planned.objective, planned.objective)
@@ -184,6 +183,7 @@ def as_json(
             "name": leg.name,
             "heading_deg": math.degrees(planned.heading),
             "q_deg": leg.angles_deg(planned.q),
+            "q_m": leg.positions_m(planned.q),
             "v": planned.v.tolist(),
             "objective": planned.objective,
             "value": planned.value,

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from kickdyn.core.validation import Array
 from kickdyn.planning.equations import FEASIBLE, Equations, Objective
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 NEAR = 1.0
 """How far from the zero configuration starts are drawn [rad]: farther off, legs tangle."""

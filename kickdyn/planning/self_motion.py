@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
 TOLERANCE = 1e-12
 """How far the contact point may stray, over the leg's lever [1]."""

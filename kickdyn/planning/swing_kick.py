@@ -17,7 +17,7 @@ from kickdyn.planning.search import Found, Search
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, Solved, Stop, Stopper
 from kickdyn.planning.swing_joints import LONGEST, Joints, joints_of
 from kickdyn.planning.swing_phase import SwingPhase, part_of
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 GRIDS = ((12, 0.03), (24, 0.01))
 """Intervals of each stop, and share of the torque limits left over for torques between so many.
@@ -141,7 +141,7 @@ class _Problem:
         still = chain.torque(q, v, ca.DM(n, 1)) / ca.DM(joints.effort)
         here = found.posture
         levers = [
-            here.touched_at(row).contact_lever - here.contact_lever
+            here.with_contact_offset(row).contact_lever - here.contact_lever
             for row in search.contact_normal_cone
         ]
         facing = [ca.dot(ca.DM(normal), chain.way(q, ca.DM(lever))) for lever in levers]

@@ -1,12 +1,16 @@
-"""Articulated bodies: what the foot gives way by, and what a push does, without M.
+r"""Articulated-body algorithm: the Delassus matrix, and the response to an impulse, without M.
 
-The joint-space inertia M of a short link before a long one is nearly singular, though the foot
-gives way like that of any leg: its inverse mass is then a small difference of what M has lost.
-Here bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms,
-2008, chapter 7). What a free joint cannot resist is 0, not the rounding of a difference: each
-body's inertia is split into the joint's motions S and all motions N across them, and only the
-second part is handed on. The recursion thus loses digits where bodies do, not where joint
-coordinates do.
+The joint-space inertia M of a short link before a long one is nearly singular, though its foot has
+an inverse mass like that of any leg: a small difference of what the rounding of M has lost. Here
+bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms, 2008,
+chapter 7). The articulated inertia that a parent feels is
+
+.. math:: A - A S\,(S^T A S + D_r)^{-1} S^T A
+
+without rotors, :math:`D_r = 0`, where S are the joint's motions. It is exactly 0 along S: each
+inertia is split into S and an orthonormal basis N across it, and only the part across is passed to
+the parent, so that a free joint leaves 0 there and not the rounding of a difference. The recursion
+thus loses digits where bodies do, not where joint coordinates do.
 """
 
 from __future__ import annotations
@@ -26,13 +30,14 @@ class _Body(NamedTuple):
     Attributes:
         parent: its number.
         at: the joint's places in v.
-        lift: takes forces to the parent's axes, shape `(6, 6)`; its transpose brings motions back.
+        lift: force transform to the parent's axes, shape `(6, 6)`; its transpose takes motions
+            from there.
         inertia: of this body alone, shape `(6, 6)`.
         joint, across: S, and an orthonormal basis N across it, shapes `(6, k)`, `(6, 6 - k)`.
-        share: takes a motion to joint velocities, as if nothing moved across them, `(k, 6)`.
+        share: joint velocities of a motion, without its part across the joint, shape `(k, 6)`.
         rotor: armature, shape `(k,)`.
         factor: lower Cholesky factor of D = S^T A S + rotor, A the inertia of all from here on.
-        drag: N^T A S, shape `(6 - k, k)`.
+        coupling: N^T A S, shape `(6 - k, k)`.
     """
 
     parent: int
@@ -44,23 +49,23 @@ class _Body(NamedTuple):
     share: Array
     rotor: Array
     factor: Array
-    drag: Array
+    coupling: Array
 
-    def solved(self, right: Array) -> Array:
+    def solve(self, right: Array) -> Array:
         """Return D^-1 times a matrix or vector."""
         return np.asarray(lapack.dpotrs(self.factor, right, lower=1)[0])
 
-    def handed_on(self, force: Array) -> tuple[Array, Array]:
-        """Return what a force on the body does to the joint, D^-1 S^T f, and to the parent."""
-        speed = self.solved(self.joint.T @ force)
-        rest = self.across @ (self.across.T @ force - self.drag @ speed)
+    def pass_on(self, force: Array) -> tuple[Array, Array]:
+        """Return the joint velocity D^-1 S^T f after a force f, and the force on the parent."""
+        speed = self.solve(self.joint.T @ force)
+        rest = self.across @ (self.across.T @ force - self.coupling @ speed)
         if self.rotor.any():
             rest += self.share.T @ (self.rotor * speed.T).T
         return speed, self.lift @ rest
 
 
-class Articulated:
-    """The bodies of a leg at one configuration, joined; for legs that only their joints hold."""
+class ArticulatedBodies:
+    """The bodies of a leg at one configuration; for legs without supports and loops."""
 
     def __init__(self, model: Any, data: Any, q: Array) -> None:
         pin.forwardKinematics(model, data, q)
@@ -73,8 +78,8 @@ class Articulated:
                 joined[body.parent] += body.lift @ _resisting(body, joined[number]) @ body.lift.T
         self.bodies: list[_Body] = bodies[::-1]
 
-    def give(self, number: int, forces: Array) -> Array:
-        """Return rows that span the foot's inverse mass, shape `(n, nv)`.
+    def delassus_factor(self, number: int, forces: Array) -> Array:
+        r"""Return F with :math:`F F^T = K M^{-1} K^T`, shape `(n, nv)`, K the forces' Jacobian.
 
         Args:
             number: of the joint whose body is pushed.
@@ -85,7 +90,7 @@ class Articulated:
             body = self.bodies[number - 1]
             work = body.joint.T @ force
             rows[:, body.at] = blas.dtrsm(1.0, body.factor, work, lower=1).T
-            _, force = body.handed_on(force)
+            _, force = body.pass_on(force)
             number = body.parent
         return rows
 
@@ -102,15 +107,14 @@ class Articulated:
         speeds: dict[int, Array] = {}
         at, force = number, push
         while at:
-            speeds[at], force = self.bodies[at - 1].handed_on(force)
+            speeds[at], force = self.bodies[at - 1].pass_on(force)
             at = self.bodies[at - 1].parent
         jump, left_over = np.zeros(self.nv), np.zeros(self.nv)
         motions = np.zeros((len(self.bodies) + 1, 6))
         for i, body in enumerate(self.bodies, start=1):
             here = body.lift.T @ motions[body.parent]
             sideways, own = body.across.T @ here, body.share @ here
-            told = speeds.get(i, 0.0)
-            rate = told + body.solved(body.rotor * own - body.drag.T @ sideways)
+            rate = speeds.get(i, 0.0) + body.solve(body.rotor * own - body.coupling.T @ sideways)
             motions[i] = body.joint @ rate + body.across @ sideways
             jump[body.at] = rate - own
         transmitted = np.zeros((len(self.bodies) + 1, 6))
@@ -142,18 +146,18 @@ def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
         share=np.linalg.solve(root[:size], basis[:, :size].T),
         rotor=rotor,
         factor=factor,
-        drag=across.T @ drive,
+        coupling=across.T @ drive,
     )
 
 
 def _resisting(body: _Body, inertia: Array) -> Array:
-    """Return the inertia that the parent feels: all but what the joint lets go."""
-    across, drag = body.across, body.drag
-    kept = across.T @ inertia @ across - drag @ body.solved(drag.T.copy())
+    """Return the inertia that the parent feels: without what the joint lets move."""
+    across, coupling = body.across, body.coupling
+    kept = across.T @ inertia @ across - coupling @ body.solve(coupling.T.copy())
     felt = across @ kept @ across.T
     if body.rotor.any():  # a rotor resists along the joint too
-        held = body.solved(np.diag(body.rotor)).T  # rotor D^-1
-        aside = body.share.T @ held @ drag.T @ across.T
+        reflected = body.solve(np.diag(body.rotor)).T  # rotor D^-1
+        aside = body.share.T @ reflected @ coupling.T @ across.T
         felt += aside + aside.T
-        felt += body.share.T @ held @ (body.joint.T @ inertia @ body.joint) @ body.share
+        felt += body.share.T @ reflected @ (body.joint.T @ inertia @ body.joint) @ body.share
     return np.asarray(felt)

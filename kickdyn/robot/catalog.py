@@ -1,40 +1,203 @@
-"""Legs by the names that command lines have for them."""
+"""The robots of the package example-robot-data, by name: files, feet, and how they stand."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
+from typing import Any
 
-from kickdyn.core.files import exists
-from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.example_robots import ROBOTS
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.urdf_file import shipped_urdf
+import numpy as np
+import pinocchio as pin
 
-SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.joint_table import reduced_model
+from kickdyn.robot.model_validation import frame_id, listed
+from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_document
 
-LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
-"""Names of legs: ours first, which hide a robot of the same name."""
+PACKAGE = "example-robot-data"
+
+TOE = "toe"
+"""Name of the frame of a robot's toe, as of our own legs' contact: x forward, z up."""
 
 
-def load_leg(name: str, frame: str | None = None) -> Leg:
-    """Return one of the shipped legs, a robot's, or a URDF file's; raise `InvalidInput`."""
-    if name in SHIPPED:
-        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
-    if name in ROBOTS:
-        return _limb(Leg.from_robot(name, frame, legs_only=True))
-    if not exists(name) and not Path(name).suffix:
-        raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
+@dataclass(frozen=True)
+class Robot:
+    """Where a robot's file is, and what its names mean.
+
+    Attributes:
+        file: its URDF, below the package's folder of robots.
+        foot, stance: frames of the right and of the left foot.
+        legs: how the names of the legs' joints begin.
+        toe: from the origin of `foot` to the upper edge of the right foot's front end, the default
+            contact point [m, world axes, straight leg]; None if the file shows no foot. Read off
+            the visual mesh: there a ball of size 5 overlaps least with the foot, struck along any
+            normal of the `contact_normal_cone`; with that of G1 by 1.2 mm at most.
+        steepest: of these normals [deg], above which the ball would reach into instep or shank.
+        turn: roll, pitch and yaw [rad] that bring its base's axes to x forward, z up.
+    """
+
+    file: str
+    foot: str
+    stance: str
+    legs: tuple[str, ...]
+    toe: tuple[float, float, float] | None = None
+    steepest: float = 60.0
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def contact(self, frame: str | None) -> tuple[str, Array | None]:
+        """Return the contact frame, the toe if None is named, and its `contact_normal_cone`.
+
+        The cone of the toe: up to 15 degrees to either side, and from level up to the steepest.
+        """
+        if self.toe is None or frame not in (None, TOE):
+            return self.foot if frame is None else frame, None
+        side, up = np.radians([15.0, self.steepest])
+        return TOE, np.array([
+            (np.sin(side), np.cos(side), 0.0),
+            (np.sin(side), -np.cos(side), 0.0),
+            (0.0, 0.0, 1.0),
+            (np.sin(up), 0.0, -np.cos(up)),
+        ])  # fmt: skip
+
+
+_WORDS = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
+_ICUB = tuple(f"{side}_{part}" for side in "lr" for part in ("hip", "knee", "ankle"))
+_ROMEO = tuple(f"{side}{part}" for side in "LR" for part in ("Hip", "Knee", "Ankle"))
+_ICUB_TOE = (0.1275, 0.0, 0.0145)
+_BACKWARDS = (0.0, 0.0, np.pi)  # iCub looks along -x
+
+ROBOTS = {
+    "g1": Robot(
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        *("right_ankle_roll_link", "left_ankle_roll_link", _WORDS),
+        toe=(0.1423, 0.0, -0.0206),
+    ),
+    "talos": Robot(
+        "talos_data/robots/talos_reduced.urdf",
+        *("right_sole_link", "left_sole_link", ("leg_",)),
+        toe=(0.1045, 0.0, 0.018),
+        steepest=40.0,
+    ),
+    "icub": Robot(
+        "icub_description/robots/icub.urdf",
+        *("r_sole", "l_sole", _ICUB, _ICUB_TOE, 60.0, _BACKWARDS),
+    ),
+    "icub_reduced": Robot(
+        "icub_description/robots/icub_reduced.urdf",
+        *("r_sole", "l_sole", _ICUB, _ICUB_TOE, 60.0, _BACKWARDS),
+    ),
+    "romeo": Robot(
+        "romeo_description/urdf/romeo.urdf",
+        *("r_sole", "l_sole", _ROMEO),
+        toe=(0.199, 0.0164, 0.0299),
+    ),
+    "human": Robot(
+        "human_description/robots/human.urdf",
+        *("right_foot", "left_foot", _WORDS),
+        toe=(0.2055, -0.0007, -0.073),
+        steepest=45.0,
+        turn=(np.pi / 2, 0.0, 0.0),  # its y axis points up
+    ),
+    "simple_humanoid": Robot(
+        "simple_humanoid_description/urdf/simple_humanoid.urdf",
+        *("r_ankle", "l_ankle", ("LLEG_", "RLEG_")),
+    ),
+    "bolt": Robot(
+        "bolt_description/robots/bolt.urdf",
+        *("FR_FOOT", "FL_FOOT", ("FL_", "FR_")),
+        toe=(0.016, 0.0, 0.0),
+        steepest=15.0,
+    ),
+}
+"""Every robot that `Leg.from_robot` knows."""
+
+
+def robot(name: str) -> Robot:
+    """Return a robot by name; raise `InvalidInput` with those there are."""
+    if not isinstance(name, str) or name not in ROBOTS:
+        raise InvalidInput(f"robot {name!r} is unknown: choose {', '.join(ROBOTS)}")
+    return ROBOTS[name]
+
+
+def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
+    """Return the `pin.Model` of a robot, its base turned to x forward, z up.
+
+    The files are published ones, whose mimic joints move freely.
+
+    Args:
+        name: of the robot.
+        base: `fixed` or `floating`.
+        legs_only: lock every joint outside the legs at its zero.
+
+    Raises:
+        InvalidInput: unknown robot or base, no flag, or the package is not installed.
+    """
+    validation.flag("legs_only", legs_only)
+    check_base(base)
+    known, file = robot(name), robot_file(name)
+    model = build_model(file.text, file.source, "floating")
+    model.name = name
+    _turn_base(model, pin.rpy.rpyToMatrix(*known.turn))
+    names = list(model.names)
+    locked = names[1:2] if base == "fixed" else []
+    if legs_only:
+        locked += [name for name in names[2:] if not name.startswith(known.legs)]
+    if locked:
+        model = reduced_model(model, locked, pin.neutral(model))
+    if known.toe is not None:
+        _add_toe(model, known)
+    return model
+
+
+def _add_toe(model: Any, known: Robot) -> None:
+    """Add the frame of a robot's toe, its axes the world's while the leg is straight."""
+    number = frame_id(model, known.foot)
+    foot = model.frames[number]
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    back = pin.updateFramePlacement(model, data, number).rotation.T
+    place = foot.placement * pin.SE3(back, back @ np.array(known.toe))
+    model.addFrame(pin.Frame(TOE, foot.parentJoint, number, place, pin.FrameType.OP_FRAME), False)
+
+
+def robot_file(name: str) -> UrdfFile:
+    """Return a robot's URDF; its meshes are looked up in the robot's own folder.
+
+    Raises:
+        InvalidInput: unknown robot, or the package is not installed.
+    """
+    known = robot(name)
+    path = robots_folder() / known.file
+    read = read_document(path)
+    own = robots_folder() / Path(known.file).parts[0]
+    return UrdfFile(read.text.replace(f"package://{PACKAGE}/robots/", "package://"), own, str(path))
+
+
+def robots_folder() -> Path:
+    """Return the folder of the package's robots; raise `InvalidInput` if it is not installed."""
     try:
-        return Leg.from_urdf(name, frame or "toe")
-    except UrdfError:
-        raise
-    except InvalidInput as error:  # what else can be wrong is the frame
-        said = str(error) if frame else f"no --frame is named, and {error}"
-        raise InvalidInput(said) from None
+        files = metadata.files(PACKAGE) or []
+    except metadata.PackageNotFoundError:
+        files = []
+    for file in files:
+        if file.as_posix().endswith("share/example-robot-data/package.xml"):
+            return Path(str(file.locate())).resolve().parent / "robots"
+    raise InvalidInput(
+        f'robots need the package {PACKAGE}: install it with pip install "kickdyn[robots]" '
+        f"(there are {listed(list(ROBOTS))})"
+    )
 
 
-def _limb(leg: Leg) -> Leg:
-    """Lock what does not move the foot: on a fixed base it has no say."""
-    model = leg.workspace.model
-    moving = {model.names[joint] for joint in model.supports[leg.contact_joint]}
-    return leg.locked({name: 0.0 for name in leg.joint_names if name not in moving})
+def _turn_base(model: Any, turn: Array) -> None:
+    """Turn all that hangs on the floating base, so that its pose stays one in our world's axes."""
+    to_ours = pin.SE3(turn, np.zeros(3))
+    model.inertias[1] = to_ours.act(model.inertias[1])
+    for joint in range(2, model.njoints):
+        if model.parents[joint] == 1:
+            model.jointPlacements[joint] = to_ours * model.jointPlacements[joint]
+    for frame in model.frames:
+        if frame.parentJoint == 1 and frame.type != pin.FrameType.JOINT:
+            frame.placement = to_ours * frame.placement

@@ -1,19 +1,25 @@
-"""What holds a leg besides its base: feet that stand, loops that are closed."""
+"""Supports and loops of a leg: constraints A v = 0 on its joint velocities.
+
+`Constraints` looks supports and loops up in the leg's model, gives the rows A and closes loops;
+`ConstraintProjector` projects velocities and impulses at one configuration.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.model_validation import frame_id, listed
 
 CLOSED = 1e-9
 """Gap [m] up to which a loop counts as closed."""
@@ -21,71 +27,79 @@ CLOSED = 1e-9
 FLAT = 1e-6
 """Share of a sole's length below which its width counts as none."""
 
+VIOLATION_TOLERANCE = 1e-9
+"""Share of the speed that the fastest joint could give a constrained frame: rounding."""
 
-@dataclass(frozen=True, eq=False, init=False)
-class Support(ReadOnly):
-    """A frame that stands on the ground and is held there while the ball is struck.
+INDEPENDENT = 1e-9
+"""Share of a row, in the metric of inertia, that others must leave for it to count."""
 
-    Args:
+NEWTON_STEPS = 50
+
+LEAD = 0.1
+"""Largest step of the kept joints while loops are closed [rad, m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """A frame that stands on the ground and stays at rest while the ball is struck.
+
+    Attributes:
         frame: of the robot.
-        point: holds the frame's origin only (a point foot); else the whole frame (a flat foot).
-        friction: Coulomb's coefficient between sole and ground, 0 or more; None: not looked at.
-        sole: corners of the sole in the frame, shape `(k, 3)` [m], three or more; None: not looked
-            at. The ground is level, its normal z.
+        point: whether only the frame's origin is at rest (a point foot), or the whole frame (a
+            flat foot).
+        friction: Coulomb's coefficient between sole and ground, 0 or more; None: not checked.
+        sole: corners of the sole, shape `(k, 3)` [m, support frame], three or more; None: not
+            checked. The ground is level, its normal z.
 
     Raises:
         InvalidInput: a coefficient below 0, corners of the wrong shape, or for a point foot.
     """
 
     frame: str
-    point: bool
-    friction: float | None
-    sole: Array | None
+    _: KW_ONLY
+    point: bool = False
+    friction: float | None = None
+    sole: Array | None = None
 
-    def __init__(
-        self,
-        frame: str,
-        *,
-        point: bool = False,
-        friction: float | None = None,
-        sole: ArrayLike | None = None,
-    ) -> None:
-        if not isinstance(frame, str):
-            raise InvalidInput(f"support's frame is {frame!r}: it must be a name")
-        point = validation.flag(f"point of {frame}", point)
-        if friction is not None:
-            friction = validation.number(f"friction under {frame}", friction, at_least=0)
-        corners = None
-        if sole is not None:
-            corners = validation.floats(f"sole of {frame}", sole, unit="m")
-            if point or corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
-                raise InvalidInput(
-                    f"sole of {frame} has shape {corners.shape}: it must be (k, 3), the corners of "
-                    "a flat foot, three or more"
-                )
-            extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-            if not extent[1] > FLAT * extent[0]:
-                raise InvalidInput(
-                    f"sole of {frame} is {corners.tolist()}: its corners must span an area"
-                )
-            corners.setflags(write=False)
-        for name, value in (
-            *(("frame", frame), ("point", point)),
-            *(("friction", friction), ("sole", corners)),
-        ):
-            object.__setattr__(self, name, value)
+    def __post_init__(self) -> None:
+        """Check the values and copy the corners."""
+        if not isinstance(self.frame, str):
+            raise InvalidInput(f"support's frame is {self.frame!r}: it must be a name")
+        point = validation.flag(f"point of {self.frame}", self.point)
+        object.__setattr__(self, "point", point)
+        if self.friction is not None:
+            friction = validation.number(f"friction under {self.frame}", self.friction, at_least=0)
+            object.__setattr__(self, "friction", friction)
+        if self.sole is not None:
+            object.__setattr__(self, "sole", self._checked_sole(self.sole))
+
+    def _checked_sole(self, sole: Array) -> Array:
+        """Return a read-only copy of the corners; raise `InvalidInput`."""
+        corners = validation.floats(f"sole of {self.frame}", sole, unit="m")
+        if self.point or corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3:
+            raise InvalidInput(
+                f"sole of {self.frame} has shape {corners.shape}: it must be (k, 3), the corners "
+                "of a flat foot, three or more"
+            )
+        extent = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+        if not extent[1] > FLAT * extent[0]:
+            raise InvalidInput(
+                f"sole of {self.frame} is {corners.tolist()}: its corners must span an area"
+            )
+        corners.setflags(write=False)
+        return corners
 
     @property
     def size(self) -> int:
-        """How many velocities it holds at 0: 3 or 6."""
+        """Number of velocities that are 0: 3 or 6."""
         return 3 if self.point else 6
 
 
-class Row(NamedTuple):
-    """Where a block of constraint rows acts: its impulse is on `joint`, minus it on `other`.
+class ConstraintBlock(NamedTuple):
+    """Where the impulse of one support or loop acts: on `joint`, and minus it on `other`.
 
     Attributes:
-        at: which rows.
+        at: its rows.
         joint, other: joints of the model; `other` is 0 for the ground.
         turns: from world axes to those of the joint and of the other, shape `(3, 3)`.
         frame: from the support's or first loop frame's axes to the world's, shape `(3, 3)`.
@@ -106,8 +120,12 @@ class Constraints:
     Attributes:
         supports: as given.
         loops: pairs of frames whose origins coincide.
-        size: rows, 6 for a flat foot, 3 for a point foot or a loop.
+        size: number of rows, 6 for a flat foot, 3 for a point foot or a loop.
         names: what each support and loop is called in messages.
+
+    Raises:
+        InvalidInput: an unknown frame, one given twice, a support on the kicking limb or on the
+            base, or a loop between frames of one body.
     """
 
     def __init__(
@@ -132,7 +150,7 @@ class Constraints:
         self.size = sum(support.size for support in supports) + 3 * len(loops)
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
 
-    def rows(self, model: Any, data: Any, q: Array) -> tuple[Array, list[Row]]:
+    def rows(self, model: Any, data: Any, q: Array) -> tuple[Array, list[ConstraintBlock]]:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
@@ -145,7 +163,9 @@ class Constraints:
             for row in range(0, support.size, 3):  # linear, then angular
                 matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
             turn, lever = place.turn.dot(rotation.T), place.lever
-            blocks.append(Row(at, place.joint, 0, (turn, turn), rotation, (lever, lever)))
+            blocks.append(
+                ConstraintBlock(at, place.joint, 0, (turn, turn), rotation, (lever, lever))
+            )
             start = at.stop
         for one, two in self._looped:
             at = slice(start, start + 3)
@@ -156,7 +176,7 @@ class Constraints:
             matrix[at] = rotation_2 @ second[:3] - carried
             turns = (two.turn @ rotation_2.T, one.turn @ rotation_1.T)
             levers = (two.lever, one.lever)
-            blocks.append(Row(at, two.joint, one.joint, turns, rotation_1, levers))
+            blocks.append(ConstraintBlock(at, two.joint, one.joint, turns, rotation_1, levers))
             start = at.stop
         return matrix, blocks
 
@@ -168,15 +188,6 @@ class Constraints:
         ]
         return np.array([second - first for first, second in places]).reshape(-1, 3)
 
-    def between(self, model: Any) -> Array:
-        """Return 1 for the velocities of joints between the ends of a loop, 0 for others."""
-        own = np.zeros(model.nv)
-        for ends in self._looped:
-            one, two = (set(model.supports[end.joint]) for end in ends)
-            for joint in one ^ two:
-                own[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
-        return own
-
     def check_closed(self, model: Any, data: Any, where: object) -> None:
         """Raise `InvalidInput` if a loop is open, with its gap."""
         if not self.loops:
@@ -186,12 +197,161 @@ class Constraints:
             if not width <= CLOSED:
                 raise InvalidInput(
                     f"loop {a} - {b} is open by {width:.6g} m in {where!r}: at most {CLOSED:g} m "
-                    "(Leg.closed(q) closes it)"
+                    "(Leg.close_loops(q) closes it)"
                 )
+
+    def close_loops(self, model: Any, data: Any, q: Array, kept: Sequence[int]) -> Array:
+        """Return the configuration of `Leg.close_loops`.
+
+        Args:
+            model: of the leg.
+            data: of the model.
+            q: to start from, shape `(nq,)`.
+            kept: indices in v of the joints that must not move.
+
+        Raises:
+            InvalidInput: the loops stay open; the widest, its gap and the rank of all together.
+        """
+        between = self._between(model)
+        free = between.copy()
+        free[kept] = 0.0
+        near, gaps, rank = self._newton(model, data, q, free)
+        if not _is_open(gaps):
+            return near
+        away = pin.difference(model, pin.neutral(model), q) * between
+        here, lead = pin.integrate(model, q, -away), away * (1.0 - free)
+        stages = max(1, math.ceil(float(np.abs(lead).max()) / LEAD))
+        for _ in range(stages):
+            here = pin.integrate(model, here, lead / stages)
+            here, led, _ = self._newton(model, data, here, free)
+            if _is_open(led):
+                break
+        else:
+            return np.asarray(here)
+        widths = np.linalg.norm(gaps, axis=1)
+        a, b = self.loops[int(np.argmax(widths))]
+        raise InvalidInput(
+            f"loop {a} - {b} stays open by {widths.max():.6g} m: from there the loops cannot be "
+            f"closed (rank {rank} of {gaps.size} rows)"
+        )
+
+    def _between(self, model: Any) -> Array:
+        """Return 1 for the velocities of joints between the ends of a loop, 0 for others."""
+        between = np.zeros(model.nv)
+        for ends in self._looped:
+            one, two = (set(model.supports[end.joint]) for end in ends)
+            for joint in one ^ two:
+                between[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]] = 1.0
+        return between
+
+    def _newton(self, model: Any, data: Any, q: Array, free: Array) -> tuple[Array, Array, int]:
+        """Return the best configuration that was met, its gaps and the rank of the last step.
+
+        Each step is the smallest that closes the loops to first order, half a radian at most.
+        """
+        first = self.size - 3 * len(self.loops)
+        best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
+        for _ in range(NEWTON_STEPS):
+            pin.forwardKinematics(model, data, q)
+            gaps = self.gaps(model, data)
+            if np.abs(gaps).max() < np.abs(narrowest).max():
+                best, narrowest = q, gaps
+            elif not _is_open(narrowest):  # as narrow as rounding allows
+                break
+            rows = self.rows(model, data, q)[0][first:] * free
+            step, _, found, _ = np.linalg.lstsq(rows, -gaps.ravel(), rcond=1e-9)
+            step, rank = step * free, int(found)
+            longest = float(np.abs(step).max())
+            q = pin.integrate(model, q, step * (0.5 / longest if longest > 0.5 else 1.0))
+        return np.asarray(best), narrowest, rank
+
+
+class ConstraintProjector:
+    r"""Projects on the velocities with A v = 0, orthogonally in the metric of inertia.
+
+    With :math:`M = L L^T` and :math:`W = L^{-1} A^T = Q R`, a velocity :math:`L^{-T} w` satisfies
+    the constraints if :math:`Q^T w = 0`, and :math:`w - Q Q^T w` is its projection.
+
+    Attributes:
+        constraints: of the leg.
+        rows: A, shape `(size, nv)` [world axes].
+        blocks: where each support's and loop's impulse acts.
+        rank: of A; below its number of rows, some are redundant.
+        independent: indices of as many rows as the rank.
+    """
+
+    def __init__(
+        self,
+        constraints: Constraints,
+        rows: Array,
+        blocks: list[ConstraintBlock],
+        whitened: Array,
+        where: object,
+    ) -> None:
+        self.constraints, self.rows, self.blocks = constraints, rows, blocks
+        self._whitened = whitened
+        lengths = [
+            math.sqrt(square) for square in np.einsum("ij,ij->j", whitened, whitened).tolist()
+        ]
+        least = INDEPENDENT * max(lengths)
+        self._length = np.array([length if length > least else math.inf for length in lengths])
+        packed, pivots, tau, _, _ = lapack.dgeqp3(whitened / self._length)
+        steps = min(whitened.shape)
+        self.rank = sum(abs(entry) > INDEPENDENT for entry in packed.diagonal().tolist())
+        self.independent = pivots[: self.rank] - 1
+        self._factor = packed[: self.rank, : self.rank]
+        basis, _, _ = lapack.dorgqr(packed[:, :steps], tau)
+        self._basis = basis[:, : self.rank]
+        if self.rank == rows.shape[1]:
+            raise InvalidInput(
+                f"{listed(constraints.names)} contradict each other: together they have rank "
+                f"{self.rank} of {len(rows)} rows, and leave none of {rows.shape[1]} degrees of "
+                f"freedom in {where!r}"
+            )
+        for array in (rows, self._basis, self.independent):
+            array.setflags(write=False)
+
+    def project(self, whitened: Array) -> Array:
+        """Return w - Q Q^T w of whitened velocities or impulses w, as columns if several."""
+        return np.asarray(whitened - self._basis.dot(self._basis.T.dot(whitened)))
+
+    def impulses(self, whitened: Array) -> Array:
+        """Return the constraints' impulses that answer L^-1 times an impulse, shape `(size,)`."""
+        blocked = self._basis.T.dot(whitened)
+        if self.rank == len(self.rows):
+            scaled = blas.dtrsv(self._factor, -blocked)
+            answer = np.empty(self.rank)
+            answer[self.independent] = scaled
+            return np.asarray(answer / self._length)
+        return np.asarray(self._least_impulses @ -blocked)
+
+    def find_violation(self, v: Array) -> tuple[str, float, str] | None:
+        """Return the support or loop that a velocity moves fastest, its speed and the unit.
+
+        None if that is rounding: relative to the fastest joint, for joints whose whole chain is
+        constrained still have the rounding of their own speeds.
+        """
+        speeds = abs(self.rows.dot(v)).tolist()
+        fastest = max(map(abs, v.tolist()))
+        reaches = abs(self.rows).sum(axis=1).tolist()
+        for k in range(0, len(speeds), 3):  # a velocity's three parts: one alone may be rounding
+            if max(speeds[k : k + 3]) > VIOLATION_TOLERANCE * max(reaches[k : k + 3]) * fastest:
+                break
+        else:
+            return None
+        worst = speeds.index(max(speeds))
+        at = next(i for i, block in enumerate(self.blocks) if worst < block.at.stop)
+        unit = "m/s" if worst - self.blocks[at].at.start < 3 else "rad/s"
+        return self.constraints.names[at], speeds[worst], unit
+
+    @cached_property
+    def _least_impulses(self) -> Array:
+        """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
+        return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=INDEPENDENT))
 
 
 class _Place(NamedTuple):
-    """A frame, and how it sits on its joint."""
+    """A frame, and its rotation and origin in the axes of its joint."""
 
     frame: int
     joint: int
@@ -200,6 +360,7 @@ class _Place(NamedTuple):
 
 
 def _place(model: Any, name: str) -> _Place:
+    """Return where a frame is; raise `InvalidInput` if there is none of that name."""
     frame = frame_id(model, name)
     found = model.frames[frame]
     place = found.placement
@@ -207,14 +368,20 @@ def _place(model: Any, name: str) -> _Place:
 
 
 def _motion(model: Any, data: Any, q: Array, place: _Place) -> tuple[Array, Array, Array]:
-    """Return a frame's Jacobian in its own axes, the turn from those to the world's, its origin."""
+    """Return a frame's Jacobian in its own axes, its rotation to world axes, and its origin."""
     placement = pin.updateFramePlacement(model, data, place.frame)
     rotation, origin = placement.rotation.copy(), placement.translation.copy()
     local = pin.computeFrameJacobian(model, data, q, place.frame, pin.LOCAL).reshape(6, model.nv)
     return local, rotation, origin
 
 
+def _is_open(gaps: Array) -> bool:
+    """Return whether a gap is wider than Newton's method leaves it."""
+    return bool(np.abs(gaps).max() > CLOSED / 10)
+
+
 def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None:
+    """Raise `InvalidInput` for a support that is on the base or on the kicking limb."""
     if joint == 0:
         raise InvalidInput(f"support {name} is fixed to the base: it stands already")
     # a floating base is on every path, and no limb
@@ -224,5 +391,5 @@ def _check_stance(model: Any, name: str, joint: int, contact_joint: int) -> None
     if joint == contact_joint or below or above:
         raise InvalidInput(
             f"support {name} is on the kicking limb, which moves "
-            f"{model.names[contact_joint]}: hold a frame of another limb"
+            f"{model.names[contact_joint]}: name a frame of another limb"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import read_only
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 
-AT_LIMIT = 1e-6
-"""By how much a limit may be passed before it is said [rad; m]; of a speed, as a share of it."""
+LIMIT_TOLERANCE = 1e-6
+"""By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
 
 
 class JointTable:
-    """What a robot's joints tell of it: names, sizes and limits, which `Leg` lists."""
+    """Names, sizes and limits of a robot's joints; `Leg` lists its attributes."""
 
     def __init__(self, model: Any) -> None:
         self._model = model
@@ -32,11 +31,21 @@ class JointTable:
         self.velocity_limit = read_only(model.velocityLimit)
         self.effort_limit = read_only(model.effortLimit)
 
+    @property
+    def single_joints(self) -> list[str]:
+        """Names of the joints of one degree of freedom."""
+        sizes = list(self._model.nvs)[1:]
+        return [name for name, nv in zip(self.joint_names, sizes, strict=True) if nv == 1]
+
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
         """Return q with the named joints at their values and all others at 0.
 
         Args:
             angles: joint name to value [rad; m for prismatic joints].
+
+        Returns:
+            Shape `(nq,)`; a joint without limits has cosine and sine there, a floating base
+            position and quaternion.
 
         Raises:
             InvalidInput: no such joint, or a value that is not finite.
@@ -46,7 +55,7 @@ class JointTable:
             step[self.velocity_index(name)] = validation.number(f"joint {name}", value)
         return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
 
-    def checked_configuration(self, q: ArrayLike) -> Array:
+    def check_configuration(self, q: ArrayLike) -> Array:
         """Return a copy of q, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
         if isinstance(q, Mapping):
             raise InvalidInput(
@@ -62,14 +71,30 @@ class JointTable:
             )
         return checked
 
-    def angles_deg(self, q: Array) -> dict[str, float]:
-        """Return the values of joints of one degree of freedom [deg; m for prismatic joints]."""
+    def joint_values(self, q: ArrayLike) -> dict[str, float]:
+        """Return the values of the joints of one degree of freedom [rad; m for prismatic joints].
+
+        Raises:
+            InvalidInput: q, shape `(nq,)`, is no configuration.
+        """
+        q = self.check_configuration(q)
         step = pin.difference(self._model, pin.neutral(self._model), q)
-        values = {}
-        for name in self._single():
-            value = float(step[self.velocity_index(name)])
-            values[name] = value if self.joint_unit(name) == "m" else math.degrees(value)
-        return values
+        return {name: float(step[self.velocity_index(name)]) for name in self.single_joints}
+
+    def angles_deg(self, q: ArrayLike) -> dict[str, float]:
+        """Return the angles of the joints of one degree of freedom that turn [deg]."""
+        return {name: x for name, (x, unit) in self.display_values(q).items() if unit == "deg"}
+
+    def positions_m(self, q: ArrayLike) -> dict[str, float]:
+        """Return the positions of the prismatic joints [m]."""
+        return {name: x for name, (x, unit) in self.display_values(q).items() if unit == "m"}
+
+    def display_values(self, q: ArrayLike) -> dict[str, tuple[float, str]]:
+        """Return `joint_values` as people read them, with their unit, `deg` or `m`."""
+        return {
+            name: (x, "m") if self.joint_unit(name) == "m" else (math.degrees(x), "deg")
+            for name, x in self.joint_values(q).items()
+        }
 
     def velocity_index(self, joint: str) -> int:
         """Return the index of a joint of one degree of freedom in v; raise `InvalidInput`."""
@@ -88,14 +113,13 @@ class JointTable:
         at = self._model.idx_qs[number]
         return float(self.lower[at]), float(self.upper[at])
 
-    def outside_range(self, q: Array) -> list[str]:
+    def outside_range(self, q: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is outside its range."""
         found = []
-        for name, value in self.angles_deg(q).items():
-            unit = self.joint_unit(name).replace("rad", "deg")
+        for name, (value, unit) in self.display_values(q).items():
             scale = 1.0 if unit == "m" else math.degrees(1.0)
             low, high = (scale * end for end in self.joint_range(name))
-            if not low - scale * AT_LIMIT <= value <= high + scale * AT_LIMIT:
+            if not low - scale * LIMIT_TOLERANCE <= value <= high + scale * LIMIT_TOLERANCE:
                 span = f"{low:.5g} to {high:.5g}"
                 found.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
         return found
@@ -103,15 +127,15 @@ class JointTable:
     def too_fast(self, v: Array) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
 
-        A joint whose limit is 0 must not move; an infinite one always holds.
+        A joint whose limit is 0 must not move; an infinite limit is never exceeded.
         """
         found = []
-        for name in self._single():
+        for name in self.single_joints:
             index = self.velocity_index(name)
             speed, limit = abs(float(v[index])), float(self.velocity_limit[index])
             if limit == 0.0 and speed > 0.0:
                 found.append(f"{name} moves, its speed limit is 0")
-            elif speed > (1.0 + AT_LIMIT) * limit:
+            elif speed > (1.0 + LIMIT_TOLERANCE) * limit:
                 found.append(f"{name} at {100.0 * speed / limit:.4g} % of its speed limit")
         return found
 
@@ -126,13 +150,8 @@ class JointTable:
             raise InvalidInput(f"joint {joint!r} has {self._model.nvs[number]} degrees of freedom")
         return number
 
-    def _single(self) -> list[str]:
-        """Return the names of joints of one degree of freedom."""
-        sizes = list(self._model.nvs)[1:]
-        return [name for name, nv in zip(self.joint_names, sizes, strict=True) if nv == 1]
-
     def _not_unit(self, q: Array) -> tuple[str, str]:
-        """Return the first joint whose part of q has not length 1, and what it is."""
+        """Return the first joint whose part of q has not length 1, and what that part is."""
         for name, joint in zip(self.joint_names, list(self._model.joints)[1:], strict=True):
             alone = pin.neutral(self._model)
             alone[joint.idx_q : joint.idx_q + joint.nq] = q[joint.idx_q : joint.idx_q + joint.nq]
@@ -140,3 +159,26 @@ class JointTable:
                 free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
                 return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
         return self.name, "what stands for angles"
+
+
+def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
+    """Return a `pin.Model` with joints, by name, locked as they are at `q`, shape `(nq,)`.
+
+    `pin.buildReducedModel` wants one frame of each joint's name: a link of that name has another
+    meanwhile, and a joint without a frame, with which it would crash, gets one.
+    """
+    own = model.copy()
+    names, moving = list(own.names), pin.FrameType.JOINT
+    framed = {frame.name for frame in own.frames if frame.type == moving}
+    for joint, name in enumerate(names):
+        if joint and name not in framed:
+            own.addJointFrame(joint)
+    renamed = {}
+    for number, frame in enumerate(own.frames):
+        if frame.name in names and frame.type != moving:
+            renamed[f"{frame.name}/{number}"] = frame.name
+            frame.name = f"{frame.name}/{number}"
+    reduced = pin.buildReducedModel(own, [names.index(joint) for joint in joints], q)
+    for frame in reduced.frames:
+        frame.name = renamed.get(frame.name, frame.name)
+    return reduced

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.joint_table import reduced_model
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.urdf_model import reduced_model
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,36 +1,62 @@
-"""The leg: a Pinocchio model with a contact frame, checked before it is used."""
+"""The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
 
 from __future__ import annotations
 
+import copy
+import math
+import threading
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import ArrayLike
+from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.read_only import read_only
-from kickdyn.core.representation import ReprMixin, Row, format_value
-from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraints import Constraints, Support
-from kickdyn.robot.example_robots import robot, robot_file, robot_model
-from kickdyn.robot.joint_table import JointTable
-from kickdyn.robot.loop_closure import closed_configuration
-from kickdyn.robot.model_validation import check_model, frame_id
-from kickdyn.robot.posture import Posture
-from kickdyn.robot.urdf_file import UrdfFile, read_urdf, shipped_urdf
-from kickdyn.robot.urdf_model import build_model, reduced_model
-from kickdyn.robot.workspace import Workspace
+from kickdyn.core.representation import ReprMixin, Row, format_value, warned
+from kickdyn.core.validation import Array, read_only
+from kickdyn.core.vectors import GRAVITY, cross3
+from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.robot.articulated_body import ArticulatedBodies
+from kickdyn.robot.catalog import robot, robot_file, robot_model
+from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
+from kickdyn.robot.joint_table import JointTable, reduced_model
+from kickdyn.robot.model_validation import (
+    MAX_CONDITION,
+    check_model,
+    cholesky_with_condition,
+    condition,
+    frame_id,
+    rounding_gain,
+    singularity_fault,
+)
+from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
+
+CHECKED_CONDITION = 1e3
+"""Bound on M's condition above which the loss of digits in the Delassus matrix is computed."""
+
+MAX_ROUNDING_GAIN = 100.0
+"""`Posture.rounding_gain` above which the articulated-body algorithm replaces M."""
+
+MAX_OFFSET = 1e3
+"""Largest distance of a contact point along an axis of the contact frame [m]."""
+
+REACH_TOLERANCE = 1e-9
+"""Share of a wanted velocity that may be missed before it counts as out of reach."""
+
+SHOWN = 8
+"""Joints of a posture that are shown; of a robot with more, those that are not at 0."""
 
 
 class Leg(JointTable, ReprMixin):
-    """A leg, or a whole robot, with the frame that touches the ball.
+    r"""A leg, or a whole robot, with the frame that touches the ball.
 
     A leg does not change: `locked`, `with_armature`, `with_supports` and `with_loops` return
-    another.
-    It can be pickled and shared between threads.
+    another. It can be pickled and shared between threads.
 
     Attributes:
         name: of the robot.
@@ -42,10 +68,8 @@ class Leg(JointTable, ReprMixin):
         velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
             [rad/s, N m; m/s, N for prismatic joints].
         constraints: supports and loops; None without any.
-        contact_normal_cone: of the contact normals n, in the contact frame's axes, those with
-        which the foot
-            can meet a ball: where `contact_normal_cone @ n >= 0`, shape `(k, 3)`; None where that
-            is unknown.
+        contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
+            ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
     """
 
     def __init__(
@@ -58,26 +82,21 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: Array | None = None,
     ) -> None:
         super().__init__(model.copy())
-        self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self._gravity = model.gravity.copy()
-        self.frame = frame
-        self.urdf = urdf
+        self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
+        self.frame, self.urdf = frame, urdf
         self.frame_id = frame_id(self._model, frame)
-        self.contact_joint = int(self._model.frames[self.frame_id].parentJoint)
+        contact_frame = self._model.frames[self.frame_id]
+        self.contact_joint = int(contact_frame.parentJoint)
         if self.contact_joint == 0:
             raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
-        self.contact_lever = read_only(self._model.frames[self.frame_id].placement.translation)
-        self.contact_normal_cone = (
-            None if contact_normal_cone is None else read_only(contact_normal_cone)
-        )
-        self._held = {
-            "supports": supports,
-            "loops": loops,
-            "contact_normal_cone": contact_normal_cone,
-        }
+        self.contact_lever = read_only(contact_frame.placement.translation)
+        cone = contact_normal_cone
+        self.contact_normal_cone = None if cone is None else read_only(cone)
         self.constraints: Constraints | None = None
         if supports or loops:
             self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
+        self._options = (supports, loops, cone)
         self._workspace = Workspace(self._model)
 
     @classmethod
@@ -108,7 +127,12 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: there is no such frame or base.
         """
         urdf = read_urdf(path)
-        return cls(build_model(urdf.text, urdf.source, base), frame, urdf)
+        model = build_model(urdf.text, urdf.source, base)
+        try:
+            check_model(model)
+        except InvalidInput as fault:
+            raise UrdfError(urdf.source, [str(fault)]) from None
+        return cls(model, frame, urdf)
 
     @classmethod
     def from_robot(
@@ -121,7 +145,7 @@ class Leg(JointTable, ReprMixin):
 
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
-            frame: what touches the ball; if not named, `toe`, on the front of the right foot
+            frame: what touches the ball; the default is `toe`, on the front of the right foot
                 (`simple_humanoid`, whose file shows no foot: the ankle).
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
@@ -131,16 +155,16 @@ class Leg(JointTable, ReprMixin):
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
-        frame, front = known.contact(frame)
-        frame_id(model, frame)
+        frame, cone = known.contact(frame)
+        leg = cls(model, frame, robot_file(name), contact_normal_cone=cone)
         try:
-            leg = cls.from_model(model, known.foot)
+            check_model(model)
             leg.posture(leg.configuration())  # singular there is singular everywhere
         except InvalidInput as error:
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
-        return cls(model, frame, robot_file(name), contact_normal_cone=front)
+        return leg
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> Leg:
@@ -148,14 +172,22 @@ class Leg(JointTable, ReprMixin):
 
         Args:
             model: with sound inertias, and mass that moves with every joint; on a fixed base, or
-                with a `JointModelFreeFlyer` as its first joint.
+                with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0, -9.81) m/s2,
+                as the ball's in flight, or zero, which turns weight off for joint torques and
+                while `collide` follows the contact.
             frame: name of one of its frames.
 
         Raises:
-            InvalidInput: not a model, an unsound inertia or placement, or no such frame.
+            InvalidInput: not a model, an unsound inertia or placement, another gravity, or no such
+                frame.
         """
         if not isinstance(model, pin.Model):
             raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
+        if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
+            raise InvalidInput(
+                f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
+                f"-{GRAVITY:g}) m/s2, with which the ball flies, or zero"
+            )
         check_model(model)
         return cls(model, frame)
 
@@ -169,7 +201,7 @@ class Leg(JointTable, ReprMixin):
         q = self.configuration(joints)
         if len(joints) == len(self.joint_names):
             raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self._with(reduced_model(self.model, joints, q))
+        return self.with_model(reduced_model(self.model, joints, q))
 
     def with_armature(self, rotors: Mapping[str, float]) -> Leg:
         """Return the leg with rotors behind its joints.
@@ -187,22 +219,22 @@ class Leg(JointTable, ReprMixin):
                 f"armature of {name}", value, at_least=0, unit="kg m2"
             )
         model.armature = armature
-        return self._with(model)
+        return self.with_model(model)
 
     def with_supports(self, *supports: str | Support) -> Leg:
-        """Return the leg with frames that stand and are held while the ball is struck.
+        """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
-            supports: frames' names, held as flat feet, or `Support`s; they replace any before.
+            supports: frames' names, for flat feet, or `Support`s; they replace any before.
 
         Raises:
             InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
         """
-        held = tuple(Support(s) if isinstance(s, str) else s for s in supports)
-        for support in held:
+        stances = tuple(Support(s) if isinstance(s, str) else s for s in supports)
+        for support in stances:
             if not isinstance(support, Support):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
-        return self._with(self.model, supports=held)
+        return Leg(self.model, self.frame, self.urdf, stances, *self._options[1:])
 
     def with_loops(self, *loops: tuple[str, str]) -> Leg:
         """Return the leg with closed loops: pairs of frames whose origins stay together.
@@ -215,34 +247,48 @@ class Leg(JointTable, ReprMixin):
         for loop in loops:
             if not isinstance(loop, tuple | list) or len(loop) != 2:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
-        return self._with(self.model, loops=tuple((a, b) for a, b in loops))
+        pairs = tuple((first, second) for first, second in loops)
+        supports, _, cone = self._options
+        return Leg(self.model, self.frame, self.urdf, supports, pairs, cone)
 
     def with_model(self, model: Any) -> Leg:
-        """Return the leg with another `pin.Model`, which has its frames: a changed copy of its own.
+        """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
 
         Raises:
-            InvalidInput: a frame of this leg is missing or no joint moves the contact frame.
+            InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        return self._with(model)
+        return Leg(model, self.frame, self.urdf, *self._options)
 
-    def _with(self, model: Any, **changed: Any) -> Leg:
-        return Leg(model, self.frame, self.urdf, **(self._held | changed))
+    def posture(self, q: ArrayLike) -> Posture:
+        """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the model with the frame's name; the workspace is made anew."""
-        return (Leg, (self.model, self.frame, self.urdf, *self._held.values()))
+        Args:
+            q: shape `(nq,)` [rad; m for prismatic joints].
 
-    def __repr__(self) -> str:
-        """Name the leg, its joints and its contact frame."""
-        return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
+        Raises:
+            InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
+        """
+        return Posture(self, q)
 
-    def _rows(self) -> Iterable[Row]:
-        yield "robot", self.name, ""
-        yield "contact frame", self.frame, ""
-        yield "mass", float(pin.computeTotalMass(self._model)), "kg"
-        for name in self._single():
-            low, high = (format_value(end) for end in self.joint_range(name))
-            yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+    def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
+        """Return a configuration near `q` with all loops closed, by Newton's method.
+
+        Only joints between a loop's ends move, in their ranges or not. If that fails, Newton's
+        method starts with these at 0, and leads the kept ones to their values in small steps.
+
+        Args:
+            q: to start from, shape `(nq,)` [rad; m for prismatic joints].
+            keep: joints that stay as they are.
+
+        Raises:
+            InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
+        """
+        if isinstance(keep, str) or not isinstance(keep, Iterable):
+            raise InvalidInput(f"keep is {keep!r}: it must be a list of joints' names")
+        q, kept = self.check_configuration(q), [self.velocity_index(name) for name in keep]
+        if self.constraints is None or not self.constraints.loops:
+            return q
+        return self.constraints.close_loops(self._workspace.model, self._workspace.data, q, kept)
 
     @property
     def model(self) -> Any:
@@ -253,31 +299,353 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def workspace(self) -> Workspace:
-        """This thread's scratch space for Pinocchio's calls; what it holds is overwritten."""
+        """This thread's scratch space for Pinocchio's calls; every call overwrites it."""
         return self._workspace
 
-    def posture(self, q: ArrayLike) -> Posture:
-        """Run kinematics and inertia at a configuration, inside the joints' range or not.
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the model with the frame's name; the workspace is made anew."""
+        return (Leg, (self.model, self.frame, self.urdf, *self._options))
+
+    def __repr__(self) -> str:
+        """Name the leg, its joints and its contact frame."""
+        return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "robot", self.name, ""
+        yield "contact frame", self.frame, ""
+        yield "mass", float(pin.computeTotalMass(self._model)), "kg"
+        for name in self.single_joints:
+            low, high = (format_value(end) for end in self.joint_range(name))
+            yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+
+
+class Posture(ReprMixin):
+    r"""A leg at a configuration `q`; `Leg.posture` makes it, so kinematics has always been run.
+
+    With the joint-space inertia M and the Jacobian J of the contact point, an impulse p on the
+    foot changes the contact point's velocity by the Delassus matrix :math:`J M^{-1} J^T` times p.
+
+    Attributes:
+        leg: the leg.
+        q: configuration, shape `(nq,)` [rad; m for prismatic joints].
+        contact_point: origin of the leg's contact frame, or the point at an offset from it, shape
+            `(3,)` [m, world frame].
+        contact_lever: from the contact joint's origin to that point, shape `(3,)` [m, axes of the
+            contact joint].
+        rotation_world_joint: from the axes of the contact joint to the world's, shape `(3, 3)`.
+        jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
+        inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
+        constraint_projector: supports and loops at this configuration; None without any.
+    """
+
+    def __init__(self, leg: Leg, q: ArrayLike) -> None:
+        workspace = leg.workspace
+        model, data = workspace.model, workspace.data
+        self.leg = leg
+        self.q = leg.check_configuration(q)
+        pin.forwardKinematics(model, data, self.q)
+        placement = pin.updateFramePlacement(model, data, leg.frame_id)
+        self.contact_point: Array = placement.translation.copy()
+        self.contact_lever: Array = leg.contact_lever
+        self.rotation_world_joint = workspace.placements[leg.contact_joint].rotation.copy()
+        # Local axes: about the world's origin, a leg far from it would lose its digits.
+        self.inertia: Array = pin.crba(model, data, self.q, pin.Convention.LOCAL)
+        local = pin.computeFrameJacobian(model, data, self.q, leg.frame_id, pin.LOCAL)
+        self._jacobian_in_frame: Array = local.reshape(6, model.nv)
+        self._frame_origin = self.contact_point
+        self._rotation_world_frame: Array = placement.rotation.copy()
+        self.jacobian: Array = self._rotation_world_frame.dot(self._jacobian_in_frame[:3])
+        self._cholesky, self._condition_bound = cholesky_with_condition(self.inertia)
+        if not self._condition_bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
+            fault = singularity_fault(model, self.inertia, self.condition)
+            raise InvalidInput(
+                f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault}"
+            )
+        self.constraint_projector: ConstraintProjector | None = None
+        if leg.constraints is not None:
+            leg.constraints.check_closed(model, data, self)
+            rows, blocks = leg.constraints.rows(model, data, self.q)
+            whitened = self._whiten(rows)
+            self.constraint_projector = ConstraintProjector(
+                leg.constraints, rows, blocks, whitened, self
+            )
+        self._whitened_jacobian: Array | None = None
+        self._delassus_factor: Array | None = None
+        for array in (
+            self.q,
+            self.inertia,
+            self.contact_point,
+            self.jacobian,
+            self.rotation_world_joint,
+        ):
+            array.setflags(write=False)
+
+    def with_contact_offset(self, offset: ArrayLike | None) -> Posture:
+        """Return this posture with its contact point elsewhere on the foot.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints].
+            offset: from the contact frame's origin, shape `(3,)` [m, contact frame]; None leaves
+                the point where it is.
 
         Raises:
-            InvalidInput: wrong shape, an entry that is not finite, or an inertia without digits.
+            InvalidInput: an entry that is not finite or larger than 1 km.
         """
-        return Posture(self, q)
+        if offset is None:
+            return self
+        arm = validation.vector("contact offset", offset, 3, unit="m")
+        if np.abs(arm).max() > MAX_OFFSET:
+            raise InvalidInput(
+                f"contact offset is {arm.tolist()} m: it must be on the foot, {MAX_OFFSET:g} m at "
+                "most"
+            )
+        rotation, local = self._rotation_world_frame, self._jacobian_in_frame
+        moved = copy.copy(self)
+        moved._whitened_jacobian = moved._delassus_factor = None
+        moved.__dict__.pop("rounding_gain", None)
+        moved.contact_point = self._frame_origin + rotation @ arm
+        moved.contact_lever = self.leg.contact_lever + self.rotation_world_joint.T @ (
+            rotation @ arm
+        )
+        moved.jacobian = rotation @ (local[:3] - pin.skew(arm) @ local[3:])
+        for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
+            array.setflags(write=False)
+        return moved
 
-    def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
-        """Return a configuration near `q` with all loops closed, by Newton's method.
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate).
 
-        Only joints between a loop's ends move, in their ranges or not. Where that fails, it starts
-        with these at 0, and leads the kept ones to their values in small steps.
+        About its decimal logarithm of digits can be lost.
+        """
+        return condition(self.inertia, self._cholesky)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each joint outside its range (allowed; or are these degrees?)."""
+        return tuple(self.leg.outside_range(self.q))
+
+    @property
+    def whitened_jacobian(self) -> Array:
+        r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
+
+        With supports and loops, projected on the velocities that they allow.
+        """
+        if self._whitened_jacobian is None:
+            columns = self._whiten(self.jacobian)
+            if self.constraint_projector is not None:
+                columns = self.constraint_projector.project(columns)
+            columns.setflags(write=False)
+            self._whitened_jacobian = columns.T
+        return self._whitened_jacobian
+
+    def delassus_factor(self) -> Array:
+        r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
+
+        It is the whitened Jacobian; of an ill-conditioned leg, the factor that the
+        articulated-body algorithm gives.
+        """
+        if self._delassus_factor is None:
+            self._delassus_factor = self.whitened_jacobian
+            if self.constraint_projector is None and self.is_ill_conditioned:
+                axes = self.rotation_world_joint.tolist()
+                lever = self.contact_lever.tolist()
+                forces = np.array([(*axis, *cross3(lever, axis)) for axis in axes])
+                self._delassus_factor = self.articulated_bodies.delassus_factor(
+                    self.leg.contact_joint, forces
+                )
+        return self._delassus_factor
+
+    def delassus(self) -> Array:
+        r"""Return :math:`J M^{-1} J^T` at the contact point, shape `(3, 3)` [1/kg, world frame]."""
+        factor = self.delassus_factor()
+        product: Array = factor.dot(factor.T)
+        return product
+
+    @cached_property
+    def rounding_gain(self) -> float:
+        """How many times larger M's relative rounding can be in `delassus`; 1 of a sound leg."""
+        return rounding_gain(self.inertia, self._cholesky, self.whitened_jacobian.T)
+
+    @property
+    def is_ill_conditioned(self) -> bool:
+        """Whether the rounding of M can be seen in the Delassus matrix."""
+        return self._condition_bound > CHECKED_CONDITION and self.rounding_gain > MAX_ROUNDING_GAIN
+
+    @cached_property
+    def articulated_bodies(self) -> ArticulatedBodies:
+        """The leg's bodies, which keep the digits that M loses; without supports and loops."""
+        workspace = self.leg.workspace
+        return ArticulatedBodies(workspace.model, workspace.data, self.q)
+
+    def effective_mass(self, normal: ArrayLike) -> float:
+        r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
 
         Args:
-            q: to start from, shape `(nq,)` [rad; m for prismatic joints].
-            keep: joints that stay as they are.
+            normal: n, any length but zero, shape `(3,)` [world frame].
 
         Raises:
-            InvalidInput: it cannot be closed from there; the gap that is left, and the rank.
+            InvalidInput: the normal has length 0.
         """
-        return closed_configuration(self, q, keep)
+        return self.mass_along(validation.direction("normal", normal))
+
+    def mass_along(self, unit: Array) -> float:
+        """Return `effective_mass` along a vector that is known to have length 1."""
+        row = unit.dot(self.delassus_factor())
+        inverse = float(row.dot(row))
+        return 1.0 / inverse if inverse else math.inf
+
+    def point_velocity(self, v: ArrayLike) -> Array:
+        """Return the contact point's velocity :math:`J v`, shape `(3,)` [m/s, world frame]."""
+        return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
+
+    def joint_velocity(self, point_velocity: ArrayLike) -> Array:
+        r"""Return the joint velocity of least kinetic energy that moves the contact point so.
+
+        It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
+        :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`.
+
+        Args:
+            point_velocity: w, shape `(3,)` [m/s, world frame].
+
+        Returns:
+            v, shape `(nv,)` [rad/s; m/s for prismatic joints].
+
+        Raises:
+            InvalidInput: the leg cannot move its contact point in that direction here, or so fast.
+        """
+        wish = validation.vector("point velocity", point_velocity, 3, unit="m/s")
+        with np.errstate(over="ignore", invalid="ignore"):  # reported below
+            v = self.try_joint_velocity(wish)
+        if v is None:
+            raise InvalidInput(
+                f"point velocity {wish.tolist()} m/s is out of reach of {self!r}: "
+                "its contact point cannot move in that direction there"
+            )
+        if not np.isfinite(v).all():
+            raise InvalidInput(
+                f"point velocity {wish.tolist()} m/s takes joints of {self!r} beyond what a "
+                "float64 holds: it must be slower"
+            )
+        return v
+
+    def try_joint_velocity(self, wish: Array) -> Array | None:
+        """Return what `joint_velocity` returns, or None if that is out of reach."""
+        left, gains, right = np.linalg.svd(self.whitened_jacobian, full_matrices=False)
+        usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
+        v, missed = np.zeros_like(self._cholesky[0]), wish
+        for _ in range(2):  # the second pass corrects what gains of unlike size have missed
+            share = np.divide(left.T @ missed, gains, out=np.zeros_like(gains), where=usable)
+            v = v + blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
+            missed = wish - self.jacobian @ v
+        # NaN, of a velocity too fast for float64, is not out of reach
+        return None if np.abs(missed).max() > REACH_TOLERANCE * np.abs(wish).max() else v
+
+    def solve(self, joint_impulse: Array) -> Array:
+        r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
+
+        The impulses of supports and loops are added, if there are any. Without them, many impulses
+        may come as columns, shape `(nv, n)`.
+        """
+        return self.respond(joint_impulse)[0]
+
+    def respond(self, joint_impulse: Array) -> tuple[Array, Array]:
+        """Return what `solve` returns, and the impulses of supports and loops.
+
+        Those are stacked as in `Constraints.rows`, shape `(rows,)` [N s, N m s, world axes]; if
+        they are redundant, they are the smallest of all that do.
+        """
+        if self.constraint_projector is None:
+            v, _ = lapack.dpotrs(self._cholesky, joint_impulse, lower=1)
+            return np.asarray(v), np.zeros(0)
+        whitened = blas.dtrsv(self._cholesky, joint_impulse, lower=1)
+        jump = blas.dtrsv(
+            self._cholesky, self.constraint_projector.project(whitened), lower=1, trans=1
+        )
+        return np.asarray(jump), self.constraint_projector.impulses(whitened)
+
+    def admissible(self, v: ArrayLike) -> Array:
+        """Return the joint velocity nearest to `v`, by kinetic energy, that constraints allow.
+
+        Args:
+            v: shape `(nv,)` [rad/s; m/s for prismatic joints].
+        """
+        v = validation.vector("v", v, self.leg.nv)
+        if self.constraint_projector is None:
+            return v
+        # M v = L L^T v: the projection of L^T v loses the constraints' share
+        whitened = blas.dtrmv(self._cholesky, v, lower=1, trans=1)
+        return np.asarray(
+            blas.dtrsv(
+                self._cholesky, self.constraint_projector.project(whitened), lower=1, trans=1
+            )
+        )
+
+    def check_velocity(self, v: Array) -> None:
+        """Raise `InvalidInput` if a joint velocity moves a support or opens a loop."""
+        if self.constraint_projector is None:
+            return
+        violation = self.constraint_projector.find_violation(v)
+        if violation is not None:
+            name, speed, unit = violation
+            raise InvalidInput(
+                f"v moves {name}, which is held, at {speed:.3g} {unit} in {self!r}: "
+                "Posture.admissible(v) gives the nearest velocity that does not"
+            )
+
+    def _whiten(self, rows: Array) -> Array:
+        """Return L^-1 times the rows' transpose, with M = L L^T, shape `(nv, rows)`."""
+        # not dtrtrs: OpenBLAS runs it in threads however small, milliseconds on a busy machine
+        whitened: Array = blas.dtrsm(1.0, self._cholesky, rows.T, lower=1)
+        return whitened
+
+    def __repr__(self) -> str:
+        """Name the leg and its angles."""
+        angles = ", ".join(f"{angle:.4g}" for angle in self.q)
+        return f"Posture({self.leg.name}, q=[{angles}])"
+
+    def _rows(self) -> Iterable[Row]:
+        yield "leg", self.leg.name, ""
+        joints = self.leg.display_values(self.q)
+        moved = {name: shown for name, shown in joints.items() if shown[0] or len(joints) <= SHOWN}
+        for name in list(moved)[:SHOWN]:
+            yield name, *moved[name]
+        if len(moved) > SHOWN:
+            yield "and", f"{len(moved) - SHOWN} joints more", ""
+        yield "contact point", self.contact_point, "m"
+        yield "condition", self.condition, ""
+        yield from warned(self.warnings)
+
+
+class Workspace(threading.local):
+    """Scratch space per thread: two threads in one `pin.Data` would mix their kinematics.
+
+    Attributes:
+        model: the leg's model, for an impact without gravity; read only.
+        data: `pin.Data` of that model.
+        external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
+        pushes: view of `external`, shape `(njoints, 6)`, the universe included.
+        placements: views of `data.oMi`, the universe included.
+        forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
+        still: no velocity, shape `(nv,)`.
+    """
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self.data = pin.Data(model)  # createData makes two for a while, n^3 numbers each
+        self.external = pin.StdVec_Force()
+        self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
+        self.pushes = _stacked(self.external)
+        self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
+        self.forces = _stacked(self.data.f)[1:]
+        self.still: Array = np.zeros(model.nv)
+
+
+def _stacked(forces: Any) -> Array:
+    """Return a view of a vector of `pin.Force`, one row each: one copy then takes all of them."""
+    rows = [force.vector for force in list(forces)]
+    first = rows[0].__array_interface__["data"][0]
+    step = 6 * rows[0].itemsize
+    for k, row in enumerate(rows):
+        if row.__array_interface__["data"][0] != first + k * step:
+            raise RuntimeError("Pinocchio no longer keeps forces side by side")
+    return as_strided(rows[0], shape=(len(rows), 6), strides=(step, rows[0].itemsize))

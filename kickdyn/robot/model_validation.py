@@ -1,15 +1,27 @@
-"""Is a Pinocchio model fit to strike: its frames, inertias, placements and limits."""
+"""Checks of a Pinocchio model: frames, placements, limits, and the inertia of what moves together.
+
+Inertias are judged joint by joint with all that moves with it, as M and an impact see them: a
+published robot may have massless virtual links between joints, or mass at a point.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import blas, lapack
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+
+MASS_RANGE = (1e-15, 1e18)
+"""Of all that moves with a joint [kg]; beyond, squares and quotients leave the range of float64."""
+
+MAX_CONDITION = 1e13
+"""Condition number of the joint-space inertia from which it has no digits left."""
 
 ROUNDING = 1e-9
 """How far a moment may break the triangle inequality, relative to all that moves with it."""
@@ -33,13 +45,12 @@ def listed(names: Sequence[str], most: int = 40) -> str:
 
 
 def check_model(model: Any) -> None:
-    """Refuse what no computation can rest on.
-
-    A body may be massless if more moves with its joint, as the virtual links of joints in a row do.
+    """Refuse a `pin.Model` that no computation can rest on.
 
     Raises:
-        InvalidInput: an unsound inertia or placement, a joint that moves no mass, joints that are
-            not in the order of their branches, or limits that make no sense; it names the culprit.
+        InvalidInput: no moving joint, mimic joints, joints that are not in the order of their
+            branches, a placement that is no rigid motion, a joint that moves no mass or an
+            impossible inertia, or limits that make no sense; it names the joint at fault.
     """
     if model.nv == 0:
         raise InvalidInput("model has no moving joint")
@@ -50,23 +61,24 @@ def check_model(model: Any) -> None:
                 f"joint {name!r} mimics another: Pinocchio has no Newton-Euler for it (a model "
                 "built without mimic joints moves it by itself)"
             )
-    if not np.isfinite(model.gravity.vector).all():
-        raise InvalidInput(f"gravity is {model.gravity.vector.tolist()}: it must be finite [m/s2]")
     _check_order(model)
     for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
-        turn = placement.rotation
-        square = turn @ turn.T - np.eye(3)  # NaN where the placement has one
+        rotation = placement.rotation
+        square = rotation @ rotation.T - np.eye(3)  # NaN if the placement has one
         if not (np.abs(square).max() < 1e-9 and np.isfinite(placement.translation).all()):
-            raise InvalidInput(f"joint {name!r} is placed by what is no rigid motion")
-    _check_bodies(model, names)
+            raise InvalidInput(
+                f"placement of joint {name!r} is not a rigid motion: it must be a rotation and a "
+                "finite translation"
+            )
+    _check_inertias(model, names)
     for frame in model.frames:
         if not np.isfinite(frame.placement.homogeneous).all():
-            raise InvalidInput(f"frame {frame.name!r} is placed by what is not finite")
+            raise InvalidInput(f"placement of frame {frame.name!r} is not finite")
     _check_limits(model)
 
 
 def _check_order(model: Any) -> None:
-    # Pinocchio's crba wants every branch in one piece: else it is wrong and does not say so
+    """Raise `InvalidInput` unless each branch is in one piece: else crba is wrong, silently."""
     branch = [0]
     for joint in range(1, model.njoints):
         parent = int(model.parents[joint])
@@ -78,6 +90,134 @@ def _check_order(model: Any) -> None:
                     f"parent's, {model.names[parent]!r}: add the joints branch by branch"
                 )
         branch.append(joint)
+
+
+def _check_inertias(model: Any, names: list[str]) -> None:
+    """Raise `InvalidInput` for a joint that moves no mass, or a body that cannot exist."""
+    bodies = list(model.inertias)[1:]
+    for name, body in zip(names, bodies, strict=True):
+        mass, moments = body.mass, body.inertia
+        empty = mass == 0.0 and not moments.any()
+        if not (np.isfinite([mass, *body.lever, *moments.flat]).all() and (mass > 0 or empty)):
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
+                "0, and mass, centre and moments finite"
+            )
+    data = pin.Data(model)
+    pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
+    composites = list(data.Ycrb)[1:]  # all that moves with each joint
+    low, high = MASS_RANGE
+    for name, moved in zip(names, composites, strict=True):
+        if not low <= moved.mass <= high:
+            idle = [n for n, m in zip(names, composites, strict=True) if not low <= m.mass <= high]
+            others = f", as do {listed(idle[1:])}" if idle[1:] else ""
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){others}: what "
+                f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
+                "inertia, or make the joint fixed"
+            )
+    for name, body, moved in zip(names, bodies, composites, strict=True):
+        # a point's moments are 0 but for the rounding of those about its joint
+        largest = max(_spread(moved)[0], _spread(body)[0], moved.mass * moved.lever @ moved.lever)
+        if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
+            moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(body.inertia))
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia (principal moments {moments} kg m2): "
+                "none may be negative or exceed the sum of the others (triangle inequality)"
+            )
+
+
+def _spread(inertia: Any) -> Array:
+    """Return the mass's second moments along principal axes, falling: half the trace less each."""
+    moments = inertia.inertia
+    return np.asarray(np.trace(moments) / 2 - np.linalg.eigvalsh(moments))
+
+
+def _check_limits(model: Any) -> None:
+    """Raise `InvalidInput` for joint ranges, speed limits or armatures that make no sense."""
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    if np.isnan([lower, upper]).any():
+        raise InvalidInput(
+            f"joint range is {lower.tolist()} to {upper.tolist()}: every limit must be a number"
+        )
+    if not (lower <= upper).all():
+        raise InvalidInput(
+            f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"
+        )
+    if not (model.velocityLimit >= 0).all():
+        raise InvalidInput(
+            f"velocity limit is {model.velocityLimit.tolist()}: every entry must be 0 or more"
+        )
+    if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
+        raise InvalidInput(
+            f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"
+        )
+
+
+def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
+    r"""Return the Cholesky factor L of M, its upper triangle unused, and a bound on the condition.
+
+    If M is not positive definite, the factor is 0 and the bound inf. Scaled to unit diagonal, M
+    has eigenvalues that add up to n, so the smallest is above :math:`\det / e` (the others'
+    product is largest if they are equal), and the condition below :math:`n^{1.5} e / \det`. If
+    many joints make that too large: below :math:`n^2 \operatorname{tr} M\,|M^{-1}|` (van der Sluis
+    1969: no other scaling is n times better).
+    """
+    factor, info = lapack.dpotrf(inertia.T, lower=1, clean=0)
+    if info:
+        return np.zeros_like(factor), math.inf
+    diagonal = inertia.diagonal().tolist()
+    roots = factor.diagonal().tolist()
+    determinant = math.prod([a * a / b for a, b in zip(roots, diagonal, strict=True)])
+    n = len(inertia)
+    if determinant > 1e-9:  # far below 1 it is rounding
+        return factor, n**1.5 * math.e / determinant
+    reciprocal, _ = lapack.dpocon(factor, sum(diagonal), uplo="L")
+    return factor, n * n / float(reciprocal) if reciprocal else math.inf
+
+
+def condition(inertia: Array, factor: Array) -> float:
+    """Return the condition of M scaled to unit diagonal; inf if it is not positive definite.
+
+    Scaled, so that a light toe on a heavy leg, or metres beside radians, do not count as
+    ill-conditioned; they cost the Cholesky factor no digits.
+    """
+    if not all(root > 0.0 for root in factor.diagonal().tolist()):
+        return math.inf
+    scale = 1.0 / np.sqrt(inertia.diagonal())
+    scaled, root = inertia * scale * scale[:, None], factor * scale[:, None]
+    reciprocal, _ = lapack.dpocon(root, lapack.dlange("1", scaled), uplo="L")
+    return 1.0 / float(reciprocal) if reciprocal else math.inf
+
+
+def rounding_gain(inertia: Array, factor: Array, whitened: Array) -> float:
+    r"""Return how many times M's relative rounding can be seen in a foot's inverse mass.
+
+    An error of M by e of its diagonal, E, changes the inverse mass :math:`J M^{-1} J^T` along an
+    axis by :math:`x^T E x` with :math:`x = M^{-1} J^T`: at most
+    :math:`e\,(\sum_i \sqrt{M_{ii}}\,|x_i|)^2`.
+
+    Args:
+        inertia: M = L L^T, shape `(nv, nv)`.
+        factor: L.
+        whitened: L^-1 J^T, shape `(nv, n)`.
+    """
+    x = blas.dtrsm(1.0, factor, whitened, lower=1, trans_a=1)
+    sums = np.sqrt(inertia.diagonal()).dot(abs(x)).tolist()
+    squares = (whitened * whitened).sum(axis=0).tolist()
+    shares = [a * a / b for a, b in zip(sums, squares, strict=True) if b]
+    return max(shares, default=1.0)
+
+
+def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
+    """Return what is wrong with a singular joint-space inertia, the joints at fault included."""
+    fault = (
+        "is not positive definite: a joint moves no inertia"
+        if condition == math.inf
+        else f"has condition {condition:.1g}, above {MAX_CONDITION:g}: no digits"
+    )
+    joints = listed(find_singular_joints(model, inertia))
+    return f"{fault} (at fault: {joints}; Leg.locked locks joints)"
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
@@ -101,62 +241,3 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
         for joint in range(1, model.njoints)
         if guilty[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
     ]
-
-
-def _check_bodies(model: Any, names: list[str]) -> None:
-    inertias = list(model.inertias)[1:]
-    for name, inertia in zip(names, inertias, strict=True):
-        mass, moments = inertia.mass, inertia.inertia
-        empty = mass == 0.0 and not moments.any()
-        if not (np.isfinite([mass, *inertia.lever, *moments.flat]).all() and (mass > 0 or empty)):
-            raise InvalidInput(_unsound(name, mass))
-    data = pin.Data(model)
-    pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
-    composites = list(data.Ycrb)[1:]  # all that moves with each joint
-    idle = [name for name, moved in zip(names, composites, strict=True) if not moved.mass > 0]
-    if idle:
-        others = f", as do {listed(idle[1:])}" if idle[1:] else ""
-        raise InvalidInput(
-            f"joint {idle[0]!r} moves an unsound inertia (mass 0 kg){others}: what moves with a "
-            "joint must have mass above 0"
-        )
-    for name, inertia, moved in zip(names, inertias, composites, strict=True):
-        # a point's moments are 0 but for the rounding of those about its joint
-        largest = max(
-            _spread(moved)[0], _spread(inertia)[0], moved.mass * moved.lever @ moved.lever
-        )
-        if inertia.mass > 0 and not _spread(inertia)[-1] >= -ROUNDING * largest:
-            raise InvalidInput(_unsound(name, inertia.mass))
-
-
-def _unsound(name: str, mass: float) -> str:
-    return (
-        f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above 0, and "
-        "the principal moments must satisfy the triangle inequality"
-    )
-
-
-def _spread(inertia: Any) -> Array:
-    # Half the trace less a moment is how far the mass spreads along that axis, squared.
-    moments = inertia.inertia
-    return np.asarray(np.trace(moments) / 2 - np.linalg.eigvalsh(moments))
-
-
-def _check_limits(model: Any) -> None:
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    if np.isnan([lower, upper]).any():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: every limit must be a number"
-        )
-    if not (lower <= upper).all():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"
-        )
-    if not (model.velocityLimit >= 0).all():
-        raise InvalidInput(
-            f"velocity limit is {model.velocityLimit.tolist()}: every entry must be 0 or more"
-        )
-    if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
-        raise InvalidInput(
-            f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"
-        )

@@ -1,19 +1,28 @@
-"""Reading a URDF file: a regular file of sane size, strict XML, and a sound robot."""
+"""From a URDF file to a Pinocchio model: safe reading, checks, and what Pinocchio reports."""
 
 from __future__ import annotations
 
+import os
 import stat
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
-from kickdyn.core.resources import shipped
-from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import faults_of
+import pinocchio as pin
+
+from kickdyn.core.files import shipped
+from kickdyn.errors import InvalidInput, UrdfError, printable
+from kickdyn.robot.urdf_validation import find_faults
 
 MAX_BYTES = 20_000_000
 MAX_DEPTH = 32
+MAX_COMPLAINT = 200
 
 
 @dataclass(frozen=True)
@@ -23,7 +32,7 @@ class UrdfFile:
     Attributes:
         text: the document as it was checked, written out anew; everything later is read from it,
             never from the file again.
-        folder: where the file lies, for its meshes.
+        folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
     """
 
@@ -40,14 +49,14 @@ def read_urdf(path: str | PathLike[str]) -> UrdfFile:
         InvalidInput: `path` is no path at all.
     """
     urdf = read_document(path)
-    faults = faults_of(ElementTree.fromstring(urdf.text))
+    faults = find_faults(ElementTree.fromstring(urdf.text))
     if faults:
         raise UrdfError(urdf.source, faults)
     return urdf
 
 
 def read_document(path: str | PathLike[str]) -> UrdfFile:
-    """Read a URDF file as `read_urdf` does, without judging the robot that it describes."""
+    """Read a URDF file as `read_urdf` does, without checking the robot that it describes."""
     try:
         file, source = Path(path), str(path)
     except TypeError:
@@ -59,12 +68,50 @@ def read_document(path: str | PathLike[str]) -> UrdfFile:
     return UrdfFile(text, file.resolve().parent, source)
 
 
+def build_model(text: str, source: str, base: str) -> Any:
+    """Return the `pin.Model` of a URDF.
+
+    Args:
+        text: the document.
+        source: its name, for errors.
+        base: `fixed` welds the root link to the world; `floating` lets it move, as the first
+            joint, `root_joint`, of seven coordinates (position, quaternion xyzw) and six
+            velocities (linear, angular, in the base's own axes).
+
+    Raises:
+        UrdfError: Pinocchio refuses it, or complains, or no joint moves.
+        InvalidInput: an unknown base.
+    """
+    check_base(base)
+    root = (pin.JointModelFreeFlyer(),) if base == "floating" else ()
+    with _captured_stderr() as lines:
+        try:
+            model = pin.buildModelFromXML(text, *root)
+        except Exception as error:
+            model, reason = None, str(error).strip().splitlines()[0]
+    complaints = [line for line in map(_complaint, lines) if line]
+    if model is None:
+        raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
+    if complaints:
+        raise UrdfError(source, ["Pinocchio complains", *complaints])
+    if model.nv == 0:
+        raise UrdfError(source, ["has no moving joint"])
+    return model
+
+
 def shipped_urdf(name: str) -> Path:
     """Return the path of a URDF that comes with kickdyn."""
     return shipped("urdf") / name
 
 
+def check_base(base: str) -> None:
+    """Raise `InvalidInput` for a base that is neither fixed nor floating."""
+    if base not in ("fixed", "floating"):
+        raise InvalidInput(f"base is {base!r}: it must be fixed or floating")
+
+
 def _read(file: Path, source: str) -> bytes:
+    """Return the bytes of a regular file of sane size; raise `UrdfError`."""
     try:
         status = file.stat()
         if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
@@ -82,6 +129,7 @@ def _read(file: Path, source: str) -> bytes:
 
 
 def _decode(raw: bytes, source: str) -> str:
+    """Return the text of UTF-8 bytes; raise `UrdfError`."""
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -111,10 +159,11 @@ class _StrictBuilder(ElementTree.TreeBuilder):
 
 
 class _Refused(Exception):
-    pass
+    """A document that the strict builder does not take."""
 
 
 def _parse(text: str, source: str) -> ElementTree.Element:
+    """Return the root of an XML document; raise `UrdfError`."""
     if not text.strip():
         raise UrdfError(source, ["is empty"])
     try:
@@ -126,3 +175,28 @@ def _parse(text: str, source: str) -> ElementTree.Element:
         raise UrdfError(source, [str(refusal)]) from None
     except (ValueError, LookupError) as error:  # an encoding declared but unknown
         raise UrdfError(source, [f"cannot be parsed ({error})"]) from None
+
+
+def _complaint(line: str) -> str:
+    """Return what a line of the parser says of the file; nothing of a line about its own code."""
+    line = printable(line.strip())[:MAX_COMPLAINT]
+    return "" if line.startswith("at line ") else line.removeprefix("Error:").strip()
+
+
+_stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process
+
+
+@contextmanager
+def _captured_stderr() -> Iterator[list[str]]:
+    """Collect what C++ writes to file descriptor 2, which contextlib does not see."""
+    lines: list[str] = []
+    with _stderr_lock, tempfile.TemporaryFile() as sink:
+        saved = os.dup(2)
+        os.dup2(sink.fileno(), 2)
+        try:
+            yield lines
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+            sink.seek(0)
+            lines += sink.read().decode(errors="replace").splitlines()

@@ -1,4 +1,4 @@
-"""The end of a ball's way in a few large steps: for answers to centimetres, not to nanometres."""
+"""The end of a ball's path in a few large steps: for answers to centimetres, not to nanometres."""
 
 from __future__ import annotations
 
@@ -10,59 +10,45 @@ from typing import NamedTuple
 import numpy as np
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball, BallState
+from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.flight.bounce import bounce
+from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import GRAVITY, downward, forces
-from kickdyn.flight.roll import roll, slide
-from kickdyn.ground import Ground, Surface
-from kickdyn.plane import Plane
+from kickdyn.flight.forces import downward, forces, time_to_fall
+from kickdyn.flight.ground_motion import bounce, roll, slide
+from kickdyn.ground import Surface
+from kickdyn.scene.scene import FlightEnvironment
 
-PATIENCE = 8
-"""Times the flight's length in a vacuum after which a ball is left to the exact engine."""
+MOST_LENGTHS = 8
+"""Times the flight's duration in a vacuum after which a ball is left to the exact integrators."""
 
 LONGEST = 1000.0
-"""Flight that the exact engine gives up after, too [s]."""
+"""Flight that the exact integrators give up after, too [s]."""
 
-UNRULY = 0.05
-"""Share of the fastest speed by which two estimates of a step's change may differ. They do so with
-the cube of step over the time that drag slows the ball in: large steps are no use long before they
-explode, as with a balloon."""
+STAGE_DIFFERENCE = 0.05
+"""Share of the fastest speed by which the two middle stages of a step may differ. They do so with
+the cube of the step over the time in which drag slows the ball: large steps are useless long before
+they diverge, as with a balloon."""
 
-IN_WIND = 1e-9
-"""Relative tolerance of a ball that rolls in the wind, in four steps a flight. It shrinks with the
-cube of the steps: what is missed must show when there are twice as many."""
+ROLL_TOL = 1e-9
+"""Relative tolerance of a ball that rolls in the wind, with four steps a flight. It shrinks with
+the cube of the steps, so that what is missed shows when their number is doubled."""
 
-MISGUIDED = 0.1
-"""Share of a step by which Newton's may put right where it was cut."""
+NEWTON_SHARE = 0.1
+"""Share of a step by which one of Newton's may correct the instant at which it was cut."""
 
 State = tuple[float, ...]
 Rates = Callable[[State], State]
 
 
-class FlightEnvironment(NamedTuple):
-    """What the ball moves through and to.
-
-    Attributes:
-        ball, air, plane: as for `fly`.
-        ground: as for `follow` where it has a surface, else as for `fly`.
-    """
-
-    ball: Ball
-    air: Air | None
-    ground: Ground | None
-    plane: Plane | None
-
-
 class CoarseEnd(NamedTuple):
-    """Where a ball's way ends in large steps.
+    """Where a ball's path ends in large steps.
 
     Attributes:
-        state: there; None where large steps are not for it.
+        state: there; None where large steps do not suffice.
         status: as of `Flight` or `Course`.
         evaluations: of the acceleration.
     """
@@ -72,114 +58,131 @@ class CoarseEnd(NamedTuple):
     evaluations: int
 
 
-def coarse_end(launch: BallState, way: FlightEnvironment, steps: int) -> CoarseEnd:
-    """Return where the ball's way ends.
+def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) -> CoarseEnd:
+    """Find where the ball's path ends, in large steps.
 
-    Classical Runge-Kutta steps of fourth order, `steps` of them in the time the flight would take
-    in a vacuum; rolling is a quadrature. How exact that is, twice the steps tell.
+    Flights are integrated with classical Runge-Kutta steps of fourth order; rolling is a
+    quadrature. The error shows when the number of steps is doubled.
 
     Args:
         launch: the ball at the start.
-        way: what it moves through. A plane that the ball meets sliding or rolling is not for this.
-        steps: of each flight.
+        environment: what it flies through, and what ends its path. A plane that the ball reaches
+            sliding or rolling is left to the exact integrators.
+        steps: in the time that each flight would take in a vacuum.
     """
-    surface = None if way.ground is None else way.ground.surface
+    ball, _, ground, _ = environment
+    surface = None if ground is None else ground.surface
     if surface is None:
-        return coarse_path(launch, way, steps)[0]
+        return coarse_path(launch, environment, steps)[0]
     assert isinstance(surface, Surface)
     if surface.friction == 0.0:
         return CoarseEnd(None, "", 0)
-    state, calls, clock = launch, 0, 0.0
+    state, evaluations, clock = launch, 0, 0.0
     for _ in range(MOST_BOUNCES):
-        (landed, status, more), _ = coarse_path(state, way, steps)
-        calls += more
+        (landed, status, more), _ = coarse_path(state, environment, steps)
+        evaluations += more
         if landed is None:
             break
         clock += float(landed.time)
-        if status == "at-plane":
-            there = BallState(landed.position, landed.velocity, landed.spin, clock)
-            return CoarseEnd(there, status, calls)
-        state = bounce(landed, way.ball, surface)
+        if status == FlightStatus.AT_PLANE:
+            end = BallState(landed.position, landed.velocity, landed.spin, clock)
+            return CoarseEnd(end, status, evaluations)
+        state = bounce(landed, ball, surface)
         if state.velocity[2] < LEAST_REBOUND:
-            rest, more = _grounded(state, way, surface, steps, clock)
-            return CoarseEnd(rest, "at-rest", calls + more)
-    return CoarseEnd(None, "", calls)
+            rest, more = _roll_out(state, environment, surface, steps, clock)
+            return CoarseEnd(rest, FlightStatus.AT_REST, evaluations + more)
+    return CoarseEnd(None, "", evaluations)
 
 
 def coarse_path(
-    launch: BallState, way: FlightEnvironment, steps: int
+    launch: BallState, environment: FlightEnvironment, steps: int
 ) -> tuple[CoarseEnd, list[State]]:
-    """Return the end of one flight, and the nodes up to it.
+    """Return the end of one flight, and the nodes up to it; arguments as for `coarse_end`.
 
-    A node is displacement, velocity, and spin over that of the launch.
+    A node is displacement [m], velocity [m/s], and spin over that of the launch.
     """
-    drop, rise = drop_of(launch, way), float(launch.velocity[2])
+    ball, air, _, plane = environment
+    drop, rise = drop_below(launch, environment), float(launch.velocity[2])
     nodes: list[State] = [(0.0, 0.0, 0.0, *launch.velocity.tolist(), 1.0)]
     fastest = math.hypot(*nodes[0][3:6])
-    inside = drop < -1e-9 * way.ball.radius and drop < -1e-9 * abs(float(launch.position[2]))
-    if inside or not fastest <= MAX_SPEED:  # refused by the exact engine
+    inside = drop < -1e-9 * ball.radius and drop < -1e-9 * abs(float(launch.position[2]))
+    if inside or not fastest <= MAX_SPEED:  # refused by the exact integrators
         return CoarseEnd(None, "", 0), nodes
     if drop <= 0.0 and rise <= 0.0:
-        there = BallState(launch.position, launch.velocity, launch.spin)
-        return CoarseEnd(there, "landed", 0), nodes
-    drop, g = max(drop, 0.0), downward(way.ball, way.air)
-    values = [_falling((0.0, 0.0, 1.0), drop)]
+        end = BallState(launch.position, launch.velocity, launch.spin)
+        return CoarseEnd(end, FlightStatus.LANDED, 0), nodes
+    drop, g = max(drop, 0.0), downward(ball, air)
+    heights = [_height((0.0, 0.0, 1.0), drop)]
     longest = time_to_fall(rise, drop, g)
-    if way.plane is not None:
-        normal, gap = way.plane.normal, way.plane.gap(way.ball, launch.position)
-        values.append(_falling(tuple(normal.tolist()), gap))
-        closing = -float(normal @ launch.velocity)
+    if plane is not None:
+        gap = plane.gap(ball, launch.position)
+        heights.append(_height(tuple(plane.normal.tolist()), gap))
+        closing = -float(plane.normal @ launch.velocity)
         longest = min(longest, gap / closing) if closing > 0.0 else longest
     if not 0.0 < longest < math.inf:
         return CoarseEnd(None, "", 0), nodes
-    rates, step, calls = _rates(way, launch), longest / steps, 0
+    rates, step, evaluations = _rates(environment, launch), longest / steps, 0
     fastest = max(fastest, math.sqrt(2.0 * g * drop) if g > 0.0 else 0.0)
-    for number in range(min(PATIENCE * steps, math.ceil(LONGEST / step))):
+    for number in range(min(MOST_LENGTHS * steps, math.ceil(LONGEST / step))):
         before = nodes[-1]
-        after, unruly = _step(rates, before, step)
-        calls += 4
-        if not unruly <= UNRULY * fastest:
+        after, difference = _step(rates, before, step)
+        evaluations += 4
+        if not difference <= STAGE_DIFFERENCE * fastest:
             break
-        passed = [i for i, value in enumerate(values) if value(after) <= 0.0]
+        passed = [i for i, height in enumerate(heights) if height(after) <= 0.0]
         if not passed:
             nodes.append(after)
             continue
-        found = [_reach(rates, before, after, step, values[i]) for i in passed]
-        calls += 7 * len(passed)
+        if number == 0:
+            break  # the vacuum's duration was no estimate of this flight's
+        found = [_crossing(rates, before, after, step, heights[i]) for i in passed]
+        evaluations += 7 * len(passed)
         reached = [(*part, i) for part, i in zip(found, passed, strict=True) if part is not None]
-        if number == 0 or len(reached) < len(passed):
-            break  # so early the step was no guess of the flight
-        late, end, which = min(reached)
-        nodes.append(end)
-        there = _whole(launch, end, number * step + late)
-        return CoarseEnd(there, ("landed", "at-plane")[which], calls), nodes
-    return CoarseEnd(None, "", calls), nodes
+        if len(reached) < len(passed):
+            break
+        late, node, which = min(reached)
+        nodes.append(node)
+        position = launch.position + np.array(node[:3])
+        velocity, spin = np.array(node[3:6]), node[6] * launch.spin
+        end = BallState(position, velocity, spin, number * step + late)
+        return CoarseEnd(
+            end, (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which], evaluations
+        ), nodes
+    return CoarseEnd(None, "", evaluations), nodes
 
 
-def drop_of(launch: BallState, way: FlightEnvironment) -> float:
-    """Return how far below the launch the flight ends [m]; below 0 inside the ground."""
-    if way.ground is None:
+def drop_below(launch: BallState, environment: FlightEnvironment) -> float:
+    """Return how far below the launch the flight ends [m]; negative inside the ground."""
+    if environment.ground is None:
         return 0.0
-    return float(launch.position[2]) - way.ball.radius - way.ground.height
+    return float(launch.position[2]) - environment.ball.radius - environment.ground.height
 
 
-def _rates(way: FlightEnvironment, launch: BallState) -> Rates:
+def refuses_extrapolation(air: Air | None) -> bool:
+    """Return whether a coefficient of the air ends a flight that leaves the coefficient's range."""
+    models = () if air is None else (air.drag, air.lift)
+    return any(getattr(model, "refuses", False) for model in models)
+
+
+def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:
+    """Return the function that gives the rate of change of a node."""
+    ball, air = environment.ball, environment.air
     height = float(launch.position[2])
     wx, wy, wz = launch.spin.tolist()
-    if way.air is None or way.air.density == 0.0:
+    if air is None or air.density == 0.0:
         return lambda y: (y[3], y[4], y[5], 0.0, 0.0, -GRAVITY, 0.0)
-    acting = forces(way.ball, way.air)
+    acceleration = forces(ball, air)
 
     def rates(y: State) -> State:
         _, _, z, vx, vy, vz, left = y
-        ax, ay, az, k = acting(height + z, vx, vy, vz, left * wx, left * wy, left * wz)
+        ax, ay, az, k = acceleration(height + z, vx, vy, vz, left * wx, left * wy, left * wz)
         return vx, vy, vz, ax, ay, az, -k * left
 
     return rates
 
 
 def _step(rates: Rates, y: State, h: float) -> tuple[State, float]:
-    """Return the state after a step, and by how much its two middle estimates differ [m/s]."""
+    """Return the node after a step, and by how much its two middle stages differ [m/s]."""
     a = rates(y)
     b = rates(_along(y, a, 0.5 * h))
     c = rates(_along(y, b, 0.5 * h))
@@ -192,106 +195,100 @@ def _step(rates: Rates, y: State, h: float) -> tuple[State, float]:
 
 
 def _along(y: State, slope: State, h: float) -> State:
+    """Return y + h slope."""
     return tuple([s + h * r for s, r in zip(y, slope, strict=True)])
 
 
-def _falling(normal: State, gap: float) -> Callable[[State], float]:
+def _height(normal: State, gap: float) -> Callable[[State], float]:
+    """Return the function that gives the height of a node over what ends the flight [m]."""
     nx, ny, nz = normal
     return lambda y: gap + nx * y[0] + ny * y[1] + nz * y[2]
 
 
-def _reach(
-    rates: Rates, before: State, after: State, step: float, value: Callable[[State], float]
+def _crossing(
+    rates: Rates, before: State, after: State, step: float, height: Callable[[State], float]
 ) -> tuple[float, State] | None:
-    """Return when, in a step, a value falls to 0, and the state there; None where it is not clear.
+    """Return when, in a step, the height falls to 0, and the node there; None where unclear.
 
-    By the cubic through both ends, a step to its root, and one of Newton's from there, which has
-    little to put right unless the cubic was no guide.
+    The cubic through both ends gives a first root; one step of Newton's from there has little to
+    correct unless the cubic was a bad approximation.
     """
-    start, end = value(before), value(after)
-    if start < 0.0:
-        return None
-    level = value((0.0,) * 7)  # what is constant in it, not to be differentiated
-    first = (value(rates(before)) - level) * step
-    last = (value(rates(after)) - level) * step
+    start, end = height(before), height(after)
+    level = height((0.0,) * 7)  # its constant term, which is not differentiated
+    first = (height(rates(before)) - level) * step
+    last = (height(rates(after)) - level) * step
     low, high = 0.0, 1.0
-    if start == 0.0:
-        if first <= 0.0:
-            return None
-        low = 1e-3
     for _ in range(30):
         s = 0.5 * (low + high)
         t = 1.0 - s
         cubic = t * t * ((1 + 2 * s) * start + s * first) + s * s * ((3 - 2 * s) * end - t * last)
         low, high = (s, high) if cubic > 0.0 else (low, s)
-    state, _ = _step(rates, before, high * step)
-    slope = rates(state)
-    fall = value(slope) - level
-    more = -value(state) / fall if fall < 0.0 else math.inf
-    if not abs(more) <= MISGUIDED * step:
+    node, _ = _step(rates, before, high * step)
+    slope = rates(node)
+    fall = height(slope) - level
+    more = -height(node) / fall if fall < 0.0 else math.inf
+    if not abs(more) <= NEWTON_SHARE * step:
         return None
-    return high * step + more, _along(state, slope, more)
+    return high * step + more, _along(node, slope, more)
 
 
-def _whole(launch: BallState, end: State, time: float) -> BallState:
-    return BallState(
-        launch.position + np.array(end[:3]), np.array(end[3:6]), end[6] * launch.spin, time
-    )
-
-
-def _grounded(
-    state: BallState, way: FlightEnvironment, surface: Surface, steps: int, clock: float
+def _roll_out(
+    state: BallState, environment: FlightEnvironment, surface: Surface, steps: int, clock: float
 ) -> tuple[BallState | None, int]:
     """Return the ball at rest, after it slid and rolled, and the evaluations.
 
-    None where the wind keeps it rolling, or it comes to a plane.
+    None where the wind keeps it rolling, or it reaches a plane.
     """
-    sliding = slide(state, way.ball, way.air, surface)
+    ball, air, _, plane = environment
+    sliding = slide(state, ball, air, surface)
     if sliding is not None:
         state, clock = sliding.end, clock + sliding.duration
-    air, ball, calls = way.air, way.ball, 0
-    still = air is None or air.density == 0.0
-    if air is not None and not still and (callable(air.wind) or air.wind.any()):
-        if way.plane is not None:
-            return None, calls
-        tol = max(IN_WIND * (4.0 / steps) ** 3, 1e-13)
-        rolling = roll(state, ball, air, surface, tol)  # its way bends
-        end, calls = rolling.end, rolling.evaluations
-        clock += rolling.duration
-        if rolling.blown:
-            return None, calls
-        return BallState(end.position, (0, 0, 0), (0, 0, 0), clock), calls
+    windy = air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any())
+    if windy:
+        if plane is not None:
+            return None, 0
+        rolling = roll(state, ball, air, surface, max(ROLL_TOL * (4.0 / steps) ** 3, 1e-13))
+        end = BallState(rolling.end.position, (0, 0, 0), (0, 0, 0), clock + rolling.duration)
+        return (None if rolling.blown else end), rolling.evaluations
+    place, duration, evaluations = _straight_roll(state, environment, surface, steps)
+    if plane is not None:
+        try:
+            if plane.gap(ball, place) <= 0.5 * ball.radius:  # reaches it, or nearly
+                return None, evaluations
+        except InvalidInput:  # the ball came to rest beyond it
+            return None, evaluations
+    return BallState(place, (0, 0, 0), (0, 0, 0), clock + duration), evaluations
+
+
+def _straight_roll(
+    state: BallState, environment: FlightEnvironment, surface: Surface, steps: int
+) -> tuple[Array, float, int]:
+    r"""Return where a ball that rolls in still air comes to rest, after how long, and evaluations.
+
+    :math:`x = \int v\,dv/a(v)` and :math:`t = \int dv/a(v)`, by Gauss-Legendre quadrature.
+    """
+    ball, air = environment.ball, environment.air
     vx, vy, _ = state.velocity.tolist()
-    speed, place = math.hypot(vx, vy), state.position
-    if speed > 0.0:
-        along = np.array([vx, vy, 0.0]) / speed
-        nodes, weights = _gauss(max(steps, 4))
-        speeds = speed * nodes
-        slowing = np.full(len(nodes), surface.rolling_deceleration)
-        if air is not None and not still:
-            calls = len(nodes)
-            acting, height = forces(ball, air), float(state.position[2])
-            share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of what rolls
-            for i, v in enumerate(speeds.tolist()):
-                ax, ay, _, _ = acting(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
-                slowing[i] -= share * (ax * along[0] + ay * along[1])
-        place = place + speed * float(weights @ (speeds / slowing)) * along  # dx = v dv / slowing
-        clock += speed * float(weights @ (1.0 / slowing))
-    if way.plane is not None and _meets(way.plane, ball, place):
-        return None, calls
-    return BallState(place, (0, 0, 0), (0, 0, 0), clock), calls
-
-
-def _meets(plane: Plane, ball: Ball, place: Array) -> bool:
-    """Return whether a ball that comes straight to a place meets the plane, or nearly does."""
-    try:
-        return plane.gap(ball, place) <= 0.5 * ball.radius
-    except InvalidInput:  # beyond it
-        return True
+    speed = math.hypot(vx, vy)
+    if speed == 0.0:
+        return state.position, 0.0, 0
+    along = np.array([vx, vy, 0.0]) / speed
+    nodes, weights = _gauss(max(steps, 4))
+    speeds, evaluations = speed * nodes, 0
+    slowing = np.full(len(nodes), surface.rolling_deceleration)
+    if air is not None and air.density > 0.0:
+        evaluations = len(nodes)
+        acceleration, height = forces(ball, air), float(state.position[2])
+        share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of a rolling ball
+        for i, v in enumerate(speeds.tolist()):
+            ax, ay, _, _ = acceleration(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
+            slowing[i] -= share * (ax * along[0] + ay * along[1])
+    place = state.position + speed * float(weights @ (speeds / slowing)) * along
+    return place, speed * float(weights @ (1.0 / slowing)), evaluations
 
 
 @lru_cache(maxsize=16)
 def _gauss(number: int) -> tuple[Array, Array]:
-    """Return nodes and weights of Gauss and Legendre on 0 to 1."""
+    """Return nodes and weights of Gauss-Legendre quadrature on 0 to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(number)
     return 0.5 * (nodes + 1.0), 0.5 * weights

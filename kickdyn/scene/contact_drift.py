@@ -1,100 +1,110 @@
-"""What a contact that takes time may change, from the instant's strike alone."""
+"""What a contact that takes time may change, estimated from instantaneous strikes alone."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.contact import Contact
+from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import KickdynError
-from kickdyn.flight.forces import GRAVITY
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.scene.envelope import Jump
+from kickdyn.robot.leg import Posture
+from kickdyn.scene.envelope import LaunchError
 from kickdyn.scene.scene import Scene
 
 CREEP = 2e-3
-"""Of the speed of the launch: what sticks in a contact that takes time creeps; the largest change
-of spin by it, times the radius, was half of that in some 140 random kicks."""
+"""Share of the launch's speed: what sticks in a compliant contact creeps; the largest change of
+spin by that, times the radius, was half of this in some 140 random kicks."""
 
 LONGER = 1.5
-"""Contact time that comes out over the one asked for, at most, while the leg's inertia changes."""
+"""Contact time that results over the one asked for, at most, while the leg's inertia changes."""
 
 SAFETY, SPIN_SAFETY = 2.0, 8.0
-"""On the change of the strike and of its spin, which also depends on whether the contact sticks. Of
-some 140 random kicks the largest change of velocity was 0.8 of what comes out, of spin 0.7."""
+"""Factors on the change of the strike and of its spin, which also depends on whether the contact
+sticks. Of some 140 random kicks the largest change of velocity was 0.8 of the result, of spin 0.7.
+"""
+
+UNKNOWN = LaunchError(math.inf, math.inf, math.inf)
 
 
-def contact_drift(scene: Scene, hit: Impact) -> Jump:
-    """Estimate how far `collide` is from `strike` at most: along the way, with a factor.
+def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
+    """Estimate how far the launch by `collide` is from the one by `strike` at most.
 
-    The leg goes on with the mean of its velocities before and after, its forces of inertia
-    included, and the foot's plane turns with it. Half way and at the end the ball is struck anew.
-    Where that is not a strike, nothing is known: inf. However brief, a contact that sticks does not
-    tend to `newton` (see `collide`); it stays nearer to `stronge`, which follows the sliding, too:
-    what these laws differ by comes on top.
+    The leg goes on with the mean of its velocities before and after the impact, its forces of
+    inertia included, and the contact's normal turns with the foot. Half way and at the end of the
+    contact the ball is struck anew; the result is the largest change, times a safety factor. Where
+    that is no strike, nothing is known: inf. However brief, a contact that sticks does not tend to
+    the law `newton` (see `collide`); it stays nearer to `stronge`, which follows the sliding, too:
+    the difference of these laws is added.
 
     Args:
         scene: with a contact time.
-        hit: its strike.
+        impact: its strike.
     """
     assert scene.contact_time is not None
     time, leg, contact = LONGER * scene.contact_time, scene.leg, scene.contact
-    space, posture = leg.workspace, hit.posture
+    space, posture, launch = leg.workspace, impact.posture, impact.ball_after
     bias = pin.nonLinearEffects(space.model, space.data, scene.q, scene.v).copy()
-    drift = posture.solve(-bias)
-    mean = 0.5 * (hit.v_before + hit.v_after)
-    motion: dict[str, Any] = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
+    acceleration = posture.solve(-bias)
+    mean = 0.5 * (impact.v_before + impact.v_after)
     velocity = spin = 0.0
     for share in (0.5, 1.0):
-        there = leg.posture(pin.integrate(space.model, scene.q, share * time * mean))
-        turn = there.joint_rotation @ posture.joint_rotation.T
-        tilted = Contact(
+        moved = leg.posture(pin.integrate(space.model, scene.q, share * time * mean))
+        turn = moved.rotation_world_joint @ posture.rotation_world_joint.T
+        turned = Contact(
             turn @ contact.normal, contact.restitution, contact.friction, contact.offset
         )
         try:
-            again = strike(
-                there,
-                scene.v + share * time * drift,
-                scene.ball,
-                tilted,
-                **motion,
-            )
+            again = _strike(scene, moved, scene.v + share * time * acceleration, turned)
         except KickdynError:
-            return Jump(math.inf, math.inf, math.inf)
-        velocity = max(
-            velocity, float(np.linalg.norm(again.ball_after.velocity - hit.ball_after.velocity))
-        )
-        spin = max(spin, float(np.linalg.norm(again.ball_after.spin - hit.ball_after.spin)))
-    law, turned = _between_laws(scene, hit, motion)
-    fastest = max(float(hit.ball_after.speed), float(np.linalg.norm(scene.ball_velocity)))
-    jump = Jump(
-        SAFETY * (velocity + law) + GRAVITY * time,
-        SPIN_SAFETY * spin + SAFETY * turned + GRAVITY * time / scene.ball.radius,
+            return UNKNOWN
+        velocity = max(velocity, _length(again.ball_after.velocity - launch.velocity))
+        spin = max(spin, _length(again.ball_after.spin - launch.spin))
+    by_law = law_spin = 0.0
+    if contact.friction > 0.0:
+        other = _strike(scene, scene.posture, scene.v, contact, "stronge").ball_after
+        creep = CREEP * float(launch.speed)
+        by_law = _length(other.velocity - launch.velocity) + creep
+        law_spin = _length(other.spin - launch.spin) + creep / scene.ball.radius
+    fastest = max(float(launch.speed), _length(scene.ball_velocity))
+    error = LaunchError(
+        SAFETY * (velocity + by_law) + GRAVITY * time,
+        SPIN_SAFETY * spin + SAFETY * law_spin + GRAVITY * time / scene.ball.radius,
         time * (fastest + velocity),
     )
-    return jump if _stays_clear(scene, hit, jump) else Jump(math.inf, math.inf, math.inf)
+    return error if _stays_clear(scene, impact, error) else UNKNOWN
 
 
-def _between_laws(scene: Scene, hit: Impact, motion: dict[str, Any]) -> tuple[float, float]:
-    """Return what a contact that sticks may change in velocity and spin, however brief it is."""
-    if scene.contact.friction == 0.0:
-        return 0.0, 0.0
-    other = strike(scene.posture, scene.v, scene.ball, scene.contact, "stronge", **motion)
-    creep = CREEP * float(hit.ball_after.speed)
-    law = float(np.linalg.norm(other.ball_after.velocity - hit.ball_after.velocity))
-    turned = float(np.linalg.norm(other.ball_after.spin - hit.ball_after.spin))
-    return law + creep, turned + creep / scene.ball.radius
+def _strike(
+    scene: Scene, posture: Posture, v: np.ndarray, contact: Contact, law: str = "newton"
+) -> Impact:
+    """Return the instantaneous impact of another posture, velocity, contact or law."""
+    return strike(
+        posture,
+        v,
+        scene.ball,
+        contact,
+        law,
+        ball_velocity=scene.ball_velocity,
+        ball_spin=scene.ball_spin,
+    )
 
 
-def _stays_clear(scene: Scene, hit: Impact, jump: Jump) -> bool:
-    """Return whether the foot surely does not press the ball into the ground or a plane."""
+def _length(vector: np.ndarray) -> float:
+    """Return the Euclidean norm."""
+    return float(np.linalg.norm(vector))
+
+
+def _stays_clear(scene: Scene, impact: Impact, error: LaunchError) -> bool:
+    """Return whether the foot certainly does not press the ball into the ground or a plane."""
+    before, after = impact.ball_before, impact.ball_after
     if scene.ground is not None:
-        over = float(hit.ball_after.position[2]) - scene.ball.radius - scene.ground.height
-        rise = float(hit.ball_before.velocity[2] + hit.ball_after.velocity[2]) - jump.velocity
-        if over < jump.moved and rise <= 0.0:
+        clearance = float(after.position[2]) - scene.ball.radius - scene.ground.height
+        rise = float(before.velocity[2] + after.velocity[2]) - error.velocity
+        if clearance < error.position and rise <= 0.0:
             return False
-    return scene.plane is None or scene.plane.gap(scene.ball, hit.ball_after.position) > jump.moved
+    return scene.plane is None or scene.plane.gap(scene.ball, after.position) > error.position

@@ -1,12 +1,11 @@
-"""The table of effects: how a scene looks without each, and how far that can move the end."""
+"""The physical effects of a scene: which it has, the scene without one, and bounds of each."""
 
 from __future__ import annotations
 
-import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,103 +16,146 @@ from kickdyn.contact import Contact
 from kickdyn.scene.envelope import Envelope
 from kickdyn.scene.scene import Scene
 
-Bound = Callable[[Envelope], float]
-
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical effect that a scene can name.
+    """One physical effect that a scene can have.
 
     Attributes:
-        name: of it.
-        named: whether a scene has it.
-        without: the scene without it, given the launch.
-        bound: how far leaving it out can move the end of the flight [m]; None: not bounded, for
-            it costs no time to model.
-        argument: why the bound holds.
-        within: effects that take this one along when all of them go: it acts through them, and
-            their bounds hold with it and without.
+        name: of the effect.
+        is_in: whether a scene has it.
+        without: returns the scene without it, given the launch.
+        bound: how far leaving it out can move the end of the flight [m]; None where it is not
+            bounded, because it costs no time to model.
+        reason: why the bound holds.
+        through: names of the effects that this one acts through: where all of them are left out, so
+            is this one, and their bounds hold with it and without.
     """
 
     name: str
-    named: Callable[[Scene], bool]
+    is_in: Callable[[Scene], bool]
     without: Callable[[Scene, BallState], Scene]
-    bound: Bound | None
-    argument: str
-    within: tuple[str, ...] = ()
+    bound: Callable[[Envelope], float] | None
+    reason: str
+    through: tuple[str, ...] = ()
 
 
-def changed(scene: Scene, **parts: Any) -> Scene:
-    """Return a scene with some of its parts, valid ones, replaced; another leg stands anew."""
-    other = copy.copy(scene)
-    other.__dict__.update(parts)
-    if "leg" in parts:
-        posture = other.leg.posture(scene.q).touched_at(scene.contact.offset)
-        other.__dict__.update(posture=posture)
-    return other
+class EffectVerdict(NamedTuple):
+    """Whether one effect of the scene is modelled.
+
+    Attributes:
+        effect: its name.
+        modelled: whether it is; otherwise it is left out.
+        bound: how far leaving it out can move the end [m]; inf where no bound is known, nan where
+            none was needed.
+        why: the reason.
+    """
+
+    effect: str
+    modelled: bool
+    bound: float
+    why: str
 
 
-def with_air(scene: Scene, **parts: Any) -> Scene:
-    """Return a scene whose air has some of its parts replaced."""
-    air = scene.air
-    assert air is not None
+def effects_of(scene: Scene) -> list[Effect]:
+    """Return the effects that a scene has."""
+    return [effect for effect in EFFECTS if effect.is_in(scene)]
+
+
+def judge_effects(
+    effects: Sequence[Effect], envelope: Envelope, allowed: float
+) -> tuple[EffectVerdict, ...]:
+    """Leave out the effects with the least bounds while their sum stays within what is allowed.
+
+    Args:
+        effects: of the scene.
+        envelope: bounds around its flight.
+        allowed: sum of the bounds of all effects that are left out [m].
+    """
+    bounds = {effect.name: effect.bound(envelope) for effect in effects if effect.bound is not None}
+    through = {effect.name: [o for o in effect.through if o in bounds] for effect in effects}
+
+    def is_implied(name: str, out: list[str]) -> bool:
+        return bool(through[name]) and all(outer in out for outer in through[name])
+
+    out: list[str] = []
+    for name in sorted(bounds, key=lambda name: bounds[name]):
+        more = [*out, name]
+        if math.fsum(bounds[other] for other in more if not is_implied(other, more)) <= allowed:
+            out = more
+    implied = [name for name in bounds if is_implied(name, out)]
+    verdicts = []
+    for effect in effects:
+        name, bound = effect.name, bounds.get(effect.name, math.nan)
+        if effect.bound is None:
+            verdicts.append(EffectVerdict(name, True, bound, "costs no time"))
+        elif name in implied:
+            verdicts.append(EffectVerdict(name, False, 0.0, effect.reason))
+        elif name in out:
+            verdicts.append(EffectVerdict(name, False, bound, effect.reason))
+        else:
+            why = "not bounded here" if bound == math.inf else "its bound exceeds the tolerance"
+            verdicts.append(EffectVerdict(name, True, bound, why))
+    return tuple(verdicts)
+
+
+def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState) -> Scene:
+    """Return the scene without the effects that the verdicts leave out, itself where that is none.
+
+    Args:
+        scene: the kick.
+        verdicts: on its effects.
+        launch: the ball as it leaves the foot.
+    """
+    reduced, out = scene, [verdict.effect for verdict in verdicts if not verdict.modelled]
+    for effect in effects_of(scene):
+        if effect.name in out and effect.is_in(reduced):
+            reduced = effect.without(reduced, launch)
+    return reduced
+
+
+def _with_air(scene: Scene, **changes: Any) -> Scene:
+    """Return a scene with some arguments of its air changed."""
     names = ("density", "viscosity", "wind", "drag", "lift", "torque", "buoyancy")
-    return changed(scene, air=Air(**{**{name: getattr(air, name) for name in names}, **parts}))
-
-
-def _air(name: str) -> Callable[[Scene], bool]:
-    return lambda scene: (
-        scene.air is not None and scene.air.density > 0 and getattr(scene.air, name) is not None
+    return scene.replace(
+        air=Air(**{**{name: getattr(scene.air, name) for name in names}, **changes})
     )
 
 
-def _windy(scene: Scene) -> bool:
-    air = scene.air
-    return air is not None and air.density > 0 and (callable(air.wind) or bool(air.wind.any()))
+def _has_air(condition: Callable[[Air], bool]) -> Callable[[Scene], bool]:
+    """Return a function that says whether a scene has air for which a condition holds."""
+    return lambda scene: scene.air is not None and scene.air.density > 0 and condition(scene.air)
 
 
-def _buoyant(scene: Scene) -> bool:
-    return scene.air is not None and scene.air.buoyancy and scene.air.density > 0
-
-
-def _rough(scene: Scene) -> bool:
-    return scene.contact.friction > 0.0
-
-
-def _smooth(scene: Scene, _: BallState) -> Scene:
+def _without_friction(scene: Scene, _: BallState) -> Scene:
+    """Return a scene whose contact is frictionless."""
     contact = scene.contact
-    return changed(scene, contact=Contact(contact.normal, contact.restitution, 0.0, contact.offset))
+    return scene.replace(contact=Contact(contact.normal, contact.restitution, 0.0, contact.offset))
 
 
-def _particle(scene: Scene, _: BallState) -> Scene:
-    return changed(scene, ball=replace(scene.ball, inertia_factor=math.inf))
-
-
-def _rotorless(scene: Scene, _: BallState) -> Scene:
+def _without_rotors(scene: Scene, _: BallState) -> Scene:
+    """Return a scene whose joints of one degree of freedom have no armature."""
     leg = scene.leg
     sizes = list(leg.workspace.model.nvs)[1:]
     single = [name for name, size in zip(leg.joint_names, sizes, strict=True) if size == 1]
-    return changed(scene, leg=leg.with_armature(dict.fromkeys(single, 0.0)))
+    return scene.replace(leg=leg.with_armature(dict.fromkeys(single, 0.0)))
 
 
-def _let_go(scene: Scene, _: BallState) -> Scene:
-    return changed(scene, leg=scene.leg.with_supports())
-
-
-def _constant_drag(scene: Scene, launch: BallState) -> Scene:
-    """With the coefficient of the launch, whatever the speed and the spin."""
+def _with_constant_drag(scene: Scene, launch: BallState) -> Scene:
+    """Return a scene with the drag coefficient of the launch, whatever the speed and the spin."""
     air, radius = scene.air, scene.ball.radius
     assert air is not None
     assert air.drag is not None
-    blown = np.zeros(3) if callable(air.wind) else air.wind
-    speed = max(math.hypot(*(launch.velocity - blown).tolist()), 1e-9)
-    turning = radius * math.hypot(*launch.spin.tolist())
+    wind = np.zeros(3) if callable(air.wind) else air.wind
+    speed = max(math.hypot(*(launch.velocity - wind).tolist()), 1e-9)
+    surface_speed = radius * math.hypot(*launch.spin.tolist())
     reynolds = 2.0 * radius * air.density / air.viscosity * speed
-    return with_air(scene, drag=constant(air.drag(reynolds, turning / speed)))
+    return _with_air(scene, drag=constant(air.drag(reynolds, surface_speed / speed)))
 
 
-def _decay(envelope: Envelope) -> float:
-    air, ball = envelope.way.air, envelope.way.ball
+def _spin_decay_bound(envelope: Envelope) -> float:
+    """Return how far the fastest decay of the spin can move the end [m]."""
+    ball, air, *_ = envelope.environment
     assert air is not None
     assert air.torque is not None
     if not math.isfinite(envelope.time):
@@ -130,76 +172,82 @@ EFFECTS = (
     Effect(
         "compliance",
         lambda scene: scene.contact_time is not None,
-        lambda scene, _: changed(scene, contact_time=None),
-        lambda envelope: envelope.shift(jump=envelope.jump),
+        lambda scene, _: scene.replace(contact_time=None),
+        lambda envelope: envelope.shift(launch_error=envelope.launch_error),
         "twice what the strike changes while the foot moves on",
     ),
-    Effect("friction", _rough, _smooth, None, "of foot and ball"),
     Effect(
-        "turning of the ball",
+        "friction",
+        lambda scene: scene.contact.friction > 0.0,
+        _without_friction,
+        None,
+        "of foot and ball",
+    ),
+    Effect(
+        "ball rotation",
         lambda scene: scene.ball.inertia_factor < math.inf,
-        _particle,
+        lambda scene, _: scene.replace(ball=replace(scene.ball, inertia_factor=math.inf)),
         None,
         "a shell, not a particle",
     ),
     Effect(
         "armature",
         lambda scene: bool(scene.leg.workspace.model.armature.any()),
-        _rotorless,
+        _without_rotors,
         None,
         "rotors behind the joints",
     ),
     Effect(
         "stance",
         lambda scene: scene.leg.constraints is not None and bool(scene.leg.constraints.supports),
-        _let_go,
+        lambda scene, _: scene.replace(leg=scene.leg.with_supports()),
         None,
-        "feet that hold the robot",
+        "feet that support the robot",
     ),
     Effect(
         "drag",
-        _air("drag"),
-        lambda scene, _: with_air(scene, drag=None),
+        _has_air(lambda air: air.drag is not None),
+        lambda scene, _: _with_air(scene, drag=None),
         lambda envelope: envelope.shift(envelope.drag),
         "the largest of the flight, all the time",
     ),
     Effect(
         "drag crisis",
-        _air("drag"),
-        _constant_drag,
-        lambda envelope: envelope.shift(envelope.crisis),
+        _has_air(lambda air: air.drag is not None),
+        _with_constant_drag,
+        lambda envelope: envelope.shift(envelope.drag_crisis),
         "the largest change from a constant coefficient",
-        within=("drag",),
+        through=("drag",),
     ),
     Effect(
         "lift",
-        _air("lift"),
-        lambda scene, _: with_air(scene, lift=None),
+        _has_air(lambda air: air.lift is not None),
+        lambda scene, _: _with_air(scene, lift=None),
         lambda envelope: envelope.shift(envelope.lift),
         "the largest of the flight, all the time",
     ),
     Effect(
         "spin decay",
-        _air("torque"),
-        lambda scene, _: with_air(scene, torque=None),
-        _decay,
+        _has_air(lambda air: air.torque is not None),
+        lambda scene, _: _with_air(scene, torque=None),
+        _spin_decay_bound,
         "the fastest decay, times what spin changes",
-        within=("drag", "lift"),
+        through=("drag", "lift"),
     ),
     Effect(
         "wind",
-        _windy,
-        lambda scene, _: with_air(scene, wind=(0.0, 0.0, 0.0)),
+        _has_air(lambda air: callable(air.wind) or bool(air.wind.any())),
+        lambda scene, _: _with_air(scene, wind=(0.0, 0.0, 0.0)),
         lambda envelope: envelope.shift(envelope.by_wind),
         "the largest change of drag and lift, all the time",
-        within=("drag", "lift"),
+        through=("drag", "lift"),
     ),
     Effect(
         "buoyancy",
-        _buoyant,
-        lambda scene, _: with_air(scene, buoyancy=False),
+        _has_air(lambda air: air.buoyancy),
+        lambda scene, _: _with_air(scene, buoyancy=False),
         lambda envelope: envelope.shift(envelope.buoyancy),
         "its acceleration, all the time",
     ),
 )
-"""Every effect that can be told apart. Those of the impact without a bound cost no time."""
+"""Every effect that can be left out by itself. Those without a bound cost no time."""

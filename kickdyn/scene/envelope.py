@@ -10,199 +10,215 @@ from typing import NamedTuple
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.flight.forces import GRAVITY
-from kickdyn.scene.coarse_flight import FlightEnvironment, State, coarse_path, drop_of
+from kickdyn.core.vectors import GRAVITY
+from kickdyn.flight.forces import time_to_fall
+from kickdyn.scene.coarse_flight import State, coarse_path, drop_below, refuses_extrapolation
+from kickdyn.scene.scene import FlightEnvironment
 
 STEPS = 4
+"""Large steps of the flight."""
 
 MARGIN = 1.25
-"""On what is looked at in the nodes of that flight only."""
+"""Factor on coefficients, which are evaluated at the nodes of that flight only."""
 
 
-class Jump(NamedTuple):
-    """What the launch may be off by.
+class LaunchError(NamedTuple):
+    """How far the launch may be off.
 
     Attributes:
-        velocity, spin, moved: [m/s, rad/s, m].
+        velocity: [m/s].
+        spin: [rad/s].
+        position: [m].
     """
 
     velocity: float = 0.0
     spin: float = 0.0
-    moved: float = 0.0
+    position: float = 0.0
 
 
-NO_JUMP = Jump()
+EXACT = LaunchError()
 
 
 class Envelope:
-    """Bounds around the flight with every effect that the scene names.
+    r"""Bounds around the flight with every effect that the scene names.
 
     Let X be that flight and Y one whose acceleration differs by at most a where X is. Then both are
-    a t^2/2 exp(lt) apart at most (Gronwall), l being the largest rate at which the forces drive
-    neighbours apart: drag does so only where it falls as speed grows.
+    :math:`\tfrac12 a t^2 e^{\lambda t}` apart at most (Gronwall's inequality), with
+    :math:`\lambda` the largest rate at which the forces drive neighbours apart: drag does so only
+    where it falls as speed grows.
 
     Args:
-        launch: by the instant's strike.
-        way: what the ball moves through.
-        jump: what the launch may be off by.
+        launch: by the instantaneous strike.
+        environment: what the ball flies through, and what ends its path.
+        launch_error: how far the launch may be off.
 
     Attributes:
-        way, jump: as given.
+        environment, launch_error: as given.
         speeds: relative to the air, at the nodes of the flight [m/s].
         spin: the largest [rad/s].
-        time: of the flight [s]; inf where nothing is known, as of what bounces, or may leave the
-            range of a coefficient that refuses to be used there.
+        time: duration of the flight [s]; inf where nothing is known, as of a ball that bounces, or
+            that may leave the range of a coefficient that refuses extrapolation.
         drag, lift, buoyancy: largest acceleration by each [m/s2].
-        crisis: by what drag differs from that with the coefficient of the launch [m/s2].
-        by_spin, by_wind: change of acceleration with spin [m/s2 per rad/s], and by wind [m/s2].
-        end: state at its end; None where nothing is known.
+        drag_crisis: largest change of acceleration from the drag coefficient of the launch [m/s2].
+        by_spin: change of acceleration with spin [m/s2 per rad/s].
+        by_wind: change of acceleration by the wind [m/s2].
+        end: state at the end of the flight; None where nothing is known.
         evaluations: of the acceleration.
     """
 
-    def __init__(self, launch: BallState, way: FlightEnvironment, jump: Jump = NO_JUMP) -> None:
-        self.way, self.jump = way, jump
-        self._launched, self._rise = float(launch.position[2]), float(launch.velocity[2])
+    def __init__(
+        self,
+        launch: BallState,
+        environment: FlightEnvironment,
+        launch_error: LaunchError = EXACT,
+    ) -> None:
+        self.environment, self.launch_error = environment, launch_error
+        self._height, self._rise = float(launch.position[2]), float(launch.velocity[2])
         self._fastest = math.hypot(*launch.velocity.tolist())
-        self._drop = max(drop_of(launch, way), 0.0)
+        self._drop = max(drop_below(launch, environment), 0.0)
         self.time, self.evaluations = math.inf, 0
-        self.spin = math.hypot(*launch.spin.tolist()) + jump.spin
-        self.drag = self.lift = self.crisis = self.by_spin = self.by_wind = self._apart = 0.0
-        self.buoyancy = 0.0
+        self.spin = math.hypot(*launch.spin.tolist()) + launch_error.spin
+        self.drag = self.lift = self.buoyancy = self.drag_crisis = 0.0
+        self.by_spin = self.by_wind = self._growth = 0.0
         self.speeds: list[float] = []
         self.end: BallState | None = None
-        air, bounces = way.air, way.ground is not None and way.ground.surface is not None
-        if bounces or not jump.velocity < math.inf or (air is not None and refuses(air)):
+        ball, air, ground, _ = environment
+        bounces = ground is not None and ground.surface is not None
+        if bounces or not launch_error.velocity < math.inf or refuses_extrapolation(air):
             return
-        (self.end, _, self.evaluations), nodes = coarse_path(launch, way, STEPS)
+        (self.end, _, self.evaluations), nodes = coarse_path(launch, environment, STEPS)
         if self.end is None or not float(self.end.time) > 0.0:
             return
         self.time = float(self.end.time)
         if air is not None and air.density > 0.0:
-            self.buoyancy = GRAVITY * air.density * way.ball.volume / way.ball.mass
+            self.buoyancy = GRAVITY * air.density * ball.volume / ball.mass
             if callable(air.wind):
                 self.time = math.inf
                 return
-            self._look(air, nodes)
+            self._bound_forces(air, nodes)
 
-    def _look(self, air: Air, nodes: list[State]) -> None:
-        """Evaluate the coefficients at the nodes."""
-        ball = self.way.ball
+    def shift(self, acceleration: float = 0.0, launch_error: LaunchError = EXACT) -> float:
+        """Return how far the end can move [m]; inf where that is not known.
+
+        The paths part until the later one ends, and that one goes on after the other has ended.
+
+        Args:
+            acceleration: that is left out [m/s2].
+            launch_error: how far the launch is off.
+        """
+        if self.end is None or not math.isfinite(self.time):
+            return math.inf
+        if acceleration == 0.0 and launch_error == EXACT:
+            return 0.0
+        acceleration += self.by_spin * launch_error.spin
+        velocity = self.end.velocity
+        speed = max(self._fastest, math.hypot(*velocity.tolist())) + launch_error.velocity
+        gap, closing = self._other_end()
+        shift = self._steep_shift(self.time, acceleration, launch_error, speed, closing)
+        if self.environment.plane is None:
+            shift = min(shift, self._light_shift(acceleration, launch_error, speed))
+        return shift if shift < gap else math.inf
+
+    def _bound_forces(self, air: Air, nodes: list[State]) -> None:
+        """Evaluate the coefficients at the nodes: the largest accelerations and their changes."""
+        ball = self.environment.ball
         wx, wy, wz = (float(part) for part in air.wind)  # type: ignore[union-attr]
         wind = math.hypot(wx, wy, wz)
-        speeds = [math.hypot(y[3] - wx, y[4] - wy, y[5] - wz) + self.jump.velocity for y in nodes]
-        speeds = [max(speed, 1e-9) for speed in speeds]
-        self.speeds = speeds
+        off = self.launch_error.velocity
+        self.speeds = speeds = [
+            max(math.hypot(y[3] - wx, y[4] - wy, y[5] - wz) + off, 1e-9) for y in nodes
+        ]
         per_speed = 2.0 * ball.radius * air.density / air.viscosity
         k = MARGIN * 0.5 * air.density * ball.cross_section / ball.mass
-        turning, fastest = ball.radius * self.spin, max(speeds)
+        surface_speed, fastest = ball.radius * self.spin, max(speeds)
+
+        def largest(values: list[float]) -> float:
+            return k * max(c * v * v for c, v in zip(values, speeds, strict=True))
+
         if air.drag is not None:
-            found = [air.drag(per_speed * v, turning / v) for v in speeds]
-            level = air.drag(per_speed * speeds[0], turning / speeds[0])
-            self.drag = k * max(c * v * v for c, v in zip(found, speeds, strict=True))
-            still = [air.drag(per_speed * v, 0.0) for v in speeds]  # a spin along the flight
-            off = [max(abs(a - level), abs(b - level)) for a, b in zip(found, still, strict=True)]
-            self.crisis = k * max(c * v * v for c, v in zip(off, speeds, strict=True))
-            steepest = self._shape(air.drag, per_speed, fastest, min(speeds), k)
-            both = (2.0 * fastest + wind) * max(found) + steepest * fastest * fastest
-            self.by_wind = k * both * wind
-            self.by_spin = k * _slope(air.drag, per_speed * fastest) * ball.radius * fastest
-        if air.lift is not None and turning:
-            found = [air.lift(per_speed * v, turning / v) for v in speeds]
-            self.lift = k * max(c * v * v for c, v in zip(found, speeds, strict=True))
-            self._apart += k * max(found) * fastest
-            self.by_spin += k * _slope(air.lift, per_speed * fastest) * ball.radius * fastest
+            found = [air.drag(per_speed * v, surface_speed / v) for v in speeds]
+            level = air.drag(per_speed * speeds[0], surface_speed / speeds[0])
+            self.drag = largest(found)
+            still = [air.drag(per_speed * v, 0.0) for v in speeds]  # spin along the flight
+            pairs = zip(found, still, strict=True)
+            self.drag_crisis = largest([max(abs(a - level), abs(b - level)) for a, b in pairs])
+            steepest = self._steepest_drag(air.drag, per_speed, fastest, min(speeds), k)
+            change = (2.0 * fastest + wind) * max(found) + steepest * fastest * fastest
+            self.by_wind = k * change * wind
+            self.by_spin = k * _spin_slope(air.drag, per_speed * fastest) * ball.radius * fastest
+        if air.lift is not None and surface_speed:
+            found = [air.lift(per_speed * v, surface_speed / v) for v in speeds]
+            self.lift = largest(found)
+            self._growth += k * max(found) * fastest
+            self.by_spin += k * _spin_slope(air.lift, per_speed * fastest) * ball.radius * fastest
             self.by_wind += 2.0 * k * max(found) * (2.0 * fastest + wind) * wind
 
-    def _shape(
+    def _steepest_drag(
         self, drag: Coefficient, per_speed: float, fastest: float, slowest: float, k: float
     ) -> float:
-        """Note how drag drives neighbours apart; return its coefficient's steepest slope [s/m]."""
+        """Return the steepest slope of the drag coefficient [s/m]; add to the rate of parting."""
         width = (fastest - slowest) / 8.0
         if not width > 1e-6 * fastest:
             return 0.0
         speeds = [slowest + i * width for i in range(9)]
         found = [drag(per_speed * v, 0.0) for v in speeds]
         force = [c * v * v for c, v in zip(found, speeds, strict=True)]
-        self._apart += k * max(0.0, *(a - b for a, b in pairwise(force))) / width
+        self._growth += k * max(0.0, *(a - b for a, b in pairwise(force))) / width
         return max(abs(a - b) for a, b in pairwise(found)) / width
 
-    def shift(self, acceleration: float = 0.0, jump: Jump = NO_JUMP) -> float:
-        """Return how far the end can move [m]; inf where that is not known.
+    def _parted(self, t: float, acceleration: float, error: LaunchError) -> float:
+        """Return how far two paths are apart at most after a time [m]."""
+        growth = math.exp(min(self._growth * t, 50.0))
+        return (error.position + error.velocity * t + 0.5 * acceleration * t * t) * growth
 
-        By an acceleration left out, and by a launch that is off: as far as the paths part until the
-        later one ends, and as far as that one goes on after the other has ended.
-        """
-        if self.end is None or not math.isfinite(self.time):
-            return math.inf
-        if acceleration == 0.0 and jump == NO_JUMP:
-            return 0.0
-        acceleration += self.by_spin * jump.spin
-        velocity = self.end.velocity
-        speed = max(self._fastest, math.hypot(*velocity.tolist())) + jump.velocity
-        gap, closing = self._reached()
-        moved = self._late(self.time, acceleration, jump, speed, closing)
-        if self.way.plane is None:
-            moved = min(moved, self._early(acceleration, jump, speed))
-        return moved if moved < gap else math.inf
-
-    def _away(self, t: float, acceleration: float, jump: Jump) -> float:
-        """Return how far paths part in a time [m]."""
-        grown = math.exp(min(self._apart * t, 50.0))
-        return (jump.moved + jump.velocity * t + 0.5 * acceleration * t * t) * grown
-
-    def _late(
-        self, t: float, acceleration: float, jump: Jump, speed: float, closing: float
+    def _steep_shift(
+        self, t: float, acceleration: float, error: LaunchError, speed: float, closing: float
     ) -> float:
-        """Return the shift of a path that comes down, or to a plane, steeply enough.
+        """Return the shift of a path that reaches the ground, or the plane, steeply enough.
 
-        What is `away` from reaching it still has to cover that, at no less than the speed that
-        gravity leaves it.
+        What separates a path from its end remains to be covered, at no less than the speed that
+        gravity leaves the ball.
         """
-        away = self._away(t, acceleration, jump)
-        if not away < math.inf:
+        parted = self._parted(t, acceleration, error)
+        if not parted < math.inf:
             return math.inf
-        left = closing * closing - 2.0 * MARGIN * GRAVITY * away
+        left = closing * closing - 2.0 * MARGIN * GRAVITY * parted
         if not (closing > 0.0 and left > 0.0):
             return math.inf
-        return away * (1.0 + (speed + acceleration * t) / math.sqrt(left))
+        return parted * (1.0 + (speed + acceleration * t) / math.sqrt(left))
 
-    def _early(self, acceleration: float, jump: Jump, speed: float) -> float:
-        """Return the shift of a path that the air hardly bends.
+    def _light_shift(self, acceleration: float, error: LaunchError, speed: float) -> float:
+        """Return the shift of a path that the air bends by little.
 
-        Its time is gravity's, more or less, and grows with rise, drop, and what pulls less.
+        Its duration is gravity's, more or less, and grows with rise, drop, and with what opposes
+        gravity.
         """
         force = self.drag + self.lift + self.buoyancy + acceleration
         if not force < 0.9 * GRAVITY:
             return math.inf
-        up, drop, off = self._rise, self._drop, jump.velocity
-        longest = time_to_fall(up + off, drop + jump.moved, GRAVITY - force)
-        shortest = time_to_fall(up - off, max(drop - jump.moved, 0.0), GRAVITY + force)
-        return self._away(longest, acceleration, jump) + speed * (longest - max(shortest, 0.0))
+        rise, drop, off = self._rise, self._drop, error.velocity
+        longest = time_to_fall(rise + off, drop + error.position, GRAVITY - force)
+        shortest = time_to_fall(rise - off, max(drop - error.position, 0.0), GRAVITY + force)
+        return self._parted(longest, acceleration, error) + speed * (longest - max(shortest, 0.0))
 
-    def _reached(self) -> tuple[float, float]:
-        """Return how far what did not end the flight is away [m], and the speed at what did."""
-        way, end = self.way, self.end
+    def _other_end(self) -> tuple[float, float]:
+        """Return the distance to what did not end the flight [m], and the speed at what did."""
+        ball, _, ground, plane = self.environment
+        end = self.end
         assert end is not None
         falling = -float(end.velocity[2])
-        if way.plane is None:
+        if plane is None:
             return math.inf, falling
-        normal, radius = way.plane.normal, way.ball.radius
-        closing = -float(normal @ end.velocity)
-        parts = {"front": -radius, "centre": 0.0, "back": radius}
-        gap = float(normal @ (end.position - way.plane.point)) + parts[way.plane.reached_by]
-        if gap > 1e-6 * radius:
+        closing = -float(plane.normal @ end.velocity)
+        reached = {"front": -ball.radius, "centre": 0.0, "back": ball.radius}[plane.reached_by]
+        gap = float(plane.normal @ (end.position - plane.point)) + reached
+        if gap > 1e-6 * ball.radius:
             return gap, falling
-        floor = self._launched if way.ground is None else way.ground.height + radius
+        floor = self._height if ground is None else ground.height + ball.radius
         return float(end.position[2]) - floor, closing
 
 
-def refuses(air: Air) -> bool:
-    """Return whether a coefficient ends a flight that leaves its range."""
-    return any(getattr(model, "refuses", False) for model in (air.drag, air.lift))
-
-
-def _slope(model: Callable[[float, float], float], reynolds: float) -> float:
+def _spin_slope(model: Callable[[float, float], float], reynolds: float) -> float:
     """Return the steepest change of a coefficient with the spin parameter."""
     grid = (0.0, 0.01, 0.1, 0.4)
     found = [model(reynolds, s) for s in grid]

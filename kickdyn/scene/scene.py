@@ -1,12 +1,11 @@
-"""The scene: all that one kick consists of; what it does not name is not modelled."""
+"""The scene: everything that one kick consists of; what it does not name is not modelled."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from os import PathLike
-from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,60 +14,61 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.read_only import ReadOnly
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
-from kickdyn.robot.leg import Leg
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Leg, Posture
 
-EDGE = 1e-6
-"""By which a joint may be over its range [deg; m]."""
+RANGE_MARGIN = 1e-6
+"""A joint may exceed its range by this much without a note [deg; m]."""
 
 LEAST_RESTITUTION = 0.01
-"""Of a contact that takes time."""
+"""The least restitution of a contact that takes time."""
 
 
-def clash_of_time(law: str, restitution: float) -> list[str]:
-    """Return a line for each thing that a contact that takes time cannot do."""
-    lines = []
-    if law != "newton":
-        lines.append(f"law is {law!r}: a contact that takes time has no law, leave one of them out")
-    if restitution < LEAST_RESTITUTION:
-        lines.append(
-            f"restitution is {restitution:g}: in a contact that takes time it must be at least "
-            f"{LEAST_RESTITUTION:g}"
-        )
-    return lines
+class FlightEnvironment(NamedTuple):
+    """What flies, what it flies through, and what ends the flight.
+
+    Attributes:
+        ball: what flies.
+        air: None is the vacuum.
+        ground: as for `follow` where it has a surface, else as for `fly`.
+        plane: as for `fly`.
+    """
+
+    ball: Ball
+    air: Air | None
+    ground: Ground | None
+    plane: Plane | None
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Scene(ReprMixin, ReadOnly):
-    """One kick, from the posture of the leg to the end of the ball's way.
+class Scene(ReprMixin):
+    """One kick, from the posture of the leg to the end of the ball's path.
 
     Args:
-        leg: with the frame that touches the ball, its rotors, supports and loops.
+        leg: with the frame that strikes the ball, its rotors, supports and loops.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
-        v: joint velocity just before the contact, shape `(nv,)` [rad/s].
+        v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s].
         ball: its centre is at `contact point + radius * normal`.
-        contact: the contact.
+        contact: normal, restitution, friction and offset of the contact.
         law: impact law, as for `strike`.
-        contact_time: of a contact that gives way, as for `collide` [s]; None, an instant. It has no
-            law, and restitution of 0.01 or more.
-        ball_velocity: of its centre before the contact, shape `(3,)` [m/s, world frame].
+        contact_time: duration of a compliant contact, as for `collide` [s]; None is an instant. A
+            compliant contact has no law, and a restitution of at least 0.01.
+        ball_velocity: of the ball's centre before the contact, shape `(3,)` [m/s, world frame].
         ball_spin: before the contact, shape `(3,)` [rad/s, world frame].
         air: None is the vacuum.
-        ground: where the flight ends; None ends it back at the height of the launch. With a
-            surface, the ball is followed to rest.
-        plane: a wall or a goal line that ends it all if the ball comes there first.
-        spread: standard deviations of what is not known exactly, by the names of
-            `Impact.uncertainty`.
+        ground: where the flight ends; None ends it at the height of the launch. On a ground with a
+            surface the ball is followed to rest.
+        plane: a wall or a goal line that ends the path if the ball reaches it first.
+        uncertainty: standard deviations of what is not known exactly, by the names and in the
+            units of `Impact.uncertainty`.
         name: of the scene.
 
     Raises:
-        InvalidInput: a wrong shape, an entry that is not finite, or a posture that is refused.
+        InvalidInput: a wrong type or shape, an entry that is not finite, or an invalid posture.
     """
 
     leg: Leg
@@ -83,7 +83,7 @@ class Scene(ReprMixin, ReadOnly):
     air: Air | None
     ground: Ground | None
     plane: Plane | None
-    spread: Mapping[str, float]
+    uncertainty: Mapping[str, float]
     name: str
     posture: Posture = field(repr=False)
 
@@ -102,7 +102,7 @@ class Scene(ReprMixin, ReadOnly):
         air: Air | None = None,
         ground: Ground | None = None,
         plane: Plane | None = None,
-        spread: Mapping[str, float] | None = None,
+        uncertainty: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
         validation.check_type(Leg, leg=leg)
@@ -113,9 +113,8 @@ class Scene(ReprMixin, ReadOnly):
         validation.check_type(Plane, plane=plane, optional=True)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
-            clash = clash_of_time(law, contact.restitution)
-            if clash:
-                raise InvalidInput(clash[0])
+            for fault in compliant_contact_faults(law, contact.restitution):
+                raise InvalidInput(fault)
         posture = leg.posture(q)
         arrays = {
             "q": posture.q,
@@ -134,11 +133,45 @@ class Scene(ReprMixin, ReadOnly):
             air=air,
             ground=ground,
             plane=plane,
-            spread=MappingProxyType(dict(spread or {})),
+            uncertainty=validation.mapping("uncertainty", uncertainty),
             name=name,
-            posture=posture.touched_at(contact.offset),
+            posture=posture.with_contact_offset(contact.offset),
             **arrays,
         )
+
+    def replace(self, **changes: Any) -> Scene:
+        """Return the scene with some of its arguments changed.
+
+        Raises:
+            InvalidInput: as for `Scene`.
+        """
+        arguments = {name: value for name, value in self.__dict__.items() if name != "posture"}
+        return Scene(**{**arguments, **changes})
+
+    @property
+    def ball_position(self) -> Array:
+        """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
+        return np.asarray(self.posture.contact_point + self.ball.radius * self.contact.normal)
+
+    @property
+    def environment(self) -> FlightEnvironment:
+        """What the ball flies through, and what ends its path."""
+        return FlightEnvironment(self.ball, self.air, self.ground, self.plane)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A line for each joint outside its range: the kick is computed all the same."""
+        lines = []
+        for joint, (value, unit) in self.leg.display_values(self.q).items():
+            low, high = self.leg.joint_range(joint)
+            continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
+            if unit == "deg":
+                low, high = math.degrees(low), math.degrees(high)
+            if not (continuous or low - RANGE_MARGIN <= value <= high + RANGE_MARGIN):
+                lines.append(
+                    f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"
+                )
+        return tuple(lines)
 
     def _rows(self) -> Iterable[Row]:
         yield "name", self.name, ""
@@ -168,30 +201,15 @@ class Scene(ReprMixin, ReadOnly):
         if self.plane is not None:
             yield "plane", repr(self.plane).removeprefix("Plane(").removesuffix(")"), ""
 
-    @classmethod
-    def from_toml(cls, path: str | PathLike[str]) -> Scene:
-        """Read a scene file, as `load_scene` does."""
-        from kickdyn.scene.toml_reader import load_scene
 
-        return load_scene(path)
-
-    @property
-    def ball_position(self) -> Array:
-        """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
-        return np.asarray(self.posture.contact_point + self.ball.radius * self.contact.normal)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """A line for each joint that is outside its range: it is computed all the same."""
-        lines = []
-        for joint, value in self.leg.angles_deg(self.q).items():
-            low, high = self.leg.joint_range(joint)
-            unit = self.leg.joint_unit(joint)
-            continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
-            if unit == "rad":
-                low, high, unit = math.degrees(low), math.degrees(high), "deg"
-            if not (continuous or low - EDGE <= value <= high + EDGE):
-                lines.append(
-                    f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"
-                )
-        return tuple(lines)
+def compliant_contact_faults(law: str, restitution: float) -> list[str]:
+    """Return a line for each value that does not go with a contact time."""
+    lines = []
+    if law != "newton":
+        lines.append(f"law is {law!r}: a contact that takes time has no law, leave one of them out")
+    if restitution < LEAST_RESTITUTION:
+        lines.append(
+            f"restitution is {restitution:g}: in a contact that takes time it must be at least "
+            f"{LEAST_RESTITUTION:g}"
+        )
+    return lines

@@ -1,4 +1,4 @@
-"""What a scene file may say: sections, keys, and what each takes.
+"""What a scene file may contain: sections, keys, and the values that each key takes.
 
 Keys end in their unit; those without one are dimensionless, or names. Vectors are `[x, y, z]` in
 the world frame.
@@ -9,15 +9,16 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
-from kickdyn.aerodynamics import drag, lift
-from kickdyn.aerodynamics import spin_decay as torque
+from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
-from kickdyn.robot.example_robots import ROBOTS
-from kickdyn.scene.scene import clash_of_time
+from kickdyn.plane import ReachedBy
+from kickdyn.robot.catalog import ROBOTS
+from kickdyn.scene.scene import compliant_contact_faults
 
 Check = Callable[[str, Any], Any]
 
@@ -25,54 +26,48 @@ LAWS = ("newton", "stronge", "paper")
 REQUIRED = ("leg", "posture", "contact")
 
 
-def _number(unit: str = "", **limits: float) -> Check:
-    return lambda name, value: validation.number(name, value, unit=unit, **limits)
+def _number(unit: str = "", **limits: Any) -> Check:
+    """Return a check of a number within limits."""
+    return partial(validation.number, unit=unit, **limits)
 
 
-def _vector(unit: str = "") -> Check:
-    return lambda name, value: validation.vector(name, value, 3, unit=unit)
+def _vector(unit: str) -> Check:
+    """Return a check of a vector."""
+    return partial(validation.vector, size=3, unit=unit)
 
 
 def _direction(name: str, value: Any) -> Any:
+    """Return a vector of any length but zero."""
     validation.direction(name, value)
     return validation.vector(name, value, 3)
 
 
 def _choice(*choices: str) -> Check:
-    def check(name: str, value: Any) -> str:
-        if not isinstance(value, str) or value not in choices:
-            raise InvalidInput(f"{name} is {validation.brief(value)}: choose {', '.join(choices)}")
+    """Return a check of one of some names."""
+    return _valid(lambda value: isinstance(value, str) and value in choices, *choices)
+
+
+def _valid(condition: Callable[[Any], bool], *choices: str, what: str = "") -> Check:
+    """Return a check of a condition; its message names the choices, or what the value must be."""
+
+    def check(name: str, value: Any) -> Any:
+        if not condition(value):
+            valid = f"choose {', '.join(choices)}" if choices else f"it must be {what}"
+            raise InvalidInput(f"{name} is {validation.brief(value)}: {valid}")
         return value
 
     return check
 
 
-def _text(name: str, value: Any) -> str:
-    if not isinstance(value, str) or not value or not value.isprintable():
-        raise InvalidInput(f"{name} is {validation.brief(value)}: it must be printable text")
-    return value
-
-
-def _texts(name: str, value: Any) -> list[str]:
-    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise InvalidInput(f"{name} is {validation.brief(value)}: it must be a list of names")
-    return value
-
-
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise InvalidInput(f"{name} is {validation.brief(value)}: it must be true or false")
-    return value
-
-
 def _by_joint(unit: str, **limits: float) -> Check:
+    """Return a check of a table of numbers by joint."""
+    is_table = _valid(
+        lambda value: isinstance(value, dict), what=f"a table, joint = number [{unit}]"
+    )
+
     def check(name: str, value: Any) -> dict[str, float]:
-        if not isinstance(value, dict):
-            raise InvalidInput(
-                f"{name} is {validation.brief(value)}: it must be a table, joint = number [{unit}]"
-            )
         found, faults = {}, []
-        for joint, entry in value.items():
+        for joint, entry in is_table(name, value).items():
             try:
                 found[joint] = validation.number(f"{name}.{joint}", entry, unit=unit, **limits)
             except InvalidInput as error:
@@ -83,6 +78,30 @@ def _by_joint(unit: str, **limits: float) -> Check:
 
     return check
 
+
+_text = _valid(
+    lambda value: isinstance(value, str) and value != "" and value.isprintable(),
+    what="printable text",
+)
+_texts = _valid(
+    lambda value: isinstance(value, list) and all(isinstance(entry, str) for entry in value),
+    what="a list of names",
+)
+_flag = _valid(lambda value: isinstance(value, bool), what="true or false")
+
+UNCERTAINTY = {
+    "angles_deg": ("q", "deg", math.radians(1.0)),
+    "joint_velocity_rad_s": ("v", "rad/s", 1.0),
+    "normal_deg": ("normal", "deg", math.radians(1.0)),
+    "restitution": ("restitution", "", 1.0),
+    "friction": ("friction", "", 1.0),
+    "ball_mass_kg": ("ball_mass", "kg", 1.0),
+    "ball_radius_m": ("ball_radius", "m", 1.0),
+    "ball_velocity_m_s": ("ball_velocity", "m/s", 1.0),
+    "ball_spin_rad_s": ("ball_spin", "rad/s", 1.0),
+}
+"""By key of section uncertainty: its name in `Impact.uncertainty`, its unit in the file, and the
+factor between the units."""
 
 SECTIONS: dict[str, dict[str, Check]] = {
     "": {"name": _text},
@@ -103,7 +122,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "joint_velocity_rad_s": _by_joint("rad/s"),
     },
     "ball": {
-        "model": _choice("size 5", "paper"),
+        "model": _choice("size-5", "paper"),
         "mass_kg": _number("kg", above=0.0),
         "radius_m": _number("m", above=0.0),
         "inertia_factor": _number(above=0.0, at_most=2.0 / 3.0),
@@ -127,7 +146,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "pressure_pa": _number("Pa", above=0.0),
         "drag": _choice(*drag.MODELS),
         "lift": _choice(*lift.MODELS),
-        "torque": _choice(*torque.MODELS),
+        "torque": _choice(*spin_decay.MODELS),
         "wind_m_s": _vector("m/s"),
         "buoyancy": _flag,
     },
@@ -135,92 +154,78 @@ SECTIONS: dict[str, dict[str, Check]] = {
     "plane": {
         "point_m": _vector("m"),
         "normal": _direction,
-        "reached_by": _choice("front", "centre", "back"),
+        "reached_by": _choice(*ReachedBy),
     },
-    "uncertainty": {
-        "angles_deg": _number("deg", at_least=0.0),
-        "joint_velocity_rad_s": _number("rad/s", at_least=0.0),
-        "normal_deg": _number("deg", at_least=0.0),
-        "restitution": _number(at_least=0.0),
-        "friction": _number(at_least=0.0),
-        "ball_mass_kg": _number("kg", at_least=0.0),
-        "ball_radius_m": _number("m", at_least=0.0),
-        "ball_velocity_m_s": _number("m/s", at_least=0.0),
-        "ball_spin_rad_s": _number("rad/s", at_least=0.0),
-    },
+    "uncertainty": {key: _number(unit, at_least=0.0) for key, (_, unit, _) in UNCERTAINTY.items()},
 }
-"""By section and key, what a value is checked with. Section "" is the top of the file."""
-
-SOURCES = {
-    "angles_deg": ("q", math.radians(1.0)),
-    "joint_velocity_rad_s": ("v", 1.0),
-    "normal_deg": ("normal", math.radians(1.0)),
-    "restitution": ("restitution", 1.0),
-    "friction": ("friction", 1.0),
-    "ball_mass_kg": ("ball_mass", 1.0),
-    "ball_radius_m": ("ball_radius", 1.0),
-    "ball_velocity_m_s": ("ball_velocity", 1.0),
-    "ball_spin_rad_s": ("ball_spin", 1.0),
-}
-"""What a key of section uncertainty is called by `Impact.uncertainty`, and its unit there."""
+"""By section and key, the check of a value. Section "" is the top of the file."""
 
 ONE_OF = {
     "leg": ("model", "file", "robot"),
     "posture": ("foot_velocity_m_s", "joint_velocity_rad_s"),
     "contact": ("normal", "attack_deg"),
 }
-"""Of these, a section names exactly one."""
+"""Keys of which a section contains exactly one."""
 
 NEEDED = {"contact": ("restitution",), "plane": ("point_m", "normal")}
+"""Keys without which a section is not complete."""
 
 GOES_WITH = {("leg", "legs_only"): "robot", ("contact", "side_deg"): "attack_deg"}
+"""By section and key, another key that it has a meaning with only."""
 
 
-def _known_air(said: dict[str, Any]) -> list[str]:
-    if said.get("model") != "paper":
-        return []
-    weather = ("altitude_m", "temperature_c", "pressure_pa")
-    known = [key for key in weather if key in said]
-    return [f"{key} is named with model 'paper', whose air is known: leave it out" for key in known]
+class FaultyValueError(Exception):
+    """A value is needed that is faulty; its fault is listed already."""
 
 
-CLASHES: dict[str, Callable[[dict[str, Any]], list[str]]] = {
-    "air": _known_air,
-    "contact": lambda said: (
-        clash_of_time(said.get("law", "newton"), said.get("restitution", 1.0))
-        if "contact_time_s" in said
-        else []
-    ),
-}
-"""By section, a line for each valid value that does not go with another."""
+class Section(dict[str, Any]):
+    """The valid values of a section.
 
-Values = dict[str, dict[str, Any]]
+    Attributes:
+        faulty: keys of the values that are needed and invalid, missing, or ambiguous.
+    """
+
+    faulty: frozenset[str] = frozenset()
+
+    def read(self, key: str, default: Any = None) -> Any:
+        """Return a value, or the default where it is not given; a faulty one raises an error."""
+        if key in self.faulty:
+            raise FaultyValueError
+        return self.get(key, default)
 
 
-def checked(document: Mapping[str, Any]) -> tuple[Values, dict[str, list[str]]]:
-    """Return the valid values of each section that is named, and by section a line per fault."""
-    values: Values = {"": {}}
-    faults: dict[str, list[str]] = {name: [] for name in ("", *SECTIONS)}
+def check_document(document: Mapping[str, Any]) -> tuple[dict[str, Section], dict[str, list[str]]]:
+    """Return the valid values of each section, and a line per fault by section.
+
+    Args:
+        document: as `tomllib` returns it.
+    """
+    sections = {"": Section()}
+    faults: dict[str, list[str]] = {name: [] for name in SECTIONS}
     for name, content in document.items():
         if name in SECTIONS[""]:
-            values[""] |= _section("", {name: content}, faults[""])
+            sections[""].update(_check_section("", {name: content}, faults[""]))
         elif name not in SECTIONS:
             names = [*(known for known in SECTIONS if known), *SECTIONS[""]]
             kind = f"section [{name}]" if isinstance(content, dict) else name
             faults[""].append(_unknown(kind, name, names))
         elif not isinstance(content, dict):
-            said = validation.brief(content)
-            faults[name].append(f"{name} is {said}: it must be a section, [{name}]")
+            value = validation.brief(content)
+            faults[name].append(f"{name} is {value}: it must be a section, [{name}]")
         else:
-            values[name] = _section(name, content, faults[name])
+            sections[name] = _check_section(name, content, faults[name])
     for name in REQUIRED:
         if name not in document:
             faults[name].append(f"section [{name}] is missing")
-    return values, faults
+        if name not in sections:
+            sections[name] = Section()
+            sections[name].faulty = frozenset(SECTIONS[name])
+    return sections, faults
 
 
-def _section(section: str, content: dict[str, Any], faults: list[str]) -> dict[str, Any]:
-    found = {}
+def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> Section:
+    """Return the valid values of a section; add a line per fault to `faults`."""
+    found = Section()
     for key, value in content.items():
         name = f"{section}.{key}" if section else key
         if key not in SECTIONS[section]:
@@ -230,36 +235,32 @@ def _section(section: str, content: dict[str, Any], faults: list[str]) -> dict[s
             found[key] = SECTIONS[section][key](name, value)
         except InvalidInput as error:
             faults += faults_of(error)
-    choice = ONE_OF.get(section, ())
+    choice, needed = ONE_OF.get(section, ()), NEEDED.get(section, ())
     named = [key for key in choice if key in content]
     if choice and len(named) != 1:
-        said = " and ".join(named) or "none of them"
-        faults.append(f"{section} names {said}: it must name one of {', '.join(choice)}")
-    faults += [
-        f"{section}.{key} is missing" for key in NEEDED.get(section, ()) if key not in content
-    ]
+        which = " and ".join(named) or "none of them"
+        faults.append(f"{section} names {which}: it must name one of {', '.join(choice)}")
+    faults += [f"{section}.{key} is missing" for key in needed if key not in content]
     faults += [
         f"{section}.{key} is named without {other}: it goes with that"
         for (place, key), other in GOES_WITH.items()
         if place == section and key in content and other not in content
     ]
-    if section in CLASHES:
-        faults += [f"{section}.{line}" for line in CLASHES[section](found)]
+    faults += [f"{section}.{line}" for line in _clashes(section, found)]
+    ambiguous = choice if sum(key in found for key in choice) != 1 else ()
+    found.faulty = frozenset(ambiguous).union(k for k in (*content, *needed) if k not in found)
     return found
 
 
-def unusable(document: Mapping[str, Any], values: Values) -> set[str]:
-    """Return what nothing can stand on, as `section.key`: bad, not clear, or needed and missing."""
-    bad = set()
-    for section in SECTIONS:
-        content, valid = document.get(section), values.get(section, {})
-        keys = [key for key in content if key not in valid] if isinstance(content, dict) else []
-        if content is not None or section in REQUIRED:
-            missing = [key for key in NEEDED.get(section, ()) if key not in valid]
-            choice = ONE_OF.get(section, ())
-            keys += [*missing, *(choice if sum(key in valid for key in choice) != 1 else ())]
-        bad |= {f"{section}.{key}" for key in keys}
-    return bad
+def _clashes(section: str, found: Section) -> list[str]:
+    """Return a line for each valid value that does not go with another."""
+    if section == "contact" and "contact_time_s" in found:
+        return compliant_contact_faults(found.get("law", "newton"), found.get("restitution", 1.0))
+    if section == "air" and found.get("model") == "paper":
+        weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in found)
+        why = "is named with model 'paper', whose air is known: leave it out"
+        return [f"{key} {why}" for key in weather]
+    return []
 
 
 def faults_of(error: InvalidInput) -> list[str]:

@@ -3,29 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
-
-import numpy as np
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 from kickdyn.ball import BallState
 from kickdyn.core import validation
-from kickdyn.flight.forces import is_ballistic
+from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_free
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.scene.coarse_flight import FlightEnvironment, coarse_end
 from kickdyn.scene.contact_drift import contact_drift
-from kickdyn.scene.effects import EFFECTS, Effect
-from kickdyn.scene.end_sensitivity import contact_error, end_spread, slopes
-from kickdyn.scene.envelope import Envelope, Jump, refuses
-from kickdyn.scene.exact_end import End, followed
+from kickdyn.scene.effects import Effect, EffectVerdict, effects_of, judge_effects, leave_out
+from kickdyn.scene.envelope import EXACT, Envelope
+from kickdyn.scene.flight_end import FINEST, FlightEnd, approximate_end, end_slopes, exact_end
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.simulation import Simulation, Verdict
-
-FINEST = 1e-9
-"""Relative tolerance with which everything is modelled."""
+from kickdyn.scene.simulation import Simulation
 
 MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
 """Of the tolerance: for effects left out, for the contact's integrator, for the flight's."""
@@ -33,143 +27,147 @@ MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
 COARSEST = 1e-3
 """Relative tolerance that a contact which takes time is integrated with at least."""
 
-STEPS = (4, 8, 16, 32, 64)
-"""Of a flight in large steps, whose error is twice what they move the end from the ones before."""
-
 
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
-    """Answer a scene to a tolerance.
+    r"""Find where the ball of a scene ends, to a tolerance.
 
-    Every effect the scene names has a bound on how far leaving it out can move the end; the least
-    are left out while their sum stays within half the tolerance. The rest is computed as exactly as
-    the other half asks for, by the integrators' own estimates.
+    Every effect of the scene has a bound :math:`b_i` on how far leaving it out can move the end;
+    the least are left out while :math:`\sum b_i \le` half the tolerance. The rest is computed as
+    exactly as the other half requires, by the integrators' own estimates.
 
     Args:
         scene: the kick.
-        tolerance: on the position where the ball's way ends, above 0 [m]. It is meant against
+        tolerance: on the position where the ball's path ends, above 0 [m]. It is meant against
             everything the scene names, not against the world: coefficients are as good as their
-            sources. None models everything, at a relative tolerance of `FINEST`; a tolerance below
-            what that reaches is answered the same way, and the answer says that it is not met.
+            sources. None models everything, at a relative tolerance of `FINEST`. A tolerance below
+            what that reaches is answered likewise, and `within_tolerance` of the answer is False.
 
     Raises:
         NoImpact: foot and ball do not approach each other.
-        InvalidInput: what the scene names cannot be computed, or a bad tolerance.
+        InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
     """
+    effects = _check(scene)
+    if tolerance is None:
+        return _simulate_everything(scene, effects)
+    tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
+
+    instant = _strike(scene)
+    launch_error = EXACT if scene.contact_time is None else contact_drift(scene, instant)
+    envelope = Envelope(instant.ball_after, scene.environment, launch_error)
+    verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
+    contact = _ComputedContact(instant, 0.0, envelope.evaluations)
+    if scene.contact_time is not None and verdicts[0].modelled:
+        contact = _collide_to(scene, instant.ball_after, CONTACT_SHARE * tolerance)
+        evaluations = envelope.evaluations + contact.evaluations
+        envelope = Envelope(contact.impact.ball_after, scene.environment)  # of another launch
+        verdicts = (verdicts[0], *judge_effects(effects[1:], envelope, MODEL_SHARE * tolerance))
+        contact = contact._replace(evaluations=evaluations + envelope.evaluations)
+    launch = contact.impact.ball_after
+    reduced = leave_out(scene, verdicts, launch)
+    four_steps = envelope.end if reduced is scene else None
+    end = approximate_end(launch, reduced.environment, FLIGHT_SHARE * tolerance, four_steps)
+    return _result(scene, tolerance, contact, end, verdicts, lambda: contact.error + end.error())
+
+
+def simulate_as_instant(scene: Scene) -> Simulation:
+    """Model everything a scene names, except for the time that its contact takes.
+
+    Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
+    the end lies from that of the whole scene, and inf where that cannot be computed.
+
+    Args:
+        scene: the kick.
+
+    Raises:
+        NoImpact: foot and ball do not approach each other.
+        InvalidInput: what the scene names cannot be computed as an instant either.
+        KickdynError: an integrator gave up.
+    """
+    answer = simulate(scene.replace(contact_time=None), None)
+    if scene.contact_time is None:
+        return answer
+    moved, evaluations = math.inf, answer.evaluations
+    try:
+        whole = simulate(scene, None)
+    except KickdynError as error:
+        why = f"not known: {error}"
+    else:
+        why = f"with it {whole.end_text}"
+        moved = math.dist(answer.end.position, whole.end.position) + whole.numerical_error
+        evaluations += whole.evaluations
+    others = (verdict._replace(why="all else is modelled") for verdict in answer.verdicts)
+    verdicts = (EffectVerdict("compliance", False, moved, why), *others)
+    return replace(answer, scene=scene, verdicts=verdicts, evaluations=evaluations)
+
+
+class _ComputedContact(NamedTuple):
+    """A contact, what its integrator misses at the end [m], and the evaluations spent so far."""
+
+    impact: Impact | Collision
+    error: float
+    evaluations: int
+
+
+def _check(scene: Scene) -> list[Effect]:
+    """Return the scene's effects; raise `InvalidInput` where it cannot be simulated."""
     validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
         check_free(scene.leg, "a contact that takes time is")
-    named = [effect for effect in EFFECTS if effect.named(scene)]
-    if tolerance is None:
-        return _everything(scene, named)
-    tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
-    rigid, way = _struck(scene), _way(scene)
-    hit: Impact | Collision = rigid
-    missed, calls, share = 0.0, 0, MODEL_SHARE * tolerance
-    jump = Jump() if scene.contact_time is None else contact_drift(scene, rigid)
-    around = Envelope(rigid.ball_after, way, jump)
-    verdicts = _judged(named, around, share)
-    if scene.contact_time is not None and verdicts[0].modelled:
-        # another launch than the instant's: what is known of the flight holds around that one
-        hit, missed, calls = _collided(scene, rigid.ball_after, CONTACT_SHARE * tolerance)
-        calls += around.evaluations
-        around = Envelope(hit.ball_after, way)
-        verdicts = (verdicts[0], *_judged(named[1:], around, share))
-    out = [verdict.effect for verdict in verdicts if not verdict.modelled]
-    less = scene
-    for effect in named:
-        if effect.name in out and effect.named(less):
-            less = effect.without(less, hit.ball_after)
-    end = _ended(
-        less, hit.ball_after, FLIGHT_SHARE * tolerance, around.end if less is scene else None
-    )
-    calls += around.evaluations + end.evaluations
-    return _answer(scene, tolerance, hit, end, verdicts, calls, lambda: missed + end.error())
+    return effects_of(scene)
 
 
-def _everything(scene: Scene, named: list[Effect]) -> Simulation:
-    hit: Impact | Collision
-    hit = _struck(scene) if scene.contact_time is None else _pressed(scene, FINEST)
-    way = _way(scene)
-    end = followed(hit.ball_after, way, FINEST)
-    verdicts = tuple(Verdict(effect.name, True, math.nan, "all is modelled") for effect in named)
+def _simulate_everything(scene: Scene, effects: Sequence[Effect]) -> Simulation:
+    """Return the simulation with every effect modelled, as exactly as the integrators can."""
+    impact = _strike(scene) if scene.contact_time is None else _collide(scene, FINEST)
+    launch, environment = impact.ball_after, scene.environment
+    end = exact_end(launch, environment, FINEST)
 
-    def numerical() -> float:
-        if isinstance(hit, Impact) or not end.ended:
+    def numerical_error() -> float:
+        if isinstance(impact, Impact) or not end.ended:
             return end.error()
-        return contact_error(slopes(hit.ball_after, way), hit.ball_after, way, FINEST) + end.error()
+        slopes = end_slopes(launch, environment)
+        return slopes.contact_error(launch, scene.ball.radius, FINEST) + end.error()
 
-    calls = end.evaluations + (hit.evaluations if isinstance(hit, Collision) else 0)
-    return _answer(scene, None, hit, end, verdicts, calls, numerical)
+    verdicts = [EffectVerdict(each.name, True, math.nan, "all is modelled") for each in effects]
+    evaluations = impact.evaluations if isinstance(impact, Collision) else 0
+    contact = _ComputedContact(impact, 0.0, evaluations)
+    return _result(scene, None, contact, end, verdicts, numerical_error)
 
 
-def _answer(
+def _result(
     scene: Scene,
     tolerance: float | None,
-    hit: Impact | Collision,
-    end: End,
-    verdicts: tuple[Verdict, ...],
-    calls: int,
-    numerical: Callable[[], float],
+    contact: _ComputedContact,
+    end: FlightEnd,
+    verdicts: Sequence[EffectVerdict],
+    numerical_error: Callable[[], float],
 ) -> Simulation:
-    spread = math.nan
-    if scene.spread:
-        found = slopes(hit.ball_after, _way(scene))
-        spread = end_spread(found, _struck(scene).uncertainty(**scene.spread))
-        calls += found.evaluations
-    contact = "strike" if isinstance(hit, Impact) else "collide"
+    """Return the simulation's result, with the deviation of the end where uncertainty is given."""
+    impact, evaluations = contact.impact, contact.evaluations + end.evaluations
+    deviation = math.nan
+    if scene.uncertainty:
+        slopes = end_slopes(impact.ball_after, scene.environment)
+        deviation = slopes.deviation(_strike(scene).uncertainty(**scene.uncertainty))
+        evaluations += slopes.evaluations
     return Simulation(
         scene=scene,
         tolerance=tolerance,
-        hit=hit,
-        launch=hit.ball_after,
+        impact=impact,
+        launch=impact.ball_after,
         end=end.state,
         status=end.status,
         path=end.path,
-        verdicts=verdicts,
-        method=f"{contact}, {end.method}",
-        evaluations=calls,
-        spread=spread,
-        _numerical=numerical if end.ended else lambda: math.inf,
+        verdicts=tuple(verdicts),
+        method=f"{'strike' if isinstance(impact, Impact) else 'collide'}, {end.method}",
+        evaluations=evaluations,
+        end_deviation=deviation,
+        _numerical=numerical_error if end.ended else lambda: math.inf,
     )
 
 
-def _judged(named: list[Effect], envelope: Envelope, share: float) -> tuple[Verdict, ...]:
-    """Return a verdict on each effect, the least bounds first to be left out."""
-    bounds = {effect.name: effect.bound(envelope) for effect in named if effect.bound is not None}
-    within = {effect.name: [o for o in effect.within if o in bounds] for effect in named}
-
-    def goes_along(name: str, out: list[str]) -> bool:
-        return bool(within[name]) and all(outer in out for outer in within[name])
-
-    out: list[str] = []
-    for name in sorted(bounds, key=lambda name: bounds[name]):
-        going = [*out, name]
-        worth = math.fsum(bounds[other] for other in going if not goes_along(other, going))
-        if worth <= share:
-            out = going
-    free = [name for name in bounds if goes_along(name, out)]
-    out += [name for name in free if name not in out]
-    verdicts = []
-    for effect in named:
-        if effect.bound is None:
-            verdicts.append(Verdict(effect.name, True, math.nan, "costs no time"))
-        elif effect.name in out:
-            size = 0.0 if effect.name in free else bounds[effect.name]
-            verdicts.append(Verdict(effect.name, False, size, effect.argument))
-        else:
-            why = "no room for it in the tolerance"
-            if bounds[effect.name] == math.inf:
-                why = "not bounded here"
-            verdicts.append(Verdict(effect.name, True, bounds[effect.name], why))
-    return tuple(verdicts)
-
-
-def _way(scene: Scene) -> FlightEnvironment:
-    return FlightEnvironment(scene.ball, scene.air, scene.ground, scene.plane)
-
-
-def _struck(scene: Scene) -> Impact:
+def _strike(scene: Scene) -> Impact:
+    """Return the impact of an instant."""
     return strike(
         scene.posture,
         scene.v,
@@ -181,7 +179,8 @@ def _struck(scene: Scene) -> Impact:
     )
 
 
-def _pressed(scene: Scene, tol: float) -> Collision:
+def _collide(scene: Scene, tol: float) -> Collision:
+    """Return the impact that takes time, at a relative tolerance."""
     return collide(
         scene.posture,
         scene.v,
@@ -194,45 +193,20 @@ def _pressed(scene: Scene, tol: float) -> Collision:
     )
 
 
-def _collided(scene: Scene, launch: BallState, share: float) -> tuple[Collision, float, int]:
-    """Return the contact that takes time, as exact as need be, its error at the end [m], and calls.
+def _collide_to(scene: Scene, launch: BallState, accuracy: float) -> _ComputedContact:
+    """Return the contact that takes time, as exact as the accuracy of the end [m] requires.
 
-    The tolerance follows from how the end depends on the launch of the instant.
+    Its tolerance follows from how the end depends on the launch, first that of an instant.
     """
-    way = _way(scene)
-    found = slopes(launch, way, sure=False)
-    missed, calls = contact_error(found, launch, way, 1.0), found.evaluations
+    environment, radius = scene.environment, scene.ball.radius
+    slopes = end_slopes(launch, environment, confirm=False)
+    per_tol, evaluations = slopes.contact_error(launch, radius, 1.0), slopes.evaluations
     while True:
-        tol = min(max(share / max(missed, 1e-300), FINEST), COARSEST)
-        hit = _pressed(scene, tol)
-        found = slopes(hit.ball_after, way)
-        there = contact_error(found, hit.ball_after, way, 1.0)
-        calls += found.evaluations + hit.evaluations
-        if tol * there <= share or tol == FINEST:
-            return hit, tol * there, calls
-        missed = 2.0 * there
-
-
-def _ended(scene: Scene, launch: BallState, share: float, last: BallState | None) -> End:
-    """Return where the ball's way ends, in as few steps as the share of the tolerance lets.
-
-    Where it ends in the fewest steps may be known already.
-    """
-    air, way, calls = scene.air, _way(scene), 0
-    surface = None if scene.ground is None else scene.ground.surface
-    if (air is not None and refuses(air)) or (surface is None and is_ballistic(air, launch.spin)):
-        return followed(launch, way, FINEST)
-    for steps in STEPS if last is None else STEPS[1:]:
-        state, status, more = coarse_end(launch, way, steps)
-        calls += more
-        if state is None:
-            break
-        if last is not None:
-            # twice: where the ball bounces, steps need not come nearer one by one
-            missed = 2.0 * float(np.linalg.norm(state.position - last.position))
-            if missed <= share:
-                method = f"{steps} Runge-Kutta steps a flight"
-                return End(state, status, None, method, calls, partial(float, missed))
-        last = state
-    exact = followed(launch, way, FINEST)
-    return exact._replace(evaluations=exact.evaluations + calls)
+        tol = min(max(accuracy / max(per_tol, 1e-300), FINEST), COARSEST)
+        impact = _collide(scene, tol)
+        slopes = end_slopes(impact.ball_after, environment)
+        error = slopes.contact_error(impact.ball_after, radius, tol)
+        evaluations += slopes.evaluations + impact.evaluations
+        if error <= accuracy or tol == FINEST:
+            return _ComputedContact(impact, error, evaluations)
+        per_tol = 2.0 * error / tol

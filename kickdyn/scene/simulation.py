@@ -1,4 +1,4 @@
-"""What a simulation answers: where the ball ends, how sure that is, and what was left out."""
+"""The result of a simulation: where the ball ends, its error, and what was left out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core.representation import Printed
@@ -15,89 +15,82 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.exact_end import ENDS
+from kickdyn.scene.effects import EffectVerdict
+from kickdyn.scene.flight_end import ENDS
 from kickdyn.scene.scene import Scene
-
-
-class Verdict(NamedTuple):
-    """What became of one effect that the scene names.
-
-    Attributes:
-        effect: its name.
-        modelled: or left out.
-        bound: how far leaving it out can move the end [m]; inf where no bound is known, nan where
-            none was needed.
-        why: in words.
-    """
-
-    effect: str
-    modelled: bool
-    bound: float
-    why: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(Printed):
-    """The answer to a scene. `print` shows the budget as a table.
+    """The result of a scene. `print` shows its error budget as a table.
 
     Attributes:
-        scene: as it was asked.
-        tolerance: [m]; None where none was asked for: all is modelled, but for what `verdicts` say.
-        hit: the impact: of an instant, or one that took time.
+        scene: as given.
+        tolerance: on the position of the end [m]; None where everything is modelled, except for
+            what the `verdicts` leave out.
+        impact: of an instant, or one that took time.
         launch: the ball as it leaves the foot.
-        end: where its way ends: on the ground, back at the height of the launch, at the plane, or
-            at rest on a ground with a surface. Its time counts from the launch.
-        status: which of them: `landed`, `at-plane` or `at-rest`; else the way has no end and `end`
-            is where it was given up: `aloft`, `blown` or `bouncing`, as of `Flight` and `Course`.
-        path: the flight or the course; None where large steps did.
-        verdicts: on each effect that the scene names.
+        end: where its path ends: on the ground, at the height of the launch, at the plane, or at
+            rest on a ground with a surface. Its time counts from the launch.
+        status: which of them: `landed`, `at-plane` or `at-rest`. Any other status, as of `Flight`
+            and `Course`, says why the path has no end; `end` is then its last state.
+        path: the flight or the course; None where large steps were used.
+        verdicts: on each effect of the scene.
         method: how the end was computed.
-        evaluations: of the accelerations in contact and flight, those for bounds and for `spread`
-            included; not what `numerical_error` adds where it is asked for.
-        spread: standard deviation of the end by what the scene's `spread` says is not known
-            exactly, to first order, velocity and spin varying together [m]; nan where it says
-            nothing, inf where the way has no end.
+        evaluations: of the accelerations in contact and flight, those for bounds and for
+            `end_deviation` included, but not those of `numerical_error`.
+        end_deviation: standard deviation of the end by the scene's `uncertainty`, to first order,
+            velocity and spin varying together [m]; nan where the scene has none, inf where the path
+            has no end.
     """
 
     scene: Scene
     tolerance: float | None
-    hit: Impact | Collision
+    impact: Impact | Collision
     launch: BallState
     end: BallState
     status: str
     path: Flight | Course | None
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[EffectVerdict, ...]
     method: str
     evaluations: int
-    spread: float
+    end_deviation: float
     _numerical: Callable[[], float] = field(repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle the estimate, not how it is made."""
+        """Return the attributes, with the estimate in place of the function that makes it."""
         return {**self.__dict__, "_numerical": partial(float, self.numerical_error)}
 
     @cached_property
     def numerical_error(self) -> float:
-        """Estimate of what contact and flight integrators miss at the end [m]; inf without one."""
+        """Estimate of what the integrators miss at the end [m]; inf where there is none."""
         return self._numerical()
 
     @property
     def model_error(self) -> float:
-        """Bound on what the effects left out would change at the end [m]."""
+        """Bound on what the effects that are left out would change at the end [m]."""
         return math.fsum(v.bound for v in self.verdicts if not v.modelled)
 
     @property
     def error(self) -> float:
-        """Of the end, the bound of what is left out and the estimate of the numerics together [m].
+        """Error of the end: `model_error` and `numerical_error` together [m].
 
-        `tolerance` at most, but for what the numerics cannot reach: see `met`.
+        It is at most `tolerance`, unless the integrators cannot reach that: see
+        `within_tolerance`.
         """
         return self.model_error + self.numerical_error
 
     @property
-    def met(self) -> bool:
-        """Whether the error is within the tolerance; without one, whether it is known."""
+    def within_tolerance(self) -> bool:
+        """Whether the error is within the tolerance; without one, whether the error is known."""
         return self.error <= (sys.float_info.max if self.tolerance is None else self.tolerance)
+
+    @property
+    def end_text(self) -> str:
+        """Status and position of the end in words."""
+        x, y, z = self.end.position.round(3) + 0.0  # no -0
+        status = self.status if self.status in ENDS else f"NO END, given up {self.status}"
+        return f"{status} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
 
     @property
     def modelled(self) -> tuple[str, ...]:
@@ -106,25 +99,24 @@ class Simulation(Printed):
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Names of the effects that the scene has and the simulation did not model."""
+        """Names of the effects of the scene that were not modelled."""
         return tuple(v.effect for v in self.verdicts if not v.modelled)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of `path`: coefficients used outside the range they are meant for."""
+        """Those of `path`: coefficients used outside their range of validity."""
         return () if self.path is None else self.path.warnings
 
     def __str__(self) -> str:
-        """Return end and budget."""
-        x, y, z = self.end.position.round(3) + 0.0  # no -0
-        wish = "all modelled" if self.tolerance is None else f"asked {self.tolerance:g} m"
-        if self.tolerance is None and self.left_out:
-            wish += f" but {', '.join(self.left_out)}"
-        wish += "" if self.met else ", NOT MET"
-        ended = self.status if self.status in ENDS else f"NO END, given up {self.status}"
+        """Return the end and the error budget."""
+        if self.tolerance is None:
+            asked = "all modelled" + (f" but {', '.join(self.left_out)}" if self.left_out else "")
+        else:
+            asked = f"asked {self.tolerance:g} m"
+        asked += "" if self.within_tolerance else ", NOT MET"
         lines = [
-            f"{ended} at ({x:.3f}, {y:.3f}, {z:.3f}) m after {self.end.time:.3f} s; "
-            f"error {self.error:.2g} m, {wish}; {self.method}",
+            f"{self.end_text} after {self.end.time:.3f} s; "
+            f"error {self.error:.2g} m, {asked}; {self.method}",
             f"{'effect':20}{'':12}{'bound m':>9}  why",
         ]
         for effect, modelled, bound, why in self.verdicts:
@@ -133,8 +125,8 @@ class Simulation(Printed):
         numerics = self.numerical_error
         size = f"{numerics:.2g}" if numerics > 1e-12 else "rounding"
         lines.append(f"{'numerics':32}{size:>9}")
-        if not math.isnan(self.spread):
-            lines.append(f"{'not known exactly':32}{self.spread:9.2g}  standard deviation")
+        if not math.isnan(self.end_deviation):
+            lines.append(f"{'uncertainty':32}{self.end_deviation:9.2g}  standard deviation")
         lines += [f"note: {note}" for note in self.scene.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)

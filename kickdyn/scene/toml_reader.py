@@ -1,4 +1,4 @@
-"""Reading a scene file: strict TOML, all faults at once."""
+"""Reads a scene file: strict TOML, all faults at once."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.resources import shipped
+from kickdyn.core.files import shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
@@ -24,9 +24,10 @@ from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.schema import SOURCES, Values, checked, faults_of, unusable
+from kickdyn.scene.schema import UNCERTAINTY, FaultyValueError, Section, check_document, faults_of
 
 MAX_BYTES = 100_000
+"""Size of the largest scene file that is read."""
 
 Made = TypeVar("Made")
 
@@ -35,11 +36,12 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     """Read a scene from a TOML file.
 
     Sections and keys are those of `kickdyn.scene.schema.SECTIONS`; a leg's file is looked for
-    from the scene's folder. Aerodynamic effects act only if named: air without `drag` has none.
+    relative to the scene's folder. Aerodynamic effects act only if named: air without `drag` has
+    none.
 
     Args:
-        path: the file, at most `MAX_BYTES` long; or the name of a scene that comes with kickdyn,
-            such as `free_kick`, where there is no such file.
+        path: the file, at most `MAX_BYTES` long; or the name of a shipped scene, such as
+            `free_kick`, where there is no such file.
 
     Raises:
         SceneError: with all faults of the file, one line each.
@@ -55,16 +57,15 @@ def load_scene(path: str | PathLike[str]) -> Scene:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
         raise SceneError(source, [f"is not TOML: {error}"]) from None
-    values, faults = checked(document)
-    builder = _Builder(values, faults, unusable(document, values), file.resolve().parent)
-    scene = builder.scene(file.stem)
+    sections, faults = check_document(document)
+    scene = _Builder(sections, faults, file.resolve().parent).scene(file.stem)
     if scene is None:
-        raise SceneError(source, [line for lines in builder.faults.values() for line in lines])
+        raise SceneError(source, [line for lines in faults.values() for line in lines])
     return scene
 
 
 def _named(file: Path, source: str) -> Path:
-    """Return the file of a scene that comes with kickdyn where one is named, else the file."""
+    """Return the file of a shipped scene where one is named, else the file."""
     if file.name != source or file.suffix or os.path.lexists(file):
         return file
     known = {scene.stem: scene for scene in sorted(shipped("scenes").glob("*.toml"))}
@@ -75,6 +76,7 @@ def _named(file: Path, source: str) -> Path:
 
 
 def _read(file: Path, source: str) -> str:
+    """Return the text of a file; raise `SceneError` where that cannot be read."""
     try:
         status = file.stat()
         if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever
@@ -92,84 +94,84 @@ def _read(file: Path, source: str) -> str:
 
 
 class _Builder:
-    """Makes the nouns of a scene, each on its own, so that the faults of all are found."""
+    """Makes the parts of a scene, each by itself, so that the faults of all are found.
+
+    Args:
+        sections: valid values by section.
+        faults: lines by section, to which more are added.
+        folder: from which a leg's file is looked for.
+    """
 
     def __init__(
-        self, values: Values, faults: dict[str, list[str]], bad: set[str], folder: Path
+        self, sections: dict[str, Section], faults: dict[str, list[str]], folder: Path
     ) -> None:
-        self.values, self.faults, self.bad, self.folder = values, faults, bad, folder
+        self.sections, self.faults, self.folder = sections, faults, folder
 
     def scene(self, stem: str) -> Scene | None:
-        """Return the scene; None where there are faults."""
-        leg = self._made("leg", ("model", "file", "robot", "frame", "base"), self._leg)
-        joints = self._made("leg", ("armature_kg_m2",), self._rotors, leg)
-        held = self._made("leg", ("supports",), self._held, joints or leg)
-        ball = self._made("ball", (), self._ball)
-        contact = self._made("contact", ("normal", "attack_deg", "offset_m"), self._contact)
-        air = self._made("air", ("altitude_m", "temperature_c", "pressure_pa"), self._air)
-        ground = self._made("ground", (), self._ground)
-        plane = self._made("plane", ("point_m", "normal"), self._plane)
-        q = self._made("posture", ("angles_deg", "positions_m"), self._configuration, leg)
-        v = self._made("posture", ("joint_velocity_rad_s",), self._joint_velocity, leg)
-        if "foot_velocity_m_s" in self._said("posture"):
-            v = self._made("posture", ("foot_velocity_m_s",), self._foot_velocity, held, q, contact)
+        """Return the scene, None where there are faults; `stem` is its name if it has none."""
+        leg = self._make("leg", self._leg)
+        geared = self._make("leg", self._with_armature, leg)
+        supported = self._make("leg", self._with_supports, geared or leg)
+        contact = self._make("contact", self._contact)
+        q = self._make("posture", self._configuration, leg)
+        if "foot_velocity_m_s" in self._section("posture"):
+            v = self._make("posture", self._from_foot_velocity, supported, q, contact)
+        else:
+            v = self._make("posture", self._joint_velocity, leg)
+        parts = {
+            "ball": self._make("ball", self._ball),
+            "air": self._make("air", self._air),
+            "ground": self._make("ground", self._ground),
+            "plane": self._make("plane", self._plane),
+        }
         if any(self.faults.values()):
             return None
-        nouns: tuple[Any, ...] = (held, q, v, ball, contact, air, ground, plane)
-        return self._made("posture", (), lambda: self._whole(stem, *nouns))
+        return self._make("posture", lambda: self._scene(stem, supported, q, v, contact, **parts))
 
-    def _made(
-        self, section: str, keys: tuple[str, ...], make: Callable[..., Made], *parts: Any
-    ) -> Made | None:
-        """Return what `make` does; None where it cannot, or finds faults, which are noted.
-
-        Args:
-            section: of the file.
-            keys: of it that this stands on.
-            make: does it.
-            *parts: nouns that this stands on, too.
-        """
-        if any(f"{section}.{key}" in self.bad for key in keys) or any(p is None for p in parts):
+    def _make(self, section: str, make: Callable[..., Made], *needed: Any) -> Made | None:
+        """Return what `make` returns; None where it finds faults, or something it needs is None."""
+        if any(each is None for each in needed):
             return None
         try:
-            return make(*parts)
+            return make(*needed)
+        except FaultyValueError:
+            return None
         except InvalidInput as error:
             self.faults[section] += [f"{section}: {line}" for line in faults_of(error)]
             return None
 
-    def _said(self, section: str) -> dict[str, Any]:
-        return self.values.get(section, {})
+    def _section(self, name: str) -> Section:
+        """Return the valid values of a section; none where the file does not have it."""
+        return self.sections.get(name, Section())
 
     def _leg(self) -> Leg:
-        said = self._said("leg")
-        base, frame = said.get("base", "fixed"), said.get("frame")
-        if "robot" in said:
-            only = said.get("legs_only", False)
-            leg = Leg.from_robot(said["robot"], frame, base=base, legs_only=only)
-        else:
-            file = (
-                self.folder / said["file"]
-                if "file" in said
-                else shipped_urdf(f"leg_{said['model']}.urdf")
-            )
-            leg = Leg.from_urdf(file, frame or "toe", base=base)
-        return leg
+        """Return the leg, without what is added to it."""
+        leg = self._section("leg")
+        base, frame, model = leg.read("base", "fixed"), leg.read("frame"), leg.read("model")
+        if leg.read("robot") is not None:
+            only = leg.get("legs_only", False)
+            return Leg.from_robot(leg["robot"], frame, base=base, legs_only=only)
+        file = shipped_urdf(f"leg_{model}.urdf") if model else self.folder / leg.read("file")
+        return Leg.from_urdf(file, frame or "toe", base=base)
 
-    def _rotors(self, leg: Leg) -> Leg:
-        rotors = self._said("leg").get("armature_kg_m2", {})
-        _check_joints("armature_kg_m2", leg, rotors)
-        return leg.with_armature(rotors) if rotors else leg
+    def _with_armature(self, leg: Leg) -> Leg:
+        """Return the leg with its rotors."""
+        armature = self._section("leg").read("armature_kg_m2", {})
+        _check_joints("armature_kg_m2", leg, armature)
+        return leg.with_armature(armature) if armature else leg
 
-    def _held(self, leg: Leg) -> Leg:
-        feet = self._said("leg").get("supports")
-        return leg if feet is None else leg.with_supports(*feet)
+    def _with_supports(self, leg: Leg) -> Leg:
+        """Return the leg on its supports."""
+        supports = self._section("leg").read("supports")
+        return leg if supports is None else leg.with_supports(*supports)
 
     def _configuration(self, leg: Leg) -> Array:
-        said = self._said("posture")
+        """Return q."""
+        posture = self._section("posture")
         values: dict[str, float] = {}
         faults: list[str] = []
         for key, unit, scale in (("angles_deg", "rad", math.pi / 180), ("positions_m", "m", 1.0)):
-            joints = said.get(key, {})
+            joints = posture.read(key, {})
             try:
                 _check_joints(key, leg, joints, unit)
             except SceneError as error:
@@ -180,99 +182,91 @@ class _Builder:
         return leg.configuration(values)
 
     def _joint_velocity(self, leg: Leg) -> Array:
-        speeds = self._said("posture").get("joint_velocity_rad_s", {})
+        """Return v from the velocities of joints."""
+        speeds = self._section("posture").read("joint_velocity_rad_s", {})
         _check_joints("joint_velocity_rad_s", leg, speeds)
         v = np.zeros(leg.nv)
         for joint, speed in speeds.items():
             v[leg.velocity_index(joint)] = speed
         return v
 
-    def _foot_velocity(self, leg: Leg, q: Array, contact: Contact) -> Array:
-        posture = leg.posture(q).touched_at(contact.offset)
-        return posture.joint_velocity(self._said("posture")["foot_velocity_m_s"])
+    def _from_foot_velocity(self, leg: Leg, q: Array, contact: Contact) -> Array:
+        """Return v from the velocity of the contact point."""
+        posture = leg.posture(q).with_contact_offset(contact.offset)
+        return posture.joint_velocity(self._section("posture").read("foot_velocity_m_s"))
 
     def _ball(self) -> Ball:
-        said = self._said("ball")
-        usual = Ball.paper() if said.get("model") == "paper" else Ball()
+        """Return the ball."""
+        ball = self._section("ball")
+        usual = Ball.paper() if ball.read("model") == "paper" else Ball()
         return Ball(
-            said.get("mass_kg", usual.mass),
-            said.get("radius_m", usual.radius),
-            said.get("inertia_factor", usual.inertia_factor),
+            ball.read("mass_kg", usual.mass),
+            ball.read("radius_m", usual.radius),
+            ball.read("inertia_factor", usual.inertia_factor),
         )
 
     def _contact(self) -> Contact:
-        said = self._said("contact")
-        normal = said.get("normal")
+        """Return the contact; invalid coefficients are replaced, to check the rest."""
+        contact = self._section("contact")
+        normal = contact.read("normal")
         if normal is None:
-            up, side = math.radians(said["attack_deg"]), math.radians(said.get("side_deg", 0.0))
-            level = math.cos(up)
+            up, side = math.radians(contact.read("attack_deg")), contact.get("side_deg", 0.0)
+            level, side = math.cos(up), math.radians(side)
             normal = np.array([level * math.cos(side), level * math.sin(side), math.sin(up)])
-        restitution = said.get("restitution", 1.0)  # where it is bad, the rest can still be checked
-        return Contact(normal, restitution, said.get("friction", 0.0), said.get("offset_m"))
+        restitution, friction = contact.get("restitution", 1.0), contact.get("friction", 0.0)
+        return Contact(normal, restitution, friction, contact.read("offset_m"))
 
     def _air(self) -> Air | None:
-        if "air" not in self.values:
+        """Return the air; None is the vacuum."""
+        if "air" not in self.sections:
             return None
-        said = self._said("air")
-        if said.get("model") == "paper":
-            here = Air.paper()
-        else:
-            here = Air.at(
-                said.get("altitude_m", 0.0), said.get("temperature_c"), said.get("pressure_pa")
-            )
-        models = {kind: said.get(kind) for kind in ("drag", "lift", "torque")}
-        wind, buoyancy = said.get("wind_m_s", (0.0, 0.0, 0.0)), said.get("buoyancy", False)
+        air = self._section("air")
+        weather = [air.read(key) for key in ("altitude_m", "temperature_c", "pressure_pa")]
+        here = (
+            Air.paper() if air.read("model") == "paper" else Air.at(weather[0] or 0.0, *weather[1:])
+        )
+        models = {kind: air.get(kind) for kind in ("drag", "lift", "torque")}
+        wind, buoyancy = air.get("wind_m_s", (0.0, 0.0, 0.0)), air.get("buoyancy", False)
         return Air(here.density, here.viscosity, wind, **models, buoyancy=buoyancy)
 
     def _ground(self) -> Ground | None:
-        """Return the ground; at height 0, to be put under the ball, where none is named."""
-        if "ground" not in self.values:
+        """Return the ground, at height 0 where no height is given."""
+        if "ground" not in self.sections:
             return None
-        said = self._said("ground")
-        return Ground(said.get("height_m", 0.0), said.get("surface"))
+        ground = self._section("ground")
+        return Ground(ground.read("height_m", 0.0), ground.read("surface"))
 
     def _plane(self) -> Plane | None:
-        if "plane" not in self.values:
+        """Return the plane."""
+        if "plane" not in self.sections:
             return None
-        said = self._said("plane")
-        return Plane(said["point_m"], said["normal"], said.get("reached_by", "front"))
+        plane = self._section("plane")
+        reached_by = plane.read("reached_by", "front")
+        return Plane(plane.read("point_m"), plane.read("normal"), reached_by)
 
-    def _whole(
-        self,
-        stem: str,
-        leg: Leg,
-        q: Array,
-        v: Array,
-        ball: Ball,
-        contact: Contact,
-        air: Air | None,
-        ground: Ground | None,
-        plane: Plane | None,
-    ) -> Scene:
-        if ground is not None and "height_m" not in self._said("ground"):
-            foot = leg.posture(q).touched_at(contact.offset).contact_point
-            place = foot + ball.radius * contact.normal
-            ground = Ground(float(place[2]) - ball.radius, ground.surface)
-        moving, section = self._said("ball"), self._said("contact")
-        return Scene(
+    def _scene(self, stem: str, leg: Any, q: Any, v: Any, contact: Any, **parts: Any) -> Scene:
+        """Return the scene, its ground under the ball where no height is given."""
+        ball, at_contact = self._section("ball"), self._section("contact")
+        scene = Scene(
             leg,
             q,
             v,
-            ball,
-            contact,
-            law=section.get("law", "newton"),
-            contact_time=section.get("contact_time_s"),
-            ball_velocity=moving.get("velocity_m_s", np.zeros(3)),
-            ball_spin=moving.get("spin_rad_s", np.zeros(3)),
-            air=air,
-            ground=ground,
-            plane=plane,
-            spread={
-                SOURCES[key][0]: SOURCES[key][1] * value
-                for key, value in self._said("uncertainty").items()
+            contact=contact,
+            law=at_contact.get("law", "newton"),
+            contact_time=at_contact.get("contact_time_s"),
+            ball_velocity=ball.get("velocity_m_s", np.zeros(3)),
+            ball_spin=ball.get("spin_rad_s", np.zeros(3)),
+            uncertainty={
+                UNCERTAINTY[key][0]: UNCERTAINTY[key][2] * value
+                for key, value in self._section("uncertainty").items()
             },
-            name=self.values[""].get("name", printable(stem)),
+            name=self._section("").get("name", printable(stem)),
+            **parts,
         )
+        if scene.ground is None or "height_m" in self._section("ground"):
+            return scene
+        below = float(scene.ball_position[2]) - scene.ball.radius
+        return scene.replace(ground=Ground(below, scene.ground.surface))
 
 
 def _check_joints(key: str, leg: Leg, joints: Iterable[str], unit: str = "") -> None:

@@ -15,7 +15,7 @@ from kickdyn._version import __version__
 from kickdyn.air import Air
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.fingerprint import fingerprint
+from kickdyn.flight.compiling import fingerprint
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.grid import DECIMALS, Grid

@@ -167,7 +167,7 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
 
 def named_joints(leg: Leg) -> list[str]:
     """Return the joints that have one value each: a floating base has none."""
-    return list(leg.angles_deg(leg.configuration()))
+    return list(leg.single_joints)
 
 
 def read_postures(leg: Leg, joints: Iterable[str] = ()) -> dict[str, Array]:

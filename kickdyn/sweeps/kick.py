@@ -18,7 +18,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.robot.posture import Posture
+from kickdyn.robot.leg import Posture
 
 ROUNDING = 1e-12
 """Relative size below which a sum of products is taken for the rounding error of its terms."""

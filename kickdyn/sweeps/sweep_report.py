@@ -107,7 +107,8 @@ def _line(
 ) -> ReportLine:  # fmt: skip
     """Return the line of one configuration."""
     outcome = kick_from(leg.posture(q), kick)
-    angles = {name: round(value, DECIMALS) + 0.0 for name, value in leg.angles_deg(q).items()}
+    joints = leg.display_values(q)
+    angles = {name: round(value, DECIMALS) + 0.0 for name, (value, _) in joints.items()}
     values = variables_of(outcome, kick)
     explanation = _explanation(values, kick) if explained else ""
     return ReportLine(label, angles, outcome, values, paper, explanation)

@@ -50,8 +50,8 @@ def _angles(hit: Impact) -> dict[str, str]:
     if leg.nv != len(leg.joint_names):
         return {}  # a floating base has no one angle
     return {
-        _name(name): f"{value:.4g} m" if leg.joint_unit(name) == "m" else f"{value:.1f}°"
-        for name, value in leg.angles_deg(hit.posture.q).items()
+        _name(name): f"{value:.4g} m" if unit == "m" else f"{value:.1f}°"
+        for name, (value, unit) in leg.display_values(hit.posture.q).items()
     }
 
 

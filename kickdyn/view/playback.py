@@ -119,7 +119,7 @@ def ball_place(before: BallState, path: Flight | Course, time: float) -> Array:
     seen = time if time < 0 else min(time, path.duration)
     if isinstance(path, Course):
         place[:3, :3] = pin.exp3(state.spin * seen if time < 0 else _rolled(path, seen))
-    elif time >= 0 and path.turning:
+    elif time >= 0 and path.has_orientation:
         place[:3, :3] = path.orientation(seen).as_matrix()
     else:
         place[:3, :3] = pin.exp3(state.spin * seen)

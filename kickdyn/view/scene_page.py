@@ -27,7 +27,7 @@ def scene_page(answer: Simulation) -> str:
     Raises:
         InvalidInput: the leg cannot be drawn, as `kick_page` says.
     """
-    hit, path, scene = answer.hit, answer.path, answer.scene
+    hit, path, scene = answer.impact, answer.path, answer.scene
     if not isinstance(hit, Impact) or path is None:
         raise InvalidInput("the scene's impact takes time, or its way is not known: ask for both")
     floor = min(hit.ball_before.position[2], answer.end.position[2]) - scene.ball.radius
@@ -49,7 +49,7 @@ def _instant(answer: Simulation) -> str:
 
 def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
     """Return whether what stands there leaves a kick to see: it is ahead, and not far beyond."""
-    start, end = answer.hit.ball_after.position[:2], answer.end.position[:2]
+    start, end = answer.impact.ball_after.position[:2], answer.end.position[:2]
     ahead = np.mean([box.centre for box in boxes], axis=0)[:2] - start
     way = end - start
     reached = answer.status == "at-plane"
@@ -58,14 +58,15 @@ def _in_sight(answer: Simulation, boxes: list[Box]) -> bool:
 
 def numbers(answer: Simulation) -> dict[str, Any]:
     """Return what the page says, all digits; SI units, joint angles in degrees as given."""
-    hit, leg = answer.hit, answer.scene.leg
+    hit, leg = answer.impact, answer.scene.leg
     assert isinstance(hit, Impact)
     return {
         "scene": answer.scene.name,
         "leg": leg.name,
         "frame": leg.frame,
         "angles": {
-            name: round(angle, 9) + 0.0 for name, angle in leg.angles_deg(answer.scene.q).items()
+            name: round(value, 9) + 0.0
+            for name, (value, _) in leg.display_values(answer.scene.q).items()
         },
         "impulse": hit.impulse.tolist(),
         "joint_impulses": {name: push.tolist() for name, _, push in joint_pushes(hit)},

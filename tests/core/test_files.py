@@ -6,6 +6,7 @@ from kickdyn.core.files import (
     check_writable,
     exists,
     replacing,
+    shipped,
     write_json,
 )
 from kickdyn.errors import InvalidInput
@@ -101,3 +102,18 @@ def test_links_in_a_circle_are_no_output(tmp_path):
     with pytest.raises(InvalidInput, match="cannot be written"):
         check_outputs("a.png", loop)
     check_distinct("a.png", loop)
+
+
+def test_what_comes_along():
+    for folder, file in (("urdf", "leg_human.urdf"), ("scenes", "volley.toml")):
+        assert (shipped(folder) / file).is_file()
+
+
+def test_the_wheel_has_them_beside_the_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "kickdyn.core.files.__file__", str(tmp_path / "kickdyn" / "core" / "files.py")
+    )
+    (tmp_path / "kickdyn").mkdir()
+    assert shipped("urdf") == tmp_path / "urdf"
+    (tmp_path / "kickdyn" / "urdf").mkdir()
+    assert shipped("urdf") == tmp_path / "kickdyn" / "urdf"

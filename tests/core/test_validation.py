@@ -161,3 +161,12 @@ def test_choice_takes_the_member_or_its_value():
     for value in ("dark red", None, 3, [1]):
         with pytest.raises(InvalidInput, match=r"colour is .*: it must be one of dark-red, blue"):
             validation.choice("colour", value, Colour)
+
+
+def test_a_read_only_array_is_a_copy():
+    own = np.zeros(3)
+    fixed = validation.read_only(own)
+    own[0] = 1
+    assert fixed.tolist() == [0, 0, 0]
+    with pytest.raises(ValueError, match="read-only"):
+        fixed[0] = 1

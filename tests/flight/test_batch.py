@@ -1,6 +1,7 @@
 """Many flights at once give the answers of `fly`, row by row."""
 
 import math
+import os
 import subprocess
 import sys
 
@@ -161,6 +162,14 @@ def test_without_drag_only_the_spinning_are_integrated():
     assert ((many.evaluations.values > 0) == states.spin.any(axis=1)).all()
 
 
+def test_launches_need_only_what_differs():
+    velocity = launches(5, 4).velocity
+    many = fly_many(kd.BallState(velocity=velocity, spin=(0, -30, 0)), BALL, AIR)
+    for i in range(5):
+        one = kd.fly(kd.BallState(velocity=velocity[i], spin=(0, -30, 0)), BALL, AIR)
+        assert many.landing_position.values[i] == pytest.approx(one.landing.position, abs=1e-6)
+
+
 # --- special cases ------------------------------------------------------------------------------
 
 
@@ -314,6 +323,20 @@ def test_importing_kickdyn_imports_neither_numba_nor_xarray():
     code = "import sys, kickdyn; print({'numba', 'xarray'} & set(sys.modules))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "set()"
+
+
+def test_importing_compiles_nothing(tmp_path):
+    code = (
+        "from numba.core import event\n"
+        "with event.install_recorder('numba:compile') as compiled:\n"
+        "    import kickdyn.flight.batch\n"
+        "print(len(compiled.buffer))\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert told.stdout == "0\n"
 
 
 def test_any_speed_that_fly_takes_and_no_other():

@@ -124,7 +124,7 @@ def test_the_flight_is_the_same_with_and_without():
         kd.fly(state, BALL, kd.Air(), tol=1e-11, orientation=asked) for asked in (True, False)
     )
     assert with_it.landing.position == pytest.approx(without.landing.position, abs=1e-8)
-    assert (with_it.turning, without.turning) == (True, False)
+    assert (with_it.has_orientation, without.has_orientation) == (True, False)
 
 
 @pytest.mark.parametrize("name", AIRS)

@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
+from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.forces import downward
-from kickdyn.flight.integrate import Event, fly_until
-from kickdyn.flight.state_layout import Motion
+from kickdyn.flight.integrate import Event, fly_until, joined
 
 BALL = kd.Ball()
 PLAIN = {"lift": None, "buoyancy": False}
@@ -380,7 +380,7 @@ def test_lift_alone_can_be_reversed_too():
 )
 def test_order_of_convergence(velocity, end, least):
     """The error falls with about the 8th power of the number of evaluations."""
-    motion = Motion(launch(velocity, spin=(5, -30, 15)), BALL, kd.Air())
+    motion = FlightEquations(launch(velocity, spin=(5, -30, 15)), BALL, kd.Air())
     start = (0.0, motion.begin)
 
     def arc(tol):
@@ -411,7 +411,7 @@ def test_until_the_event():
     assert arc.end == pytest.approx(3.0, rel=1e-14)
     assert arc.state == pytest.approx([1, 0, 5, 1, 0, 0], abs=1e-12)
     t = np.array([2.0, 2.5, 3.0])
-    assert arc.trajectory(t)[2] == pytest.approx([0, 3.75, 5], abs=1e-12)
+    assert joined([arc], start)(t)[2] == pytest.approx([0, 3.75, 5], abs=1e-12)
 
 
 def test_until_the_time_limit():

@@ -10,8 +10,8 @@ import pytest
 import kickdyn as kd
 from kickdyn.flight import lanes
 from kickdyn.flight.batch import fly_many
+from kickdyn.flight.flight_result import outside_ranges
 from kickdyn.flight.lanes import LANES, mathematics
-from kickdyn.flight.validity_ranges import left_by
 
 BALL, AIR = kd.Ball(), kd.Air()
 
@@ -69,7 +69,7 @@ def left_at_a_node(path):
         np.array([getattr(node, name) for node in nodes])
         for name in ("position", "velocity", "spin")
     )
-    left = left_by(place[:, 2], velocity, spin, path.ball, path.air)
+    left = outside_ranges(place[:, 2], velocity, spin, path.ball, path.air)
     return any(out.any() for _, out in left)
 
 

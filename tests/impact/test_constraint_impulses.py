@@ -8,7 +8,7 @@ from stacked import held_rows, inertia_of, rows_of, solved, struck
 
 import kickdyn as kd
 from kickdyn.impact.joint_impulses import joint_impulses
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS
 
 FREE = {
     **{

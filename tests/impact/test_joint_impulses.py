@@ -147,7 +147,7 @@ def test_off_the_frames_origin(seed):
     rng = np.random.default_rng(seed)
     (posture, v, ball, _), options = random_kick(rng, random_leg(rng))
     offset = rng.uniform(-0.2, 0.2, size=3)
-    closing = posture.touched_at(offset).point_velocity(v) - options["ball_velocity"]
+    closing = posture.with_contact_offset(offset).point_velocity(v) - options["ball_velocity"]
     tilted = closing / np.linalg.norm(closing) + rng.uniform(-0.4, 0.4, size=3)
     check((posture, v, ball, kd.Contact(tilted, 0.7, 0.4, offset)), options)
 

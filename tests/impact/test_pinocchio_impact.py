@@ -49,7 +49,7 @@ def test_same_off_the_frames_origin(seed):
 def off_centre(rng, posture, v, ball, options, friction=0.0):
     """The same kick with a point elsewhere on the foot, which approaches the ball."""
     offset = rng.uniform(-0.2, 0.2, size=3)
-    closing = posture.touched_at(offset).point_velocity(v) - options["ball_velocity"]
+    closing = posture.with_contact_offset(offset).point_velocity(v) - options["ball_velocity"]
     contact = kd.Contact(closing, rng.uniform(0, 1), friction, offset)
     return (posture, v, ball, contact), options
 

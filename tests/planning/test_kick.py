@@ -47,7 +47,7 @@ def test_a_robot_turns_the_front_of_its_toe_to_the_ball(goal):
 
     def turned(plan):
         foot = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
-        axes = [foot.posture(plan.q).touched_at(axis).contact_point for axis in np.eye(3)]
+        axes = [foot.posture(plan.q).with_contact_offset(axis).contact_point for axis in np.eye(3)]
         normal = (
             np.array(axes) - foot.posture(plan.q).contact_point
         ) @ plan.impact_target.contact.normal

@@ -1,43 +1,202 @@
+import pickle
+from importlib import metadata
+
 import numpy as np
+import pinocchio as pin
 import pytest
+import trimesh
+from scipy.spatial import cKDTree
 
 import kickdyn as kd
-from kickdyn.robot.catalog import LEGS, load_leg
-from kickdyn.robot.example_robots import ROBOTS
+from kickdyn.robot.catalog import ROBOTS, robot_model, robots_folder
+from kickdyn.view.leg_figure import joint_places, leg_parts
+
+MASS = {"g1": 33.34, "talos": 90.27, "icub": 28.35, "romeo": 40.53, "human": 74.71, "bolt": 1.25}
+MASS |= {"simple_humanoid": 130.80, "icub_reduced": 28.35}
+WHOLE = [name for name in ROBOTS if name not in ("icub", "romeo")]
 
 
-def test_ours_come_first_and_every_robot_is_named_once():
-    assert LEGS[:2] == ("human", "testbed")
-    assert set(LEGS) == {"testbed", *ROBOTS}
-    assert len(LEGS) == len(set(LEGS))
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_every_robot_has_legs_with_which_it_stands_and_kicks(name, base):
+    leg = kd.Leg.from_robot(name, base=base, legs_only=True)
+    size = 6 if name == "bolt" else 12
+    assert leg.nv == size + 6 * (base == "floating")
+    assert leg.name == name
+    assert leg.frame == ("r_ankle" if name == "simple_humanoid" else "toe")
+    assert leg.urdf.folder.name == ROBOTS[name].file.split("/")[0]  # meshes from there only
+    model = leg.model
+    mass = pin.computeTotalMass(model) + (model.inertias[0].mass if base == "fixed" else 0)
+    assert mass == pytest.approx(MASS[name], abs=0.005)
+    posture = leg.posture(leg.configuration())
+    assert posture.condition < 1e3
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, posture.q)
+    feet = (ROBOTS[name].foot, ROBOTS[name].stance)
+    right, left = (data.oMf[model.getFrameId(foot)].translation for foot in feet)
+    # z up and y left; the feet mirror each other
+    assert right[2] < -0.4
+    assert right[1] < 0 < left[1]
+    assert right * [1, -1, 1] == pytest.approx(left, abs=1e-4)
 
 
-def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
-    assert (load_leg("human").model.njoints, load_leg("testbed", "foot").frame) == (4, "foot")
-    (tmp_path / "human.urdf").write_text(kd.Leg.testbed().urdf.text)
-    assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
-    with pytest.raises(kd.InvalidInput, match=r"'hunam' is neither human, testbed, g1, .* nor a f"):
-        load_leg("hunam")
+@pytest.mark.parametrize("name", WHOLE)
+def test_every_whole_robot_loads_but_the_singular_ones(name):
+    leg = kd.Leg.from_robot(name, base="floating")
+    assert leg.nv > 30 or name == "bolt"
+    assert leg.posture(leg.configuration()).condition < 1e4
+    assert leg.joint_names[0] == "root_joint"
 
 
-def test_a_file_without_our_frame_is_told_the_option(tmp_path):
-    (tmp_path / "other.urdf").write_text(kd.Leg.testbed().urdf.text.replace('"toe"', '"instep"'))
-    said = r"^no --frame is named, and frame 'toe' is unknown: leg_testbed has .*instep"
+@pytest.mark.parametrize(
+    ("name", "knee"),
+    [
+        ("g1", {"right_hip_pitch_joint": -1}),
+        ("talos", {"leg_right_3_joint": -1}),
+        ("icub", {"r_hip_pitch": 1}),
+        ("human", {"right_hip_Z": 1}),
+        ("romeo", {"RHipPitch": -1}),
+    ],
+)
+def test_robots_face_forward(name, knee):
+    """Toes lie ahead of the ankle, and a flexed hip brings the foot to the front."""
+    leg = kd.Leg.from_robot(name, legs_only=True)
+    straight, raised = (leg.posture(leg.configuration(q)) for q in (None, knee))
+    assert raised.contact_point[0] - straight.contact_point[0] > 0.3
+    assert raised.contact_point[2] - straight.contact_point[2] > 0.1
+
+
+@pytest.mark.parametrize("name", ["human", "icub_reduced", "g1"])
+def test_a_turned_base_is_the_same_robot(name):
+    """Masses and distances are those of the file, read by Pinocchio alone."""
+    file = robots_folder() / ROBOTS[name].file
+    raw = pin.buildModelFromUrdf(str(file), pin.JointModelFreeFlyer())
+    ours = robot_model(name, "floating", legs_only=False)
+    move = np.random.default_rng(0).uniform(-0.5, 0.5, size=raw.nv - 6)
+    turn = pin.SE3(pin.rpy.rpyToMatrix(*ROBOTS[name].turn), np.zeros(3))
+    places, energies = [], []
+    for model in (raw, ours):
+        data = model.createData()
+        q = pin.integrate(model, pin.neutral(model), np.concatenate([np.zeros(6), move]))
+        pin.forwardKinematics(model, data, q)
+        pin.centerOfMass(model, data, q)
+        inertia = pin.crba(model, data, q)
+        shared = [model.getFrameId(frame.name) for frame in raw.frames]
+        placed = [pin.updateFramePlacement(model, data, one).translation for one in shared]
+        places.append([*map(np.copy, placed), data.com[0].copy()])
+        energies.append(inertia[6:, 6:])
+    turned = [turn.act(place) for place in places[0]]
+    assert np.abs(np.array(turned) - places[1]).max() < 1e-14
+    assert np.abs(energies[0] - energies[1]).max() < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [(name, 1e-3 * most) for name, most in {
+        "g1": 1.2, "talos": 6, "icub": 2, "romeo": 4, "human": 4, "bolt": 4,
+    }.items()],
+)  # fmt: skip
+def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, most):
+    """Of every normal that the toe allows; the foot is that of the visual meshes."""
+    leg, radius = kd.Leg.from_robot(name, legs_only=True), kd.Ball().radius
+    posture = leg.posture(leg.configuration())
+    places, corners = joint_places(leg, posture.q), []
+    for part in leg_parts(leg):
+        if part.joint == leg.contact_joint:
+            place = places[part.joint] @ part.place
+            ends = part.shape.vertices[part.shape.faces]
+            corners.append(ends @ place[:3, :3].T + place[:3, 3])
+    triangles = np.vstack(corners)
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
+    surface, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=0)
+    foot = cKDTree(np.vstack([surface, triangles.reshape(-1, 3)]))
+    assert foot.query(posture.contact_point)[0] < 1.5e-3
+    side, up = np.meshgrid(np.radians(np.arange(-20, 21, 5)), np.radians(np.arange(0, 91, 5)))
+    normals = np.stack([np.cos(up) * np.cos(side), np.cos(up) * np.sin(side), np.sin(up)], -1)
+    normals = normals.reshape(-1, 3)
+    normals = normals[(normals @ leg.contact_normal_cone.T > -1e-9).all(axis=1)]
+    assert len(normals) > 10
+    assert np.degrees(np.arcsin(normals[:, 2].max())) == pytest.approx(ROBOTS[name].steepest)
+    into = radius - foot.query(posture.contact_point + radius * normals)[0]
+    assert into.max() < most
+
+
+def test_the_ankle_can_still_be_named():
+    leg = kd.Leg.from_robot("g1", "right_ankle_roll_link", legs_only=True)
+    assert leg.contact_normal_cone is None
+    toe = kd.Leg.from_robot("g1", "toe", legs_only=True)
+    apart = [one.posture(one.configuration()).contact_point for one in (toe, leg)]
+    np.testing.assert_allclose(apart[0] - apart[1], ROBOTS["g1"].toe, atol=1e-12)
+    locked = toe.locked({"left_knee_joint": 0.2})
+    for other in (locked, pickle.loads(pickle.dumps(toe))):
+        assert (other.frame, other.contact_normal_cone.tolist()) == (
+            "toe",
+            toe.contact_normal_cone.tolist(),
+        )
+
+
+def test_base_pose_is_in_world_axes():
+    leg = kd.Leg.from_robot("human", base="floating")
+    q = leg.configuration()
+    up = q.copy()
+    up[2] = 1.0
+    moved = leg.posture(up).contact_point - leg.posture(q).contact_point
+    assert moved == pytest.approx([0, 0, 1], abs=1e-15)
+    v = np.zeros(leg.nv)
+    v[2] = 1.0
+    assert leg.posture(q).point_velocity(v) == pytest.approx([0, 0, 1], abs=1e-15)
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_singular_robots_are_refused_by_joint(base):
+    with pytest.raises(
+        kd.InvalidInput, match=r"condition .*fault: neck_roll, neck_yaw; .*legs_only=True"
+    ):
+        kd.Leg.from_robot("icub", base=base)
+    with pytest.raises(
+        kd.InvalidInput, match=r"'LFinger21' .*mass 0 kg.*, as do LFinger22.*RThumb3.*legs_only"
+    ):
+        kd.Leg.from_robot("romeo", base=base)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "asimo"}, "robot 'asimo' is unknown: choose g1, talos, icub, .*bolt"),
+        ({"name": None}, "robot None is unknown"),
+        ({"base": "wheels"}, "base is 'wheels': it must be fixed or floating"),
+        ({"frame": "tip"}, "frame 'tip' is unknown: bolt has .*FR_FOOT"),
+        ({"frame": "base_link"}, "'base_link' is fixed to the base: a kick must move it$"),
+        ({"frame": "base_link", "legs_only": True}, "fixed to the base"),
+    ],
+)
+def test_bad_names_are_refused(change, said):
     with pytest.raises(kd.InvalidInput, match=said):
-        load_leg(str(tmp_path / "other.urdf"))
-    assert load_leg(str(tmp_path / "other.urdf"), "instep").frame == "instep"
-    with pytest.raises(kd.InvalidInput, match=r"^frame 'toe' is unknown"):
-        load_leg(str(tmp_path / "other.urdf"), "toe")
-    with pytest.raises(kd.UrdfError, match="there is no such file"):
-        load_leg(str(tmp_path / "none.urdf"))
+        kd.Leg.from_robot(**{"name": "bolt", **change})
 
 
-def test_of_a_robot_only_what_moves_the_foot_can_move():
-    whole, leg = kd.Leg.from_robot("g1", legs_only=True), load_leg("g1")
-    assert leg.nv < whole.nv
-    assert all(name.startswith("right") for name in leg.joint_names)
-    q = whole.configuration({"right_knee_joint": 0.5})
-    mine = leg.configuration({"right_knee_joint": 0.5})
-    normal = (np.cos(0.5), 0.0, np.sin(0.5))
-    weights = [whole.posture(q).effective_mass(normal), leg.posture(mine).effective_mass(normal)]
-    assert weights[0] == pytest.approx(weights[1], rel=1e-12)
+@pytest.mark.parametrize("found", [metadata.PackageNotFoundError("x"), None, []])
+def test_without_the_package_one_line_says_how_to_get_it(monkeypatch, found):
+    def files(_):
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    monkeypatch.setattr("kickdyn.robot.catalog.metadata.files", files)
+    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[robots\]"') as caught:
+        kd.Leg.from_robot("g1")
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_asked_for_is_checked_first():
+    with pytest.raises(kd.InvalidInput, match="frame 'foo' is unknown"):
+        kd.Leg.from_robot("icub", "foo")
+    with pytest.raises(kd.InvalidInput, match=r"robot \['g1'\] is unknown"):
+        kd.Leg.from_robot(["g1"])
+
+
+def test_options_are_not_guessed():
+    with pytest.raises(kd.InvalidInput, match="frame '' is unknown"):
+        kd.Leg.from_robot("bolt", "")
+    with pytest.raises(kd.InvalidInput, match="legs_only is 'no': it must be True or False"):
+        kd.Leg.from_robot("bolt", legs_only="no")

@@ -1,9 +1,13 @@
+import math
 import pickle
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from stacked import held_rows, inertia_of, rows_of, solved
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 
 G1 = kd.Leg.from_robot("g1", base="floating")
 FOOT, OTHER = "left_ankle_roll_link", "right_ankle_roll_link"
@@ -97,7 +101,7 @@ def test_an_open_loop_is_refused_with_its_gap():
         for side in ("left", "right")
     ]
     gap = np.linalg.norm(hands[0].contact_point - hands[1].contact_point)
-    with pytest.raises(kd.InvalidInput, match=rf"is open by {gap:.6g} m in Posture\(g1.*closed"):
+    with pytest.raises(kd.InvalidInput, match=rf"open by {gap:.6g} m in Posture\(g1.*close_loops"):
         leg.posture(q)
 
 
@@ -140,3 +144,286 @@ def test_a_support_is_a_name_and_a_sole_has_an_area():
     ):
         with pytest.raises(kd.InvalidInput, match=said):
             kd.Support(**wrong)
+
+
+LEFT = "left_ankle_roll_link"
+LEFT_JOINT = "left_ankle_roll_joint"  # a frame at the same place
+KICKER = kd.Leg.from_robot("g1", "right_wrist_yaw_link", base="floating")
+
+
+def somewhere(leg, seed):
+    model = leg.model
+    step = np.random.default_rng(seed).uniform(-0.6, 0.6, size=leg.nv)
+    return pin.integrate(model, pin.neutral(model), step)
+
+
+DIFFERENCES = 1e-7
+"""Rounding of differences, times the condition of the stacked system."""
+
+STANCES = {
+    "flat foot": (G1, (LEFT,)),
+    "point foot": (G1, (kd.Support(LEFT, point=True),)),
+    "two feet": (KICKER, (LEFT, "right_ankle_roll_link")),
+    "foot twice": (G1, (LEFT, kd.Support(LEFT_JOINT, point=True))),
+    "foot and toe": (G1, (LEFT, "left_ankle_pitch_link")),
+    "pelvis": (G1, ("pelvis",)),
+}
+
+
+@pytest.mark.parametrize("stance", STANCES)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_held_leg_solves_the_stacked_system(stance, seed):
+    leg, supports = STANCES[stance]
+    leg = leg.with_supports(*supports)
+    posture = leg.posture(somewhere(leg, seed))
+    rng = np.random.default_rng(seed)
+    impulse = rng.normal(size=leg.nv)
+    jump, held = posture.respond(impulse)
+    inertia, rows = inertia_of(leg, posture.q), held_rows(leg, posture.q)
+    exact, reaction = solved(inertia, rows, impulse)
+    size = np.abs(exact).max()
+    assert np.abs(jump - exact).max() <= DIFFERENCES * size
+    assert np.abs(held - reaction).max() <= DIFFERENCES * np.abs(reaction).max()
+    assert np.abs(posture.constraint_projector.rows @ jump).max() <= 1e-12 * size
+    assert (posture.solve(impulse) == jump).all()
+    # the Delassus matrix is the response to impulses at the contact point
+    jacobian = rows_of(leg, posture.q, leg.frame)[:3]
+    columns = [jacobian @ solved(inertia, rows, row)[0] for row in jacobian]
+    delassus = posture.delassus()
+    assert np.abs(delassus - np.array(columns).T).max() <= DIFFERENCES * np.abs(delassus).max()
+
+
+@pytest.mark.parametrize(
+    ("stance", "rank"), [("flat foot", 6), ("foot twice", 6), ("two feet", 12)]
+)
+def test_rank_is_counted(stance, rank):
+    leg, supports = STANCES[stance]
+    leg = leg.with_supports(*supports)
+    assert leg.posture(somewhere(leg, 1)).constraint_projector.rank == rank
+
+
+def test_redundant_supports_share_alike():
+    """The same point held twice: the smallest split is half and half."""
+    points = [kd.Support(name, point=True) for name in (LEFT, LEFT_JOINT)]
+    posture = G1.with_supports(*points).posture(somewhere(G1, 4))
+    alone = G1.with_supports(points[0]).posture(somewhere(G1, 4))
+    impulse = np.random.default_rng(4).normal(size=G1.nv)
+    (_, both), (_, one) = posture.respond(impulse), alone.respond(impulse)
+    assert both[:3] == pytest.approx(one / 2, rel=1e-10)
+    assert both[3:] == pytest.approx(one / 2, rel=1e-10)
+
+
+def test_a_held_pelvis_is_a_fixed_base():
+    q = somewhere(kd.Leg.from_robot("g1"), 5)
+    fixed = kd.Leg.from_robot("g1").posture(q)
+    leg = G1.with_supports("pelvis")
+    held = leg.posture(np.concatenate([leg.configuration()[:7], q]))
+    assert held.delassus() == pytest.approx(fixed.delassus(), abs=1e-13)
+    wish = (3.0, -1.0, 2.0)
+    v = held.joint_velocity(wish)
+    assert v[:6] == pytest.approx(np.zeros(6), abs=1e-14)
+    assert v[6:] == pytest.approx(fixed.joint_velocity(wish), abs=1e-11)
+
+
+def test_joint_velocity_holds_the_support():
+    leg = G1.with_supports(LEFT)
+    posture = leg.posture(somewhere(leg, 6))
+    v = posture.joint_velocity((4, 1, 2))
+    assert posture.point_velocity(v) == pytest.approx([4, 1, 2], abs=1e-12)
+    assert np.abs(posture.constraint_projector.rows @ v).max() < 1e-12
+    free = G1.posture(posture.q).joint_velocity((4, 1, 2))
+    assert v @ posture.inertia @ v > free @ posture.inertia @ free
+
+
+def test_admissible_is_the_nearest_velocity():
+    leg = G1.with_supports(LEFT)
+    posture = leg.posture(somewhere(leg, 7))
+    rng = np.random.default_rng(7)
+    v = rng.normal(size=leg.nv)
+    near = posture.admissible(v)
+    assert np.abs(posture.constraint_projector.rows @ near).max() < 1e-12
+    posture.check_velocity(near)
+    assert posture.admissible(near) == pytest.approx(near, abs=1e-12)
+    # what is taken away is orthogonal to all that is let through
+    other = posture.admissible(rng.normal(size=leg.nv))
+    assert abs(other @ posture.inertia @ (v - near)) < 1e-11
+    assert (G1.posture(posture.q).admissible(v) == v).all()
+
+
+def test_velocity_that_moves_the_support_is_refused():
+    leg = G1.with_supports(LEFT)
+    posture = leg.posture(somewhere(leg, 8))
+    v = posture.admissible(np.ones(leg.nv))
+    v[leg.velocity_index("left_knee_joint")] += 0.1
+    contact = kd.Contact((1, 0, 0), 0.8)
+    for strike in (kd.strike, kd.engine_strike):
+        with pytest.raises(
+            kd.InvalidInput, match=rf"v moves {LEFT}, which is held, at \S+ rad/s in"
+        ):
+            strike(posture, v, kd.Ball(), contact)
+    v = posture.admissible(np.ones(leg.nv))
+    v[0] += 3
+    with pytest.raises(kd.InvalidInput, match=rf"{LEFT}, which is held, at \S+ m/s"):
+        posture.check_velocity(v)
+
+
+def test_supports_that_leave_no_motion_contradict_each_other():
+    bolt = kd.Leg.from_robot("bolt", "base_link", base="floating")
+    angles = np.random.default_rng(0).uniform(-1, 1, size=6)
+    q = bolt.configuration(dict(zip(bolt.joint_names[1:], angles, strict=True)))
+    with pytest.raises(
+        kd.InvalidInput, match=r"FL_FOOT, FR_FOOT contradict .* rank 12 of 12 rows, .* none of 12"
+    ):
+        bolt.with_supports("FL_FOOT", "FR_FOOT").posture(q)
+    points = (kd.Support(frame, point=True) for frame in ("FL_FOOT", "FR_FOOT"))
+    assert bolt.with_supports(*points).posture(q).constraint_projector.rank == 6
+
+
+def chain_held():
+    """A fixed base and a foot that stands: the whole stance leg cannot move."""
+    leg = kd.Leg.from_robot("g1").with_supports(LEFT)
+    return leg.posture(leg.configuration({"left_knee_joint": 0.4, "right_knee_joint": 0.5}))
+
+
+def test_a_chain_that_is_held_still_may_move_by_rounding():
+    posture = chain_held()
+    v = posture.joint_velocity([6, 0, 2])
+    stance = [posture.leg.velocity_index(n) for n in posture.leg.joint_names if n[:5] == "left_"]
+    assert 0 < np.abs(posture.constraint_projector.rows @ v).max() < 1e-13  # nothing but rounding
+    assert np.abs(v[stance]).max() > 0
+    contact = kd.Contact((3, 0, 1), 0.8)
+    hit = kd.strike(posture, v, kd.Ball(), contact)
+    assert np.isfinite(hit.sensitivity().impulse["q"]).all()
+    assert np.isfinite(hit.impulse).all()
+    assert kd.engine_strike(posture, v, kd.Ball(), contact).impulse == pytest.approx(
+        hit.impulse, rel=1e-12
+    )
+    v[posture.leg.velocity_index("left_knee_joint")] += 1e-6
+    with pytest.raises(kd.InvalidInput, match=f"v moves {LEFT}, which is held, at"):
+        posture.check_velocity(v)
+
+
+TREE = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+LOOP = ("shank_pin", "rocker_b_tip")
+LEG = TREE.with_loops(LOOP)
+
+
+def flexed(drive):
+    return LEG.close_loops(
+        LEG.configuration({"rocker_b": drive}), keep=("hip", "rocker_b", "ankle")
+    )
+
+
+def test_straight_it_is_closed_and_hinged_at_the_knee():
+    """The rockers cross at the knee's centre; they are light, so little else differs."""
+    ours, hinge = LEG.posture(np.zeros(5)), kd.Leg.human().posture(np.zeros(3))
+    assert ours.contact_point == pytest.approx(hinge.contact_point, abs=1e-15)
+    assert ours.delassus() == pytest.approx(hinge.delassus(), rel=1e-3, abs=1e-12)
+    assert ours.constraint_projector.rank == 2  # of 3 rows: nothing moves along y
+    cut = TREE.posture(np.zeros(5))
+    assert cut.effective_mass([1, 0, 0]) < 0.99 * ours.effective_mass([1, 0, 0])
+
+
+@pytest.mark.parametrize("drive", [0.1, 0.4, 0.8, 1.3])
+def test_closed_is_the_circles_intersection(drive):
+    """Two pins on the thigh, two rods, one bar between: by the law of cosines."""
+    q = dict(zip(LEG.joint_names, flexed(drive), strict=True))
+    assert (q["hip"], q["ankle"], q["rocker_b"]) == (0, 0, drive)
+    rod, bar = math.hypot(0.035, 0.035), 0.03
+
+    def turned(x, z, angle):  # about y
+        return np.array(
+            [math.cos(angle) * x + math.sin(angle) * z, math.cos(angle) * z - math.sin(angle) * x]
+        )
+
+    front, back = np.array([0.02, 0.02]), np.array([-0.02, 0.02])
+    tip = back + turned(0.035, -0.035, drive)
+    pin_a = front + turned(-0.035, -0.035, q["rocker_a"])
+    assert np.linalg.norm(tip - pin_a) == pytest.approx(bar, abs=1e-14)
+    assert np.linalg.norm(pin_a - front) == pytest.approx(rod, abs=1e-15)
+    flexion = q["rocker_a"] + q["shank_pin_a"]
+    assert pin_a + turned(bar, 0, flexion) == pytest.approx(tip, abs=1e-14)
+    assert LEG.lower[1] <= q["rocker_a"] <= LEG.upper[1]
+    assert LEG.lower[2] <= q["shank_pin_a"] <= LEG.upper[2]
+
+
+def test_closing_what_is_closed_changes_nothing():
+    q = flexed(0.7)
+    assert LEG.close_loops(q) == pytest.approx(q, abs=1e-13)
+    assert TREE.close_loops([0.1, 0.2, 0.3, 0.4, 0.5]).tolist() == [0.1, 0.2, 0.3, 0.4, 0.5]
+
+
+def test_foot_velocity_keeps_the_loop_closed():
+    posture = LEG.posture(flexed(0.7))
+    v = posture.joint_velocity([2, 0, 1])
+    h = 1e-5
+    ahead = LEG.posture(LEG.close_loops(posture.q + h * v))
+    moved = (ahead.contact_point - posture.contact_point) / h
+    assert moved == pytest.approx([2, 0, 1], abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("drive", "keep"), [(2.5, ("rocker_b",)), (0.8, ("rocker_a", "rocker_b", "shank_pin_a"))]
+)
+def test_what_cannot_be_closed_is_refused_with_its_gap(drive, keep):
+    with pytest.raises(
+        kd.InvalidInput, match=r"loop shank_pin - rocker_b_tip stays open by .* m: .*rank \d of 3"
+    ):
+        LEG.close_loops(LEG.configuration({"rocker_b": drive}), keep=keep)
+
+
+def test_loops_that_contradict_each_other_are_refused():
+    both = TREE.with_loops(LOOP, ("shank_pin", "base"))  # the hip is farther away
+    with pytest.raises(kd.InvalidInput, match=r"base stays open by .*rank \d of 6"):
+        both.close_loops(np.zeros(5))
+
+
+def test_bad_input():
+    with pytest.raises(kd.InvalidInput, match="joint 'knee' is unknown"):
+        LEG.close_loops(np.zeros(5), keep=("knee",))
+    with pytest.raises(kd.InvalidInput, match=r"q has shape \(3,\)"):
+        LEG.close_loops(np.zeros(3))
+
+
+def test_two_hands_together():
+    """A loop across a whole robot, its base afloat and a foot on the ground."""
+    robot = kd.Leg.from_robot("g1", base="floating").with_supports("left_ankle_roll_link")
+    hands = ("left_rubber_hand", "right_rubber_hand")
+    leg = robot.with_loops(hands)
+    q = leg.close_loops(leg.configuration({"left_elbow_joint": 0.4, "right_elbow_joint": 0.3}))
+    posture = leg.posture(q)
+    assert posture.constraint_projector.rank == 9
+    assert q[:7] == pytest.approx([0, 0, 0, 0, 0, 0, 1], abs=1e-15)  # the base has no part in it
+    v = posture.joint_velocity((3, 0, 0))
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact((1, 0, 0.2), 0.8, friction=0.4))
+    assert hit.momentum_residual <= 1e-12
+    assert hit.support_residual <= 1e-10
+    assert hit.loop_residual <= 1e-10
+    assert list(hit.support_impulses) == ["left_ankle_roll_link"]
+    assert list(hit.loop_impulses) == [hands]
+
+
+def test_only_the_loops_own_joints_move():
+    """From far off, too, where closing starts anew."""
+    q = {"hip": 0.5, "ankle": 0.2, "rocker_b": 0.05, "rocker_a": -1.5, "shank_pin_a": 2}
+    closed = dict(
+        zip(LEG.joint_names, LEG.close_loops(LEG.configuration(q), ["rocker_b"]), strict=True)
+    )
+    assert {name: closed[name] for name in ("hip", "ankle", "rocker_b")} == {
+        name: q[name] for name in ("hip", "ankle", "rocker_b")
+    }
+    LEG.posture(list(closed.values()))
+
+
+def test_what_is_no_configuration_is_refused():
+    with pytest.raises(kd.InvalidInput, match="keep is 'rocker_b'"):
+        LEG.close_loops(np.zeros(5), keep="rocker_b")
+    with pytest.raises(kd.InvalidInput, match="must have length 1"):
+        kd.Leg.from_robot("g1", base="floating").close_loops(np.zeros(36))
+
+
+def test_joints_to_keep_are_a_list():
+    leg = kd.Leg.human()
+    for keep in (None, 3, "hip"):
+        with pytest.raises(kd.InvalidInput, match=r"keep is .*must be a list of joints' names"):
+            leg.close_loops(leg.configuration(), keep=keep)

@@ -40,8 +40,10 @@ def test_joints_of_every_kind():
     assert leg.joint_range("spin") == (-math.pi, math.pi)
     assert leg.joint_range("slide") == (0, 0.3)
     assert [leg.joint_unit(name) for name in leg.joint_names] == ["rad", "rad", "m"]
-    degrees = {"turn": 0, "spin": math.degrees(3), "slide": 0.2}
-    assert leg.angles_deg(q) == pytest.approx(degrees)
+    assert leg.joint_values(q) == pytest.approx({"turn": 0, "spin": 3, "slide": 0.2})
+    assert leg.angles_deg(list(q)) == pytest.approx({"turn": 0, "spin": math.degrees(3)})
+    assert leg.positions_m(q) == pytest.approx({"slide": 0.2})
+    assert leg.display_values(q)["slide"] == (pytest.approx(0.2), "m")
 
 
 def test_nothing_named_is_everything_at_zero():
@@ -90,9 +92,9 @@ def test_joint_of_many_degrees_is_refused_by_name(method):
 )
 def test_bad_q_is_refused(q, said):
     leg = kd.Leg.human()
-    for door in (leg.posture, leg.close_loops, leg.checked_configuration):
+    for takes in (leg.posture, leg.close_loops, leg.angles_deg, leg.outside_range):
         with pytest.raises(kd.InvalidInput, match=f"^q .*{said}"):
-            door(q)
+            takes(q)
 
 
 @pytest.mark.parametrize("pair", [[0, 0], [2, 0], [1, 1e-3]])

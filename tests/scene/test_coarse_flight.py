@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.scene.coarse_flight import FlightEnvironment, coarse_end, coarse_path
+from kickdyn.scene.coarse_flight import coarse_end, coarse_path
+from kickdyn.scene.scene import FlightEnvironment
 
 BALL = kd.Ball()
 LAUNCH = kd.BallState((0, 0, 0.5), (18, 2, 7), (3, -30, 15))

@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
+from random_scenes import random_scene
 
 import kickdyn as kd
-from kickdyn.accuracy.random_scenes import random_scene
 from kickdyn.scene.contact_drift import contact_drift
-from kickdyn.scene.end_sensitivity import CONTACT_SAFETY
+from kickdyn.scene.flight_end import CONTACT_SAFETY
 
 
 def struck(scene):
@@ -35,7 +35,7 @@ def test_it_bounds_the_contact_that_takes_time():
         moved = size(fine.ball_after.velocity - hit.ball_after.velocity)
         assert moved <= jump.velocity
         assert size(fine.ball_after.spin - hit.ball_after.spin) <= jump.spin
-        assert size(fine.ball_after.position - hit.ball_after.position) <= jump.moved
+        assert size(fine.ball_after.position - hit.ball_after.position) <= jump.position
         used = max(used, moved / jump.velocity)
         off = size(fine.ball_after.velocity - rough.ball_after.velocity) / fine.ball_after.speed
         assert off <= CONTACT_SAFETY * 1e-3

@@ -24,14 +24,14 @@ def test_without(effect):
     full = scene()
     launch = kd.BallState((0, 0, 0), (9, 0, 4), (0, -20, 0))
     if effect.name == "stance":
-        assert not effect.named(full)
+        assert not effect.is_in(full)
         return
-    assert effect.named(full)
+    assert effect.is_in(full)
     less = effect.without(full, launch)
-    assert effect.name == "drag crisis" or not effect.named(less)
+    assert effect.name == "drag crisis" or not effect.is_in(less)
     others = [other for other in EFFECTS if other is not effect]
-    lost = {other.name for other in others if other.named(full) and not other.named(less)}
-    assert lost <= {other.name for other in EFFECTS if effect.name in other.within}
+    lost = {other.name for other in others if other.is_in(full) and not other.is_in(less)}
+    assert lost <= {other.name for other in EFFECTS if effect.name in other.through}
     assert (less.name, less.law) == ("all", "newton")
 
 
@@ -40,8 +40,8 @@ def test_stance_is_let_go():
     held = leg.with_supports("left_ankle_roll_link")
     made = kd.Scene(held, leg.configuration(), np.zeros(leg.nv), kd.Ball(), scene().contact)
     stance = next(effect for effect in EFFECTS if effect.name == "stance")
-    assert stance.named(made)
-    assert not stance.named(stance.without(made, kd.BallState()))
+    assert stance.is_in(made)
+    assert not stance.is_in(stance.without(made, kd.BallState()))
 
 
 def test_constant_drag_is_that_of_the_launch():

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from random_scenes import random_scene
 
 import kickdyn as kd
-from kickdyn.accuracy.random_scenes import random_scene
-from kickdyn.scene.coarse_flight import FlightEnvironment
 from kickdyn.scene.effects import EFFECTS
-from kickdyn.scene.envelope import Envelope, Jump
+from kickdyn.scene.envelope import Envelope, LaunchError
+from kickdyn.scene.scene import FlightEnvironment
 
 FLOWN = [effect for effect in EFFECTS if effect.bound is not None and effect.name != "compliance"]
 
@@ -40,7 +40,7 @@ def test_bounds_hold():
         around = Envelope(launch, way_of(scene))
         end = end_of(scene, launch)
         for effect in FLOWN:
-            if not effect.named(scene):
+            if not effect.is_in(scene):
                 continue
             bound = effect.bound(around)
             if bound == math.inf:
@@ -57,8 +57,8 @@ def test_jumps_hold():
     rng, tried = np.random.default_rng(13), 0
     for _ in range(60):
         scene, launch = launched(rng)
-        jump = Jump(0.02 * float(launch.speed), 0.5, 0.0)
-        bound = Envelope(launch, way_of(scene), jump).shift(jump=jump)
+        jump = LaunchError(0.02 * float(launch.speed), 0.5, 0.0)
+        bound = Envelope(launch, way_of(scene), jump).shift(launch_error=jump)
         if bound == math.inf:
             continue
         tried += 1

@@ -18,7 +18,7 @@ def scene(**changes):
 
 def test_the_ball_lies_before_the_contact_point():
     made = scene()
-    point = LEG.posture(made.q).touched_at(TOUCH.offset).contact_point
+    point = LEG.posture(made.q).with_contact_offset(TOUCH.offset).contact_point
     np.testing.assert_array_equal(made.ball_position, point + kd.Ball().radius * TOUCH.normal)
 
 
@@ -40,11 +40,11 @@ def test_bad_parts_are_refused(changes, said):
 
 
 def test_a_scene_stays_as_it_is():
-    made = scene(spread={"q": 0.1})
+    made = scene(uncertainty={"q": 0.1})
     with pytest.raises(ValueError, match="read-only"):
         made.q[0] = 1
     with pytest.raises(TypeError):
-        made.spread["q"] = 2
+        made.uncertainty["q"] = 2
 
 
 def test_errors_can_be_pickled():

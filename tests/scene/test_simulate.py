@@ -5,10 +5,12 @@ import pickle
 
 import numpy as np
 import pytest
+from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
-from kickdyn.accuracy.random_scenes import random_scene, wide_scene
 from kickdyn.scene import coarse_flight as coarse
+from kickdyn.scene.simulate import simulate_as_instant
+from kickdyn.view.scene_page import numbers, scene_page
 
 LEG = kd.Leg.human()
 POSTURE = LEG.posture(np.radians([5, 10, -5]))
@@ -57,7 +59,7 @@ def test_wide_scenes_stay_within_their_tolerance():
             answer = kd.simulate(scene, tolerance)
             assert answer.status == reference.status
             if answer.error < math.inf:
-                assert answer.met
+                assert answer.within_tolerance
                 assert gap(answer, reference) <= answer.error + reference.numerical_error + 1e-12
 
 
@@ -93,7 +95,7 @@ def test_what_ended_it_is_said():
         for tolerance in (0.1, None):
             answer = kd.simulate(kick(4, **parts), tolerance)
             assert answer.status == status
-            assert answer.met
+            assert answer.within_tolerance
             assert str(answer).startswith(f"{status} at (")
 
 
@@ -107,14 +109,14 @@ def test_what_ended_it_is_said():
 @pytest.mark.parametrize("tolerance", [0.1, None])
 def test_a_way_without_an_end_has_no_error(parts, status, tolerance):
     answer = kd.simulate(kick(4, **parts), tolerance)
-    assert (answer.status, answer.error, answer.met) == (status, math.inf, False)
+    assert (answer.status, answer.error, answer.within_tolerance) == (status, math.inf, False)
     assert str(answer).startswith(f"NO END, given up {status} at (")
     assert "NOT MET" in str(answer).splitlines()[0]
 
 
 def test_a_tolerance_that_numerics_cannot_meet_is_said():
     answer = kd.simulate(kick(), 1e-15)
-    assert not answer.met
+    assert not answer.within_tolerance
     assert "NOT MET" in str(answer)
     assert "NOT MET" not in str(kd.simulate(kick(), 1e-6))
 
@@ -168,7 +170,7 @@ def test_every_evaluation_is_counted(monkeypatch):
     monkeypatch.setattr(coarse, "forces", counting)
     for parts in ({}, {"ground": kd.Ground(-0.9, "turf")}):
         calls.clear()
-        answer = kd.simulate(kick(spread={"restitution": 0.02}, **parts), 0.3)
+        answer = kd.simulate(kick(uncertainty={"restitution": 0.02}, **parts), 0.3)
         assert answer.path is None
         assert answer.evaluations == len(calls) > 300
 
@@ -181,9 +183,9 @@ def test_spread_of_a_light_ball():
         v = POSTURE.joint_velocity([5, 0, 14])
         return kd.Scene(LEG, POSTURE.q, v, LIGHT["beach ball"], contact, **parts, **more)
 
-    answer = kd.simulate(light(0.8, spread={"restitution": 0.03}), 1e-3)
+    answer = kd.simulate(light(0.8, uncertainty={"restitution": 0.03}), 1e-3)
     ends = [kd.simulate(light(e), None) for e in (0.795, 0.805)]
-    assert answer.spread == pytest.approx(3 * gap(*ends), rel=0.1)
+    assert answer.end_deviation == pytest.approx(3 * gap(*ends), rel=0.1)
 
 
 def test_coefficients_beyond_their_data_are_warned_of():
@@ -232,7 +234,7 @@ def test_everything_is_strike_and_flight():
     np.testing.assert_array_equal(answer.end.position, path.landing.position)
     assert answer.left_out == ()
     assert set(answer.modelled) == {
-        "friction", "turning of the ball", "drag", "drag crisis", "lift", "spin decay", "buoyancy"
+        "friction", "ball rotation", "drag", "drag crisis", "lift", "spin decay", "buoyancy"
     }  # fmt: skip
     assert answer.numerical_error == path.error
 
@@ -264,7 +266,7 @@ def test_a_tight_tolerance_leaves_nothing_out():
 def test_without_air_nothing_is_flown():
     answer = kd.simulate(kick(air=None), 0.01)
     assert answer.method == "strike, closed form"
-    assert answer.modelled == ("friction", "turning of the ball")
+    assert answer.modelled == ("friction", "ball rotation")
 
 
 def test_drag_that_goes_takes_its_crisis_along():
@@ -283,16 +285,16 @@ def test_it_goes_to_the_plane():
 
 
 def test_spread_bounds_what_a_change_does():
-    scene = kick(spread={"restitution": 0.02})
+    scene = kick(uncertainty={"restitution": 0.02})
     answer = kd.simulate(scene, 1e-3)
     other = kick(contact=kd.Contact((2, 0, 1), 0.82, 0.4))
     moved = gap(kd.simulate(other, 1e-3), answer)
-    assert 0.9 * moved < answer.spread < 2 * moved
-    assert math.isnan(kd.simulate(kick(), 1.0).spread)
+    assert 0.9 * moved < answer.end_deviation < 2 * moved
+    assert math.isnan(kd.simulate(kick(), 1.0).end_deviation)
 
 
 def test_it_prints_its_budget():
-    said = str(kd.simulate(kick(1.5, spread={"v": 0.1}), 1.0))
+    said = str(kd.simulate(kick(1.5, uncertainty={"v": 0.1}), 1.0))
     assert "left out" in said
     assert "drag" in said
     assert "standard deviation" in said
@@ -318,3 +320,42 @@ def test_an_answer_can_be_pickled():
     assert again.numerical_error == answer.numerical_error > 0.0
     assert (again.status, again.error) == (answer.status, answer.error)
     np.testing.assert_array_equal(again.end.position, answer.end.position)
+
+
+@pytest.mark.parametrize("name", ["free_kick", "volley"])
+def test_the_error_covers_what_the_instant_leaves_out(name):
+    scene = kd.load_scene(name)
+    answer, whole = simulate_as_instant(scene), kd.simulate(scene, None)
+    apart = np.linalg.norm(answer.end.position - whole.end.position)
+    assert apart > 0.1
+    assert apart <= answer.error <= apart * 1.001
+    assert answer.left_out == ("compliance",)
+    said = str(answer)
+    assert "all is modelled" not in said
+    assert f"error {answer.error:.2g} m, all modelled but compliance;" in said
+    x, y, z = whole.end.position.round(3) + 0.0
+    assert f"with it landed at ({x:.3f}, {y:.3f}, {z:.3f}) m" in said
+
+
+def test_a_contact_of_an_instant_leaves_nothing_out():
+    scene = kd.load_scene("paper_kick")
+    answer = simulate_as_instant(scene)
+    assert answer.left_out == ()
+    assert "m, all modelled;" in str(answer)
+    assert answer.end.position.tolist() == kd.simulate(scene, None).end.position.tolist()
+
+
+def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
+    v, contact = posture.joint_velocity([10, 0, 5]), kd.Contact((2, 0, 1), restitution=0.8)
+    ball, ground = kd.Ball(), kd.Ground(-2)
+    scene = kd.Scene(posture.leg, posture.q, v, ball, contact, ground=ground, contact_time=0.5)
+    with pytest.raises(kd.InvalidInput, match="beyond its radius"):
+        kd.simulate(scene, None)
+    answer = simulate_as_instant(scene)
+    assert answer.error == math.inf
+    assert not answer.within_tolerance
+    assert "all modelled but compliance, NOT MET" in str(answer)
+    assert "not known: stiffness is" in str(answer)
+    assert "its contact shown as an instant: it ends nobody knows how far off" in scene_page(answer)
+    assert numbers(answer)["left_out"] == {"compliance": None}

@@ -66,7 +66,7 @@ def test_there_are_examples():
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_examples_load_and_strike(path):
-    scene = kd.Scene.from_toml(path)
+    scene = kd.load_scene(path)
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
     hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact, scene.law, **motion)
     assert hit.restitution_residual < 1e-12
@@ -79,7 +79,7 @@ def test_what_is_not_named_is_not_there(read):
     assert (scene.air, scene.ground, scene.plane, scene.contact_time) == (None, None, None, None)
     assert scene.contact.friction == 0.0
     assert scene.name == "scene"
-    assert not scene.spread
+    assert not scene.uncertainty
     air = read(SMALL + "[air]\n").air
     assert (air.drag, air.lift, air.torque, air.buoyancy) == (None, None, None, False)
     assert not np.any(air.wind)
@@ -103,7 +103,7 @@ def test_values_arrive(read):
     assert scene.ground.surface.name == "turf"
     assert scene.ground.height == pytest.approx(scene.ball_position[2] - 0.11, abs=1e-15)
     assert scene.plane.reached_by == "back"
-    assert dict(scene.spread) == {"q": pytest.approx(np.radians(2)), "restitution": 0.05}
+    assert dict(scene.uncertainty) == {"q": pytest.approx(np.radians(2)), "restitution": 0.05}
     assert scene.law == "stronge"
 
 

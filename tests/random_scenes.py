@@ -15,7 +15,6 @@ from kickdyn.contact import Contact
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
-from kickdyn.scene.effects import changed
 from kickdyn.scene.scene import Scene
 
 BALLS = (
@@ -94,7 +93,7 @@ def wide_scene(rng: np.random.Generator) -> Scene:
     if not walled:
         return scene
     plane = Plane(scene.ball_position + np.array([away, 0, 0]), (-1, 0, 0))
-    return changed(scene, plane=plane)
+    return scene.replace(plane=plane)
 
 
 def _air(rng: np.random.Generator) -> Air:

@@ -1,14 +1,12 @@
-"""What cannot be written to cannot in a copy either."""
+"""Answers can be pickled and copied; a deep copy is its owner's, and shares nothing."""
 
 import copy
 import pickle
-from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.read_only import read_only
 
 COPIES = {
     "pickle": lambda one: pickle.loads(pickle.dumps(one)),
@@ -37,7 +35,12 @@ def parts():
         "contact": hit.contact,
         "support": support,
         "scene": kd.Scene(
-            hit.posture.leg, hit.posture.q, hit.v_before, kd.Ball(), hit.contact, spread={"q": 0.1}
+            hit.posture.leg,
+            hit.posture.q,
+            hit.v_before,
+            kd.Ball(),
+            hit.contact,
+            uncertainty={"q": 0.1},
         ),
         "sensitivity": hit.sensitivity(),
         "uncertainty": hit.uncertainty(q=0.1, normal=0.02),
@@ -52,14 +55,14 @@ def arrays(value):
     """All arrays of an object's attributes, and of mappings among them."""
     if isinstance(value, np.ndarray):
         yield value
-    elif isinstance(value, dict | MappingProxyType):
+    elif isinstance(value, dict):
         for part in value.values():
             yield from arrays(part)
 
 
 @pytest.mark.parametrize("way", COPIES)
 @pytest.mark.parametrize("name", PARTS)
-def test_copies_are_the_same_and_sealed(name, way):
+def test_copies_are_the_same(name, way):
     original = PARTS[name]
     copied = COPIES[way](original)
     assert type(copied) is type(original)
@@ -67,23 +70,12 @@ def test_copies_are_the_same_and_sealed(name, way):
     kept = list(arrays({key: getattr(original, key) for key in vars(copied)}))
     assert found
     for one, other in zip(found, kept, strict=True):
-        assert not one.flags.writeable
         assert (one == other).all()
+        assert way == "copy" or not np.shares_memory(one, other)
 
 
-def test_mappings_stay_closed():
-    slopes = pickle.loads(pickle.dumps(PARTS["sensitivity"]))
-    budget = copy.deepcopy(PARTS["uncertainty"])
-    for mapping in (slopes.impulse, budget.by_source, budget.by_source["q"]):
-        with pytest.raises(TypeError):
-            mapping["q"] = 0
-    assert str(budget) == str(PARTS["uncertainty"])
-
-
-def test_an_array_is_copied_and_sealed():
-    own = np.zeros(3)
-    sealed = read_only(own)
-    own[0] = 1
-    assert sealed.tolist() == [0, 0, 0]
-    with pytest.raises(ValueError, match="read-only"):
-        sealed[0] = 1
+@pytest.mark.parametrize("name", PARTS)
+def test_public_arrays_cannot_be_written_to(name):
+    public = {key: value for key, value in vars(PARTS[name]).items() if key[0] != "_"}
+    for array in arrays(public):
+        assert not array.flags.writeable

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.flight.state_layout import Motion
+from kickdyn.flight.equations import FlightEquations
 
 BALL = kd.Ball()
 
 
 def states(velocity, spin, **air):
     launch = kd.BallState(velocity=velocity, spin=spin)
-    return len(Motion(launch, BALL, kd.Air(**air)).begin)
+    return len(FlightEquations(launch, BALL, kd.Air(**air)).begin)
 
 
 def test_only_what_the_scene_needs():

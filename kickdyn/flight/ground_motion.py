@@ -1,4 +1,4 @@
-"""What a ball does once it bounces no more: slides until it rolls, rolls until it rests."""
+"""What a ball does on level ground: it bounces, slides until it rolls, and rolls until it rests."""
 
 from __future__ import annotations
 
@@ -14,25 +14,27 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.ballistic import time_to_fall
-from kickdyn.flight.bounce import slip
-from kickdyn.flight.forces import downward, forces
-from kickdyn.flight.integrate import Arc, Event, fly_until
+from kickdyn.flight.forces import downward, forces, time_to_fall
+from kickdyn.flight.integrate import Arc, Event, fly_until, joined
 from kickdyn.ground import Surface
 
 LOOSEST = 1e-9
 """Relative tolerance of rolling at most: friction turns with the ball, ever faster as it slows, and
 looser steps miss where it rests."""
 
+SLOW = 1e-7
+"""Share of its speed at the start, or of the wind's push, at which rolling ends in a straight line:
+the forces on the ball are constant from there on."""
+
 
 @dataclass(frozen=True, eq=False)
-class Glide:
-    """A stretch along the ground; times count from its start.
+class GroundPhase:
+    """A ball sliding or rolling along the ground; times count from the start of the phase.
 
     Attributes:
         start, end: the ball there.
         kind: `slide` or `roll`.
-        at_wall: whether it ended there.
+        at_wall: whether it ended at a wall.
         blown: whether the wind kept it rolling to the time limit.
         evaluations: of the acceleration.
     """
@@ -51,10 +53,51 @@ class Glide:
         return float(self.end.time)
 
     def sample(self, t: ArrayLike) -> BallState:
-        """Return the ball at times since the start, a number or shape `(n,)` [s]."""
+        """Return the ball at times since the start of the phase, a number or shape `(n,)` [s].
+
+        Raises:
+            InvalidInput: a time outside the phase.
+        """
         moments = validation.times(t, self.duration, f"the {self.kind}")
         states = self._states(np.atleast_1d(moments))
-        return states if moments.ndim else _single(states)
+        return states if moments.ndim else _first(states)
+
+
+def slip(state: BallState, ball: Ball) -> tuple[float, float]:
+    r"""Return :math:`v - r\, \omega \times e_z`, the x and y velocity of the lowest point [m/s]."""
+    vx, vy, _ = state.velocity.tolist()
+    wx, wy, _ = state.spin.tolist()
+    return vx - ball.radius * wy, vy + ball.radius * wx
+
+
+def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
+    r"""Return the ball just after it touched the ground.
+
+    The normal impulse is :math:`m (1 + e) |v_z|`. The tangential one, against the slip u, is
+    :math:`m (1 + e_t) |u| / (1 + m r^2 / I)` where the ball grips, which turns u into
+    :math:`-e_t u`, and :math:`\mu` times the normal one where that is less. Energy never rises:
+    each of the two is a passive collision of its own.
+
+    Args:
+        state: just before, moving downwards.
+        ball: mass, radius and inertia.
+        surface: of the ground.
+    """
+    vx, vy, vz = state.velocity.tolist()
+    wx, wy, wz = state.spin.tolist()
+    ux, uy = slip(state, ball)
+    sliding = math.hypot(ux, uy)
+    normal = (1.0 + surface.restitution) * -vz  # impulse over mass
+    shell = ball.mass * ball.radius**2 / ball.inertia  # 3/2
+    grip = (1.0 + surface.tangential_restitution) * sliding / (1.0 + shell)
+    share = min(grip, surface.friction * normal) / sliding if sliding else 0.0
+    turn = shell / ball.radius * share
+    return BallState(
+        state.position,
+        (vx - share * ux, vy - share * uy, -surface.restitution * vz),
+        (wx - turn * uy, wy + turn * ux, wz),
+        state.time,
+    )
 
 
 def slide(
@@ -63,11 +106,11 @@ def slide(
     air: Air | None,
     surface: Surface,
     wall: tuple[Array, float] | None = None,
-) -> Glide | None:
-    """Return the stretch in which friction turns sliding into rolling; None if it rolls already.
+) -> GroundPhase | None:
+    r"""Return the phase in which friction turns sliding into rolling; None if it rolls already.
 
-    Its deceleration mu g is constant; the air's share of it is left out. A wall, normal and gap
-    [m], may end it before.
+    The deceleration :math:`\mu g` is constant, and lasts :math:`|u| / (\mu g (1 + m r^2 / I))` with
+    the slip u; the air is left out. A wall, normal and gap [m], may end it before.
     """
     ux, uy = slip(state, ball)
     sliding = math.hypot(ux, uy)
@@ -94,7 +137,7 @@ def slide(
         normal, gap = wall
         reached = time_to_fall(float(normal @ level), gap, float(normal @ speed_change))
     end = states(np.array([min(last, reached)]))
-    return Glide(_with_time(state, 0.0), _single(end), "slide", states, reached <= last)
+    return GroundPhase(_at_start(state), _first(end), "slide", states, reached <= last)
 
 
 def roll(
@@ -105,11 +148,14 @@ def roll(
     tol: float,
     wall: tuple[Array, float] | None = None,
     time_limit: float = 1000.0,
-) -> Glide:
-    """Return the stretch from rolling to rest, slowed by the surface and, with air, by drag.
+) -> GroundPhase:
+    r"""Return the phase from rolling to rest, slowed by the surface and, with air, by drag.
 
-    Drag acts on the mass of a rolling ball, m + I/r^2. A side wind turns its way; a wind that would
-    keep it rolling does so to `time_limit`. A wall, normal and gap [m], may end it before.
+    .. math:: \dot v = \frac{F}{m + I / r^2} - c \frac{v}{|v|}
+
+    with the force F of the air and the rolling deceleration c of the surface. A side wind turns the
+    ball, and a wind that would keep it rolling does so to `time_limit`. A wall, normal and gap [m],
+    may end it before.
     """
     tol = min(tol, LOOSEST)
     resistance = surface.rolling_deceleration
@@ -131,26 +177,24 @@ def roll(
 
     u, v, _ = state.velocity.tolist()
     wind = push(0.0, 0.0)
-    blowing = math.hypot(*wind)
-    speed = math.hypot(u, v)
-    slow = 1e-7 * max(speed, blowing)  # on what is left then, the forces are constant
+    blowing, speed = math.hypot(*wind), math.hypot(u, v)
+    slow = SLOW * max(speed, blowing)
     length = max(speed, slow) ** 2 / (2 * resistance)
     atol = tol * np.array([length, length, *2 * [max(speed, slow)]])
     stop = Event(lambda y: math.hypot(y[2], y[3]) - slow)
     events = [stop]
-    if wall is not None:
+    if wall is not None and float(wall[0] @ state.velocity) < 0.0:
         normal, gap = wall
-        if float(normal @ state.velocity) < 0.0:
-            events.append(Event(lambda y: gap + float(normal[:2] @ y[:2])))
+        events.append(Event(lambda y: gap + float(normal[:2] @ y[:2])))
+
+    begin = np.array([0.0, 0.0, u, v])
     arcs: list[Arc] = []
-    at, moved = 0.0, np.array([0.0, 0.0, u, v])
+    at, moved = 0.0, begin
     reached = stop if speed <= slow else None
-    while True:
-        if reached is stop:
-            if blowing <= resistance:
-                break
+    while reached is not stop or blowing > resistance:
+        if reached is stop:  # and the wind sets it moving again
             moved = np.array([*moved[:2], *(slow * part / blowing for part in wind)])
-        arcs.append(fly_until(events, 2, rates, (at, moved), time_limit, tol, atol))
+        arcs.append(fly_until(events, None, rates, (at, moved), time_limit, tol, atol))
         at, moved, reached = arcs[-1].end, arcs[-1].state, arcs[-1].reached
         if reached is not stop:
             break
@@ -159,22 +203,15 @@ def roll(
     along = moved[2:] / left if left else np.zeros(2)
     fading = resistance - float(along @ push(0.0, 0.0)) if left else 1.0
     final = at + left / fading if rests else at
+    rolled = joined(arcs, begin)
 
     def states(t: Array) -> BallState:
-        plane = np.tile(moved[:, None], (1, len(t)))
-        began = -1.0
-        for arc in arcs:
-            inside = (t > began) & (t <= arc.end)
-            if inside.any():
-                plane[:, inside] = arc.trajectory(t[inside])
-            began = arc.end
-        if rests:
-            late = np.clip(t - at, 0.0, final - at)
-            after = late > 0.0
-            speeds = left - fading * late
-            plane[:2] += np.where(after, 0.5 * (left + speeds) * late, 0.0) * along[:, None]
-            plane[2:, after] = speeds[after] * along[:, None]
-            plane[2:, t >= final] = 0.0
+        plane = rolled(np.minimum(t, at))
+        late = np.clip(t - at, 0.0, final - at)  # in the straight line to rest
+        speeds = left - fading * late
+        plane[:2] += 0.5 * (left + speeds) * late * along[:, None]
+        plane[2:] = np.where(late > 0.0, speeds * along[:, None], plane[2:])
+        plane[2:, (t >= final) & rests] = 0.0
         u, v = plane[2:]
         still = np.zeros_like(u)
         return BallState(
@@ -184,16 +221,18 @@ def roll(
             t,
         )
 
-    last = _single(states(np.array([final])))
+    last = _first(states(np.array([final])))
     at_wall = reached is not None and not rests
     blown, calls = not rests and not at_wall, sum(arc.evaluations for arc in arcs)
-    return Glide(_with_time(state, 0.0), last, "roll", states, at_wall, blown, calls)
+    return GroundPhase(_at_start(state), last, "roll", states, at_wall, blown, calls)
 
 
-def _with_time(state: BallState, time: float) -> BallState:
-    return BallState(state.position, state.velocity, state.spin, time)
+def _at_start(state: BallState) -> BallState:
+    """Return a state at time 0."""
+    return BallState(state.position, state.velocity, state.spin)
 
 
-def _single(states: BallState) -> BallState:
+def _first(states: BallState) -> BallState:
+    """Return the first of many states."""
     time = float(np.asarray(states.time)[0])
     return BallState(states.position[0], states.velocity[0], states.spin[0], time)

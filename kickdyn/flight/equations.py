@@ -1,4 +1,4 @@
-"""The states a flight needs, and no more: two fewer in a plane, one or two more for the spin."""
+"""The equations of motion of one flight, in the states that it needs and no more."""
 
 from __future__ import annotations
 
@@ -14,32 +14,36 @@ from kickdyn.flight.forces import brakes, forces, is_planar
 from kickdyn.flight.integrate import Event
 
 
-class Motion:
-    """The equations of one flight, in the states that change.
+class FlightEquations:
+    r"""The equations of motion of one flight, in the states that change.
 
-    All of them are displacement from the launch, velocity, spin over that of the launch, and the
-    integral of this one, by which the ball has turned: 8 in space. In the x-z plane, y and its
-    velocity are left out; without decay, so is the spin, and how the ball turns unless asked for.
-    The displacement is from the launch, so that a hop of 1e-20 m at a height of 100 m is one.
+    The eight states in space are the displacement from the launch [m], the velocity [m/s], the
+    spin over that of the launch, and the integral of this ratio [s], by which the ball has turned:
+
+    .. math:: \dot x = v, \; \dot v = a(z, v, s \omega_0), \; \dot s = -k s, \; \dot\tau = s
+
+    with a and k of `forces`. In the x-z plane, y and its velocity are left out; without decay, so
+    are the last two, and the last where the orientation is not asked for. The displacement is from
+    the launch, so that a hop of 1e-20 m at a height of 100 m has its digits.
 
     Args:
         launch: the start.
         ball: what flies.
         air: through what.
-        turning: whether the orientation is asked for.
+        orientation: whether the orientation is asked for.
 
     Attributes:
-        kept: which of the 8 are states.
+        kept: which of the eight are states.
         begin: those at the launch.
         rise, climb: indices of height and of its rate.
         fault: what a coefficient or the wind raised last; the step is then tried shorter.
     """
 
-    def __init__(self, launch: BallState, ball: Ball, air: Air, turning: bool = False) -> None:
+    def __init__(self, launch: BallState, ball: Ball, air: Air, orientation: bool = False) -> None:
         planar = is_planar(air, launch.velocity, launch.spin)
         kept = [0, 2, 3, 5] if planar else [0, 1, 2, 3, 4, 5]
         if brakes(air, launch.spin):
-            kept += [6, 7] if turning else [6]
+            kept += [6, 7] if orientation else [6]
         self.kept = kept
         self.fault: Exception | None = None
         self._acting = forces(ball, air)

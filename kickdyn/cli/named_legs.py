@@ -1,0 +1,42 @@
+"""Legs by the names that command lines have for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kickdyn.core.files import exists
+from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.robot.catalog import ROBOTS
+from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.urdf_file import shipped_urdf
+
+SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
+
+LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
+"""Names of legs: ours first, which hide a robot of the same name."""
+
+
+def load_leg(name: str, frame: str | None = None) -> Leg:
+    """Return a leg by name: a shipped one, the kicking leg of a robot, or a URDF file's.
+
+    Args:
+        name: one of `LEGS`, or the path of a URDF file.
+        frame: the contact frame; by default a robot's toe, or the frame `toe` of a file.
+
+    Raises:
+        InvalidInput: no such leg, file or frame; `UrdfError` if the file is refused.
+    """
+    if name in SHIPPED:
+        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
+    if name in ROBOTS:
+        return kicking_chain(Leg.from_robot(name, frame, legs_only=True)).leg
+    if not exists(name) and not Path(name).suffix:
+        raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
+    try:
+        return Leg.from_urdf(name, frame or "toe")
+    except UrdfError:
+        raise
+    except InvalidInput as error:  # what else can be wrong is the frame
+        fault = str(error) if frame else f"no --frame is named, and {error}"
+        raise InvalidInput(fault) from None

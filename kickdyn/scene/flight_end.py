@@ -1,0 +1,264 @@
+"""Where the ball's path ends: to an accuracy, exactly, and how that depends on the launch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kickdyn.ball import BallState
+from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
+from kickdyn.flight.flight_result import Flight, FlightStatus
+from kickdyn.flight.fly import fly
+from kickdyn.flight.follow import Course, follow
+from kickdyn.flight.forces import is_ballistic
+from kickdyn.impact.uncertainty import Uncertainty
+from kickdyn.scene.coarse_flight import coarse_end, refuses_extrapolation
+from kickdyn.scene.scene import FlightEnvironment
+
+ENDS = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT_REST)
+"""Statuses of a path that has an end; any other says why the integration was given up."""
+
+FINEST = 1e-9
+"""Relative tolerance of the exact integrators where everything is modelled."""
+
+STEPS = (4, 8, 16, 32, 64)
+"""Numbers of large steps in a flight that are tried one after the other."""
+
+SLOPE_STEPS = (4, 8)
+"""Large steps in a flight for slopes; those by the first must confirm those by the second."""
+
+SLOPE_TOL = 1e-7
+"""Relative tolerance of the exact integrators for slopes, where large steps do not suffice."""
+
+AGREEMENT = 0.1
+"""How much slopes by fewer and by more steps may differ, relative to the larger."""
+
+DIFFERENCE = 1e-2
+"""Step of the differences, relative to the speed: above what large steps miss, below curvature."""
+
+CONTACT_SAFETY = 20.0
+"""Relative error of a compliant contact's launch over the integrator's tolerance, at most; the
+largest of some 140 random kicks was 13."""
+
+Ender = Callable[[BallState], tuple[BallState | None, int]]
+
+
+class FlightEnd(NamedTuple):
+    """Where the ball's path ends, and how that was found.
+
+    Attributes:
+        state: there.
+        status: as of `Flight` or `Course`.
+        path: None where large steps were used.
+        method: in words.
+        evaluations: of the acceleration.
+        error: estimates what the integrator misses [m].
+    """
+
+    state: BallState
+    status: str
+    path: Flight | Course | None
+    method: str
+    evaluations: int
+    error: Callable[[], float]
+
+    @property
+    def ended(self) -> bool:
+        """Whether the path came to an end at all."""
+        return self.status in ENDS
+
+
+def approximate_end(
+    launch: BallState,
+    environment: FlightEnvironment,
+    accuracy: float,
+    four_steps: BallState | None = None,
+) -> FlightEnd:
+    """Find where the ball's path ends, in as few large steps as the accuracy allows.
+
+    The error is estimated as twice what doubling the steps moves the end by: where the ball
+    bounces, the end need not converge monotonically. Where 64 steps do not suffice, the exact
+    integrators are used.
+
+    Args:
+        launch: the ball at the start.
+        environment: what it flies through, and what ends its path.
+        accuracy: of the position of the end [m].
+        four_steps: the end found in the first of `STEPS`, where that is known already.
+
+    Raises:
+        KickdynError: as `fly` and `follow` do.
+    """
+    _, air, ground, _ = environment
+    closed_form = (ground is None or ground.surface is None) and is_ballistic(air, launch.spin)
+    if closed_form or refuses_extrapolation(air):
+        return exact_end(launch, environment, FINEST)
+    last, evaluations = four_steps, 0
+    for steps in STEPS if last is None else STEPS[1:]:
+        state, status, more = coarse_end(launch, environment, steps)
+        evaluations += more
+        if state is None:
+            break
+        if last is not None:
+            error = 2.0 * float(np.linalg.norm(state.position - last.position))
+            if error <= accuracy:
+                method = f"{steps} Runge-Kutta steps a flight"
+                return FlightEnd(state, status, None, method, evaluations, partial(float, error))
+        last = state
+    exact = exact_end(launch, environment, FINEST)
+    return exact._replace(evaluations=exact.evaluations + evaluations)
+
+
+def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> FlightEnd:
+    """Find where the ball's path ends with `fly`, or `follow` where the ground has a surface.
+
+    Args:
+        launch: the ball at the start.
+        environment: what it flies through, and what ends its path.
+        tol: relative tolerance.
+
+    Raises:
+        KickdynError: as `fly` and `follow` do.
+    """
+    ball, air, ground, plane = environment
+    if ground is None or ground.surface is None:
+        path = fly(launch, ball, air, ground, tol, plane=plane)
+        error = partial(getattr, path, "error")
+        return FlightEnd(path.landing, path.status, path, path.method, path.evaluations, error)
+    course = follow(launch, ball, air, ground, tol, plane=plane)
+
+    def by_refinement() -> float:
+        finer = follow(launch, ball, air, ground, 1e-2 * tol, plane=plane)
+        if finer.status != course.status:
+            return math.inf
+        return 2.0 * float(np.linalg.norm(finer.rest.position - course.rest.position))
+
+    evaluations = sum(flight.evaluations for flight in course.flights)
+    evaluations += sum(phase.evaluations for phase in course.ground_phases)
+    method = f"followed, tol {tol:g}"
+    return FlightEnd(course.rest, course.status, course, method, evaluations, by_refinement)
+
+
+class EndSlopes(NamedTuple):
+    """Derivatives of the end's position with respect to the launch.
+
+    Attributes:
+        velocity: by the launch's velocity, shape `(3, 3)` [s]; inf where it is not known.
+        spin: by its spin, shape `(3, 3)` [m s]; likewise.
+        evaluations: of the acceleration.
+    """
+
+    velocity: Array
+    spin: Array
+    evaluations: int
+
+    def contact_error(self, launch: BallState, radius: float, tol: float) -> float:
+        """Return how far a contact's relative tolerance can move the end [m].
+
+        Args:
+            launch: around which the slopes are.
+            radius: of the ball [m], more than the foot moves in the contact.
+            tol: of `collide`.
+        """
+        if not np.isfinite(self.velocity).all():
+            return math.inf
+        speed, spin = float(launch.speed), float(np.linalg.norm(launch.spin))
+        size = float(np.linalg.norm(self.velocity, 2)) * speed
+        size += float(np.linalg.norm(self.spin, 2)) * max(spin, speed / radius)
+        return CONTACT_SAFETY * tol * (size + radius)
+
+    def deviation(self, launch: Uncertainty) -> float:
+        r"""Return the standard deviation of the end, to first order [m].
+
+        :math:`\sigma = \sqrt{\mathrm{tr}(A V A^T)} + \sqrt{\mathrm{tr}(B W B^T)}` with the slopes A
+        and B and the covariances V and W of velocity and spin: both depend on the same sources, so
+        their contributions add up at most.
+        """
+        if not np.isfinite(self.velocity).all():
+            return math.inf
+        pairs = ((self.velocity, launch.velocity), (self.spin, launch.spin))
+        return math.fsum(
+            math.sqrt(max(float(np.trace(slope @ cov @ slope.T)), 0.0)) for slope, cov in pairs
+        )
+
+
+def end_slopes(
+    launch: BallState, environment: FlightEnvironment, *, confirm: bool = True
+) -> EndSlopes:
+    """Return how the end changes with velocity and spin of the launch, by differences.
+
+    Args:
+        launch: the ball at the start.
+        environment: what it flies through, and what ends its path.
+        confirm: whether slopes by large steps count only if twice as many steps agree; otherwise
+            the exact integrators are used.
+    """
+    evaluations, last = 0, None
+    for steps in SLOPE_STEPS:
+        found, more = _differences(launch, environment, partial(_in_steps, environment, steps))
+        evaluations += more
+        if found is None:
+            break
+        if not confirm or (last is not None and _agree(last, found)):
+            return EndSlopes(*found, evaluations)
+        last = found
+    found, more = _differences(launch, environment, partial(_exactly, environment))
+    if found is None:
+        found = (np.full((3, 3), math.inf), np.full((3, 3), math.inf))
+    return EndSlopes(*found, evaluations + more)
+
+
+def _in_steps(
+    environment: FlightEnvironment, steps: int, launch: BallState
+) -> tuple[BallState | None, int]:
+    """Return the end by large steps, None where they do not suffice, and the evaluations."""
+    state, _, evaluations = coarse_end(launch, environment, steps)
+    return state, evaluations
+
+
+def _exactly(environment: FlightEnvironment, launch: BallState) -> tuple[BallState | None, int]:
+    """Return the end by the exact integrators, None where there is none, and the evaluations."""
+    try:
+        end = exact_end(launch, environment, SLOPE_TOL)
+    except KickdynError:
+        return None, 0
+    return (end.state if end.ended else None), end.evaluations
+
+
+def _agree(some: tuple[Array, Array], others: tuple[Array, Array]) -> bool:
+    """Return whether two pairs of slopes are alike."""
+    return all(
+        float(np.linalg.norm(a - b)) <= AGREEMENT * float(np.linalg.norm(b))
+        for a, b in zip(some, others, strict=True)
+    )
+
+
+def _differences(
+    launch: BallState, environment: FlightEnvironment, end: Ender
+) -> tuple[tuple[Array, Array] | None, int]:
+    """Return the slopes by velocity and spin, None where an end is not known, and evaluations."""
+    base, evaluations = end(launch)
+    if base is None:
+        return None, evaluations
+    found, speed = [], float(launch.speed)
+    for name, size in (("velocity", speed), ("spin", speed / environment.ball.radius)):
+        step, columns = DIFFERENCE * size, []
+        for axis in np.eye(3):
+            start: dict[str, Any] = {
+                "position": launch.position,
+                "velocity": launch.velocity,
+                "spin": launch.spin,
+            }
+            start[name] = start[name] + step * axis
+            moved, more = end(BallState(**start))
+            evaluations += more
+            if moved is None:
+                return None, evaluations
+            columns.append((moved.position - base.position) / step)
+        found.append(np.array(columns).T)
+    return (found[0], found[1]), evaluations

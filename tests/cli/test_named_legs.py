@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.cli.named_legs import LEGS, load_leg
+from kickdyn.robot.catalog import ROBOTS
+
+
+def test_ours_come_first_and_every_robot_is_named_once():
+    assert LEGS[:2] == ("human", "testbed")
+    assert set(LEGS) == {"testbed", *ROBOTS}
+    assert len(LEGS) == len(set(LEGS))
+
+
+def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
+    assert (load_leg("human").model.njoints, load_leg("testbed", "foot").frame) == (4, "foot")
+    (tmp_path / "human.urdf").write_text(kd.Leg.testbed().urdf.text)
+    assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
+    with pytest.raises(kd.InvalidInput, match=r"'hunam' is neither human, testbed, g1, .* nor a f"):
+        load_leg("hunam")
+
+
+def test_a_file_without_our_frame_is_told_the_option(tmp_path):
+    (tmp_path / "other.urdf").write_text(kd.Leg.testbed().urdf.text.replace('"toe"', '"instep"'))
+    said = r"^no --frame is named, and frame 'toe' is unknown: leg_testbed has .*instep"
+    with pytest.raises(kd.InvalidInput, match=said):
+        load_leg(str(tmp_path / "other.urdf"))
+    assert load_leg(str(tmp_path / "other.urdf"), "instep").frame == "instep"
+    with pytest.raises(kd.InvalidInput, match=r"^frame 'toe' is unknown"):
+        load_leg(str(tmp_path / "other.urdf"), "toe")
+    with pytest.raises(kd.UrdfError, match="there is no such file"):
+        load_leg(str(tmp_path / "none.urdf"))
+
+
+def test_of_a_robot_only_what_moves_the_foot_can_move():
+    whole, leg = kd.Leg.from_robot("g1", legs_only=True), load_leg("g1")
+    assert leg.nv < whole.nv
+    assert all(name.startswith("right") for name in leg.joint_names)
+    q = whole.configuration({"right_knee_joint": 0.5})
+    mine = leg.configuration({"right_knee_joint": 0.5})
+    normal = (np.cos(0.5), 0.0, np.sin(0.5))
+    weights = [whole.posture(q).effective_mass(normal), leg.posture(mine).effective_mass(normal)]
+    assert weights[0] == pytest.approx(weights[1], rel=1e-12)

@@ -222,7 +222,9 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
             f"{IN_MEMORY:,} can be swept, take a larger step"
         )
     values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
-    return name, values if leg.joint_unit(name) == "m" else np.radians(values)
+    values = values if leg.joint_unit(name) == "m" else np.radians(values)
+    _check_range(leg, name, values, "swept")
+    return name, values
 
 
 def _no_number(parts: list[str]) -> str:

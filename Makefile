@@ -16,6 +16,7 @@ sweep: $(VENV)/.run
 
 ## extremes: kickdyn against 50 digits where numbers get difficult
 extremes: $(VENV)/.run
+	$(PIP) --editable ".[accuracy]"
 	$(BIN)/python -m kickdyn extremes
 
 ## test: the whole suite
@@ -44,7 +45,7 @@ docs: $(VENV)/.dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/trees docs build/site
 	@echo "build/site/index.html"
 
-## lint: format, style, types, layers
+## lint: format, style, types, layers of imports and their cycles
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .

@@ -18,12 +18,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from kickdyn.accuracy.error_plots import picture
-from kickdyn.accuracy.extremes import cells, rows, summary
-from kickdyn.accuracy.extremes_row import Row
-from kickdyn.accuracy.flight_methods import Measured, measure
+from kickdyn.accuracy.extreme_case import NOT_FINITE, Correctness, ExtremeCase
+from kickdyn.accuracy.flight_methods import measure_flights
 from kickdyn.accuracy.gains import Gain, draws, gains
-from kickdyn.accuracy.impact_methods import MeasuredImpact, measure_impact
+from kickdyn.accuracy.impact_methods import measure_impacts
+from kickdyn.accuracy.measurement import Measurement, front_figure
+from kickdyn.cli.extremes_command import cells, extreme_cases, summary
 from kickdyn.core.plot_style import styled
 
 ROOT = Path(__file__).parents[1]
@@ -46,39 +46,41 @@ def table(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     return "\n".join(text + [f"| {' | '.join(line)} |" for line in listed])
 
 
-def impact_table(found: Sequence[MeasuredImpact]) -> str:
+def impact_table(found: Sequence[Measurement]) -> str:
     """Return the impacts, times relative to kickdyn's closed form."""
     lines = []
     for row in found:
-        ours = next(o.seconds for o in found if o.kick == row.kick and o.method.endswith("float64"))
+        ours = next(
+            o.seconds for o in found if o.scene == row.scene and o.method.endswith("float64")
+        )
         setting = row.setting or "-"
         front = "*" if row.pareto else ""
         ratio = f"{row.seconds / ours:.2g}"
-        lines.append((row.kick, row.method, setting, f"{row.error:.1e}", ratio, front))
+        lines.append((row.scene, row.method, setting, f"{row.error:.1e}", ratio, front))
     return table(("kick", "method", "setting", "error", "time", "front"), lines)
 
 
-def flight_table(found: Sequence[Measured]) -> str:
+def flight_table(found: Sequence[Measurement]) -> str:
     """Return the flights, times relative to the fastest of their scene."""
     lines = []
     for row in found:
         fastest = min(other.seconds for other in found if other.scene == row.scene)
         lines.append(
             (
-                row.scene, row.method, f"{row.tol:g}" if row.tol else "-", f"{row.error:.1e}",
-                f"{row.evaluations:.0f}", f"{row.seconds / fastest:.2g}",
+                row.scene, row.method, row.setting.removeprefix("tol ") or "-", f"{row.error:.1e}",
+                f"{row.calls:.0f}", f"{row.seconds / fastest:.2g}",
                 "*" if row.pareto else "",
             )
         )  # fmt: skip
     return table(("scene", "method", "tol", "error [m]", "calls", "time", "front"), lines)
 
 
-def extremes_table(found: Sequence[Row]) -> str:
-    """Return the extremes; what is no number is counted."""
+def extremes_table(found: Sequence[ExtremeCase]) -> str:
+    """Return the extremes; arguments that are not finite are counted."""
     heads = ("case", "worst error", "condition", "error", "digits", "allowed", "of", "verdict")
-    shown = [cells(row) for row in found if row.family != "no number"]
+    shown = [cells(row) for row in found if row.family != NOT_FINITE]
     lines = [[line[0], *(cell or "-" for cell in line[1:])] for line in shown]
-    refused = sum(row.family == "no number" for row in found)
+    refused = sum(row.family == NOT_FINITE for row in found)
     lines.append(["NaN, inf, Reynolds number 0", *["-"] * 6, f"{refused} refused"])
     return table(heads, lines)
 
@@ -89,9 +91,9 @@ def gains_table(found: Sequence[Gain], first: str, second: str) -> str:
     return table(("what", first, "error", second, "error"), lines)
 
 
-def kick_table(found: Sequence[MeasuredImpact]) -> str:
+def kick_table(found: Sequence[Measurement]) -> str:
     """Return the paper's kick for the README: kickdyn, MuJoCo as usual and at its most exact."""
-    smooth = [row for row in found if row.kick == "frictionless"]
+    smooth = [row for row in found if row.scene == "frictionless"]
     ours = next(row for row in smooth if row.method == "closed form, float64")
     engine = [row for row in smooth if row.method == "MuJoCo"]
     chosen = {
@@ -135,7 +137,7 @@ def write(page: Path, filled: dict[str, str]) -> None:
 
 
 @styled()
-def scatter(found: Sequence[Row]) -> Figure:
+def scatter(found: Sequence[ExtremeCase]) -> Figure:
     """Return error against condition."""
     figure = Figure(figsize=(6.4, 3.8))
     axes = figure.subplots()
@@ -144,9 +146,9 @@ def scatter(found: Sequence[Row]) -> Figure:
         [1, worst], [1e-15, 1e-15 * worst], "-", color="0.7", label="what the condition allows"
     )
     for verdict, colour in (
-        ("right", "tab:green"),
-        ("as claimed", "tab:orange"),
-        ("WRONG", "tab:red"),
+        (Correctness.RIGHT, "tab:green"),
+        (Correctness.AS_CLAIMED, "tab:orange"),
+        (Correctness.WRONG, "tab:red"),
     ):
         mine = [row for row in found if row.verdict == verdict]
         errors = [min(max(row.error, 1e-17), 1.0) for row in mine]
@@ -161,9 +163,9 @@ def scatter(found: Sequence[Row]) -> Figure:
 def main() -> None:
     """Write the page, and what the README says of it."""
     began = time.process_time()
-    impacts, flights, found = measure_impact(), measure(), list(rows())
+    impacts, flights, found = measure_impacts(), measure_flights(), list(extreme_cases())
     for file, figure in (
-        ("tradeoff.png", picture(impacts, flights)),
+        ("tradeoff.png", front_figure(impacts, flights)),
         ("extremes.png", scatter(found)),
     ):
         figure.savefig(DOCS / "images" / file, dpi=80)

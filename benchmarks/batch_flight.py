@@ -17,7 +17,7 @@ import numpy as np
 from by_hand import fly_by_hand
 
 import kickdyn as kd
-from kickdyn.accuracy.taylor import taylor
+from kickdyn.accuracy.references.exact_flight import heyoka_landings
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 
@@ -75,7 +75,7 @@ def main() -> None:
 
     row("fly", 1e-9, FEW, one_by_one, 1)
     for tol in (1e-6, 1e-9, 1e-12):
-        flown = taylor(BALL, AIR, tol)
+        flown = heyoka_landings(BALL, AIR, tol)
         if flown is not None:
             row("heyoka", tol, MANY, lambda run=flown: run(states)[0], 3)  # type: ignore[misc]
     for tol in (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12):

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_kick import damping_ratio, simulated
+from kickdyn.accuracy.references.mujoco_kick import damping_ratio, mujoco_kick
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 STIFFNESSES = (1e5, 1e6, 1e7)  # N/m
@@ -111,7 +111,7 @@ def relaxed(kick: Kick) -> np.ndarray:
 
 def difference(kick: Kick, stiffness: float, dt: float) -> float:
     """Return how far MuJoCo's impulse is from ours, relative to ours."""
-    return apart(simulated(ours(kick), stiffness, dt), ours(kick).impulse)
+    return apart(mujoco_kick(ours(kick), stiffness, dt)(), ours(kick).impulse)
 
 
 def apart(one: np.ndarray, other: np.ndarray) -> float:
@@ -127,7 +127,7 @@ def table(stiffnesses: tuple[float, ...] = STIFFNESSES, dt: float = STEP) -> dic
     }
     limit, hit = relaxed(SLIDING), ours(SLIDING)
     rows["the same, from MuJoCo's own limit"] = [
-        100 * apart(simulated(hit, stiffness, dt), limit) for stiffness in stiffnesses
+        100 * apart(mujoco_kick(hit, stiffness, dt)(), limit) for stiffness in stiffnesses
     ]
     return rows
 

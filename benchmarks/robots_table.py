@@ -87,13 +87,11 @@ def table() -> str:
 
 def pages(folder: Path) -> None:
     """Write a page of every line that shows the kick."""
-    from kickdyn.view.kick_page import kick_page, write_page
-
     folder.mkdir(parents=True, exist_ok=True)
     for name, base, hit in kicks():
         path = kd.fly(hit.ball_after, kd.Ball(), air=kd.Air(), ground=None)
         file = folder / f"{name} {base}.html".replace(", ", " ").replace(" ", "_")
-        write_page(file, kick_page(hit, kd.Ball(), path, caption=f"{name}, {base}"))
+        kd.page(hit, path, caption=f"{name}, {base}").save(file)
 
 
 if __name__ == "__main__":

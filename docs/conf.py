@@ -1,4 +1,4 @@
-"""Sphinx: how these pages become a site. `make docs` builds it, with warnings as errors."""
+"""Sphinx configuration of the site. `make docs` builds it, with warnings as errors."""
 
 import re
 
@@ -28,35 +28,38 @@ nb_execution_raise_on_error = True
 nb_merge_streams = True
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # signatures keep to names; shapes and units are in the text
+autodoc_typehints = "none"  # signatures have names only; shapes and units are in the text
 autodoc_class_signature = "separated"
 napoleon_use_ivar = True
 default_role = "code"
 
 
+_KEPT = r"`[^`]*`|^(?P<indent> *)\.\. math::.*(?:\n(?:[ \t]*$|(?P=indent) +.*))*"
+"""Inline code, inline formulas and blocks of formulas."""
+
+
 def _escape(app, what, name, obj, options, lines):
-    """Docstrings are plain text: bars are absolute values, stars are powers."""
-    for number, given in enumerate(lines):
-        line = re.sub(r"^ *\w+(, \w+)+: ", lambda names: names[0].replace(", ", "/"), given)
-        parts = re.split(r"(`[^`]*`)", line)
-        parts[::2] = [re.sub(r"(?<!\\)([|*])", r"\\\1", part) for part in parts[::2]]
-        lines[number] = re.sub(r"`(?=s\b)", r"`\\ ", "".join(parts))
+    """Escape bars and stars of docstrings, which are absolute values and powers, not markup."""
+    text = re.sub(r"(?m)^ *\w+(, \w+)+: ", lambda m: m[0].replace(", ", "/"), "\n".join(lines))
+    pattern = rf"(?P<kept>{_KEPT})|(?<!\\)[|*]"
+    text = re.sub(pattern, lambda m: m[0] if m["kept"] else f"\\{m[0]}", text, flags=re.MULTILINE)
+    lines[:] = re.sub(r"`(?=s\b)", r"`\\ ", text).split("\n")
 
 
 def _inline(translator, node):
-    """Write an equation as MathML, which browsers draw themselves: no script, no network."""
+    """Write an equation as MathML, which browsers render without scripts and network."""
     translator.body.append(convert(node.astext()))
     raise nodes.SkipNode
 
 
 def _block(translator, node):
-    """Write equations on lines of their own, their numbers behind them."""
+    """Write an equation on a line of its own, followed by its number."""
     tex = re.sub(r"\\tag\{(.*?)\}", r"\\qquad \\text{(\1)}", node.astext())
     translator.body.append(f'<div class="math">{convert(tex, display="block")}</div>')
     raise nodes.SkipNode
 
 
 def setup(app):
-    """Hook in."""
+    """Register the math renderer and the escaping of docstrings."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _escape, priority=400)  # before napoleon

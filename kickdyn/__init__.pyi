@@ -56,3 +56,4 @@ from .scene.toml_reader import load_scene as load_scene
 from .sweeps.kick import Kick as Kick
 from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
+from .view.page import page as page

@@ -1,25 +1,20 @@
-"""What kickdyn raises: one clear line that names the value and what would be valid."""
+"""Errors of kickdyn: one clear line that names the value and what would be valid."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 
-def printable(text: str) -> str:
-    """Return a text with its control characters as escapes: a terminal would obey them."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
 class KickdynError(Exception):
-    """Base of every error kickdyn raises on purpose."""
+    """Base class of every error that kickdyn raises on purpose."""
 
 
 class InvalidInput(KickdynError, ValueError):
     """A value that cannot be used; the message names it and says what is valid."""
 
 
-class UrdfError(InvalidInput):
-    """A robot description that is refused, with every fault found in it.
+class FaultyFile(InvalidInput):
+    """A file that is refused, with every fault found in it.
 
     Attributes:
         source: the file, as the caller named it.
@@ -27,38 +22,38 @@ class UrdfError(InvalidInput):
     """
 
     def __init__(self, source: str, faults: Sequence[str]) -> None:
-        self.source = source
-        self.faults = tuple(faults)
-        super().__init__(f"{source}: {'; '.join(self.faults)}")
-
-    def __reduce__(self) -> tuple[type[UrdfError], tuple[str, tuple[str, ...]]]:
-        return (UrdfError, (self.source, self.faults))
-
-
-class SceneError(InvalidInput):
-    """A scene that is refused, with every fault found in it, one line each.
-
-    Attributes:
-        source: the file, as the caller named it.
-        faults: one line per fault.
-    """
-
-    def __init__(self, source: str, faults: Sequence[str]) -> None:
         self.source = printable(source)
         self.faults = tuple(printable(fault) for fault in faults)
-        super().__init__("\n".join([f"{self.source}:", *self.faults]))
+        super().__init__(f"{self.source}: {'; '.join(self.faults)}")
 
-    def __reduce__(self) -> tuple[type[SceneError], tuple[str, tuple[str, ...]]]:
-        return (SceneError, (self.source, self.faults))
+    def __reduce__(self) -> tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]:
+        return (type(self), (self.source, self.faults))
+
+
+class UrdfError(FaultyFile):
+    """A robot description that is refused; all its faults are in one line."""
+
+
+class SceneError(FaultyFile):
+    """A scene file that is refused; each of its faults has a line of its own."""
+
+    def __str__(self) -> str:
+        """Return the file's name and a line per fault."""
+        return "\n".join([f"{self.source}:", *self.faults])
 
 
 class Unfinished(KickdynError):
-    """Stopped before the end; what is done stays, and can be gone on with."""
+    """A computation that was stopped before its end; what is stored can be continued."""
 
 
 class NoImpact(KickdynError):
-    """The foot does not move towards the ball along the contact normal: nothing is struck."""
+    """The foot does not move towards the ball along the contact normal, so nothing happens."""
 
 
 class EnergyCreated(KickdynError):
-    """A law gives leg and ball more kinetic energy than they had; raised by `strict=True` only."""
+    """An impact law gives leg and ball more kinetic energy than before; `strict=True` raises it."""
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters as escapes, which a terminal would obey."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

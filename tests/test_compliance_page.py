@@ -1,4 +1,4 @@
-"""The page on compliance prints what its script prints."""
+"""The tables of docs/compliance.md are the output of their script."""
 
 import contextlib
 import io
@@ -12,7 +12,7 @@ SCRIPT, PAGE = ROOT / "benchmarks" / "compliance.py", ROOT / "docs" / "complianc
 
 
 @pytest.mark.skipif(not SCRIPT.exists(), reason="benchmarks come with the checkout only")
-def test_every_row_is_what_the_script_prints():
+def test_every_row_is_the_output_of_the_script():
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
         runpy.run_path(str(SCRIPT), run_name="__main__")

@@ -1,4 +1,4 @@
-"""Every notebook runs top to bottom, and is kept without outputs."""
+"""Every notebook runs from top to bottom and is stored without outputs."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 by_name = pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 
 
-def test_there_is_one():
+def test_there_are_notebooks():
     assert NOTEBOOKS
 
 
@@ -37,7 +37,7 @@ def test_runs(file, tmp_path):
 
 @by_name
 def test_is_clean(file):
-    """A change of text is a change of that text only: nothing that running leaves behind."""
+    """Outputs, execution counts and metadata of a run are not stored."""
     notebook = nbformat.read(file, as_version=4)
     nbformat.validate(notebook)
     assert [cell.id for cell in notebook.cells] == [
@@ -48,7 +48,7 @@ def test_is_clean(file):
         assert cell.get("outputs", []) == []
         assert cell.get("execution_count") is None
     assert set(notebook.metadata) == {"kernelspec", "language_info"}
-    assert re.match(r"# \S.*\n\n\S", notebook.cells[0].source), "a title, and what it is about"
+    assert re.match(r"# \S.*\n\n\S", notebook.cells[0].source), "a title and an introduction"
 
 
 @by_name
@@ -66,7 +66,7 @@ metadata.files = files
 """
 
 
-def test_without_the_robots_it_says_so_in_one_line(tmp_path):
+def test_missing_robots_are_reported_in_one_line(tmp_path):
     notebook = nbformat.read(ROOT / "notebooks" / "humanoid_kick.ipynb", as_version=4)
     notebook.cells.insert(0, nbformat.v4.new_code_cell(NO_ROBOTS))
     with pytest.raises(CellExecutionError):

@@ -14,8 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.accuracy.exact_impact import exact_impact, given
 from kickdyn.accuracy.impact_methods import kick
+from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.paper import tables_4_5
 from kickdyn.paper.reproduce import SECTIONS
@@ -111,7 +111,7 @@ def row_of(start):
 
 def test_the_rows_on_mujoco():
     pytest.importorskip("mujoco")
-    from kickdyn.accuracy.mujoco_kick import simulated
+    from kickdyn.accuracy.references.mujoco_kick import mujoco_kick
 
     impact = kick(0.0)
     exact = exact_impact(*given(impact))["impulse"]
@@ -121,7 +121,7 @@ def test_the_rows_on_mujoco():
     rows = re.findall(r"^\| MuJoCo, (\S+) N/m, dt (\S+) s \| (\S+) \|", README, re.MULTILINE)
     assert len(rows) == 2
     for stiffness, dt, error in rows:
-        assert f"{exact.error(simulated(impact, float(stiffness), float(dt))):.1e}" == error
+        assert f"{exact.error(mujoco_kick(impact, float(stiffness), float(dt))()):.1e}" == error
 
 
 def test_the_rows_of_the_paper():

@@ -1,4 +1,4 @@
-"""Flights at the extremes: against closed forms with 50 digits."""
+"""Coefficients and flights at the extremes: against their sources, closed forms and quadratures."""
 
 from __future__ import annotations
 
@@ -9,10 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.accuracy.exact import Vector, length, mp, numbers, plus
-from kickdyn.accuracy.exact_flight import landing as exact_landing
-from kickdyn.accuracy.exact_impact import NUDGE
-from kickdyn.accuracy.extremes_row import FULL, Row, compared, digits, refused
+from kickdyn.accuracy.extreme_case import FULL, ExtremeCase, compare, digits, expect_refusal
+from kickdyn.accuracy.references.exact_coefficients import (
+    FORMULAS,
+    MODELS,
+    NUDGE,
+    Constants,
+    Formula,
+)
+from kickdyn.accuracy.references.exact_flight import landing as exact_landing
+from kickdyn.accuracy.references.exact_impact import Quantity
+from kickdyn.accuracy.references.exact_leg import Exact, context, length, mp, numbers
+from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
@@ -22,11 +30,35 @@ from kickdyn.flight.forces import downward
 from kickdyn.ground import Ground
 
 TOL = 1e-13
+"""Relative tolerance of flights that are compared with closed forms and quadratures."""
 
-Exact = Callable[[Vector], dict[str, Vector]]
+JOINS = (
+    1.0, 10.0, 2e4, 7e4, *(part * 12.19 * REYNOLDS_PER_SPEED for part in (0.9, 1.1)),
+    17.75 * REYNOLDS_PER_SPEED, 35.0 * REYNOLDS_PER_SPEED, 55.0 * REYNOLDS_PER_SPEED,
+)  # fmt: skip
+"""Reynolds numbers where a formula begins or ends."""
+
+SPINS = (0.0, 1e-300, 0.04, 0.05, 0.06, 0.2, 1e9)
+
+DRAGS = ("stokes", "sphere", "brazuca")
+"""Drag models that are flown."""
+
+coarse = context(24)
+"""Arithmetic of the quadratures: they need fewer digits than what is compared with them."""
 
 
-def vacuum() -> Iterator[Row]:
+Answers = tuple[dict[str, Any], dict[str, float]]
+"""Answers of a flight by name, and the digits that they claim."""
+
+
+def flight_cases(drags: Sequence[str] = DRAGS) -> Iterator[ExtremeCase]:
+    """Yield every coefficient and every flight, those in shipped air with the `drags`."""
+    for cases in (vacuum, constant_drag, tolerances, coefficients):
+        yield from cases()
+    yield from shipped_drag(drags)
+
+
+def vacuum() -> Iterator[ExtremeCase]:
     """Yield closed-form flights of 1e-9 s to 1e5 s, and falls that start with a rise or a dive."""
     g, radius = downward(Ball(), None), Ball().radius
     launches = [
@@ -40,7 +72,7 @@ def vacuum() -> Iterator[Row]:
         ("rise of 1e-9 m/s from 1e-9 m", (1.0, 1e-9), 1e-9),
     ]
 
-    def exact(values: Vector) -> dict[str, Vector]:
+    def exact(values: Exact) -> dict[str, Any]:
         along, up, radius, height, pull = values
         drop = -radius - height
         time = (up + mp.sqrt(up * up + 2 * pull * drop)) / pull
@@ -50,22 +82,20 @@ def vacuum() -> Iterator[Row]:
         start = BallState((0, 0, 0), (along, 0, up), (0, 0, 0))
         ground = Ground(height=-drop - radius) if drop else None
 
-        def found(
-            start: BallState = start, ground: Ground | None = ground
-        ) -> tuple[dict[str, Any], dict[str, float]]:
+        def found(start: BallState = start, ground: Ground | None = ground) -> Answers:
             path = fly(start, Ball(), None, ground, time_limit=1e9)
             return {"landing": path.landing.position[[0, 2]], "duration": path.duration}, {}
 
         values = (along, up, radius, -drop - radius, g) if drop else (along, up, 0.0, 0.0, g)
-        yield _judged("vacuum", name, exact, values, found)
+        yield _judge("vacuum", name, exact, values, found)
 
 
-def dragged() -> Iterator[Row]:
-    """Yield vertical shots with a constant drag coefficient, Reynolds numbers up to 1e9 and on."""
-    ball, air = Ball(), Air(drag=_half, lift=None, torque=None)
+def constant_drag() -> Iterator[ExtremeCase]:
+    """Yield vertical shots with a constant drag coefficient, at Reynolds numbers up to 1e12."""
+    ball, air = Ball(), Air(drag=constant(0.5), lift=None, torque=None)
     g = downward(ball, air)
 
-    def exact(values: Vector) -> dict[str, Vector]:
+    def exact(values: Exact) -> dict[str, Any]:
         up, mass, radius, density, coefficient, pull = values
         limit = mp.sqrt(2 * mass * pull / (density * coefficient * mp.pi)) / radius
         high = limit**2 / (2 * pull) * mp.log1p((up / limit) ** 2)
@@ -78,34 +108,30 @@ def dragged() -> Iterator[Row]:
         launch = BallState(velocity=(0, 0, up))
         values = (up, ball.mass, ball.radius, air.density, 0.5, g)
         name = f"straight up at Re {reynolds:g}"
-        yield _judged("drag", name, exact, values, partial(shot, launch, ball, air))
+        yield _judge("drag", name, exact, values, partial(vertical_answers, launch, ball, air))
 
 
-def shot(
+def vertical_answers(
     launch: BallState, ball: Ball, air: Air, ground: Ground | None = None
-) -> tuple[dict[str, Any], dict[str, float]]:
-    """Return what a vertical flight answers, and the digits that its own estimate leaves each.
+) -> Answers:
+    """Return the answers of a vertical flight, and the digits that its error estimate leaves each.
 
-    The ball ends where it must, and what may be wrong is when: `Flight.error` counts that too.
-    `Flight.error` estimates a distance d at the end of a flight of time T and final speed v. It is
-    d of the height; d / v of the time, as long as the ball takes to cover it; and of the speed
-    2 d / T, for a speed that goes wrong evenly along the way leaves its mean times T behind.
+    `Flight.error` estimates a distance d at the end of a flight of duration T and final speed v; it
+    counts when the ball ends, too. It is d of the height; d / v of the duration, in which the ball
+    covers d; and 2 d / T of the speed, since an error of the speed that grows evenly to that value
+    moves the ball by d.
     """
     path = fly(launch, ball, air, ground, tol=TOL, time_limit=1e9)
-    speed, off = float(path.landing.speed), path.error
+    speed, error = float(path.landing.speed), path.error
     answers = {"height": path.height, "duration": path.duration, "landing speed": speed}
-    way = speed * path.duration
-    claims = {"height": digits(off / path.height) if path.height else FULL}
-    claims["duration"] = digits(off / way) if way else FULL
-    claims["landing speed"] = digits(2.0 * off / way) if way else FULL
+    travelled = speed * path.duration
+    claims = {"height": digits(error / path.height) if path.height else FULL}
+    claims["duration"] = digits(error / travelled) if travelled else FULL
+    claims["landing speed"] = digits(2.0 * error / travelled) if travelled else FULL
     return answers, claims if path.evaluations else dict.fromkeys(answers, FULL)
 
 
-def _half(reynolds: float, spin_parameter: float) -> float:
-    return 0.5
-
-
-def tolerances() -> Iterator[Row]:
+def tolerances() -> Iterator[ExtremeCase]:
     """Yield a spinning kick at every tolerance, and flown in pieces, against 20 digits."""
     ball, air = Ball(), Air()
     start = BallState((0, 0, 0), (24, 1, 9), (0, -30, 15))
@@ -116,7 +142,7 @@ def tolerances() -> Iterator[Row]:
         path = fly(start, ball, air, ground, 10.0**-exponent)
         error = math.hypot(*(path.landing.position - finest)) / scale
         claimed = {"landing": digits(path.error / scale)}
-        yield compared(
+        yield compare(
             "tolerance", f"tol 1e-{exponent}", {"landing": error}, {"landing": 1.0}, claimed
         )
     for pieces in (10, 1000):
@@ -125,17 +151,17 @@ def tolerances() -> Iterator[Row]:
             error = math.hypot(*(landed - finest)) / scale
             name = f"{pieces} flights in a row, tol {tol:g}"
             claimed = {"landing": digits(pieces**2 * own / scale)}
-            yield compared("tolerance", name, {"landing": error}, {"landing": 1.0}, claimed)
+            yield compare("tolerance", name, {"landing": error}, {"landing": 1.0}, claimed)
 
 
 def _in_pieces(
     start: BallState, ball: Ball, air: Air, ground: Ground, tol: float, pieces: int
 ) -> tuple[Array, float]:
-    """Return the landing of a flight flown in pieces, and the largest error that one estimates.
+    """Return the landing of a flight in pieces, and the largest error that a piece estimates.
 
-    A tenth of the pieces are asked. With d the largest, the speed after one of time t is off by
-    2 d / t (see `shot`), which the way still to go turns into 2 d for each piece of it. The sum
-    over n pieces is d n^2, if air brings neighbours no farther apart.
+    A tenth of the pieces are asked. With d the largest, the speed after one of duration t is off by
+    2 d / t (see `vertical_answers`), which moves the ball by 2 d in each piece that follows. The
+    sum over n pieces is d n^2, if the air brings neighbours no farther apart.
     """
     limit = fly(start, ball, air, ground, tol).duration / (pieces - 0.5)
     state, number, own = start, 0, 0.0
@@ -148,16 +174,134 @@ def _in_pieces(
         state, number = path.landing, number + 1
 
 
-def refusals() -> list[Row]:
-    """Return what becomes of NaN and inf in a launch, the air and the tolerance."""
+def reynolds_numbers() -> list[float]:
+    """Return denormals, tiny and huge numbers, and each join with its neighbours."""
+    found = [5e-324, 1e-310, 1e-300, 1e-3, 3.0, 1e3, 4e4, 1.9e5, 3.3e5, 1e6, 1e9]
+    for join in JOINS:
+        found += [math.nextafter(join, 0.0), join, math.nextafter(join, math.inf)]
+    return sorted(found)
+
+
+def coefficients() -> Iterator[ExtremeCase]:
+    """Yield a case for each shipped model: the number with least digits to spare of all."""
+    for (kind, name), formula in FORMULAS.items():
+        model = MODELS[kind][name]
+        errors: dict[str, float] = {}
+        allowed: dict[str, float] = {}
+        for reynolds in reynolds_numbers():
+            for spin in SPINS if kind != "torque" else (0.0,):
+                case = f"Re {reynolds:.6g}, Sp {spin:g}"
+                exact, condition = conditioned(formula, reynolds, spin)
+                error = exact.error(model(reynolds, spin))
+                if case not in errors or error > errors[case]:  # a join's neighbours print alike
+                    errors[case], allowed[case] = error, condition
+        yield compare("coefficient of air", f"{kind} {name}, Re to 1e9", errors, allowed, {})
+
+
+def conditioned(formula: Formula, reynolds: float, spin: float) -> tuple[Quantity, float]:
+    """Return a coefficient and its condition number, estimated as in `exact_impact.conditions`."""
+    right = formula(Constants(), reynolds, spin)
+    exact, squares, samples = Quantity(np.array([right]), abs(right)), 0.0, 3
+    if right == 0:
+        return exact, 1.0
+    for seed in range(samples):
+        constants = Constants(seed=seed)
+        moved = formula(constants, reynolds, spin)
+        squares += float(abs((moved - right) / right) / NUDGE) ** 2 * constants.count
+    return exact, max(1.0, math.sqrt(squares / samples))
+
+
+def shipped_drag(drags: Sequence[str] = DRAGS) -> Iterator[ExtremeCase]:
+    """Yield vertical shots, and a fall from rest, with shipped drag, against quadratures."""
+    ball = Ball()
+    for name in drags:
+        air = Air(drag=name, lift=None, torque=None)
+        per_speed = 2 * ball.radius * air.density / air.viscosity
+        for reynolds in (0.0, 5e-324, 1e-300, 1.0, 7e4, 1e9):
+            speed = reynolds / per_speed or reynolds
+            case = f"drag {name}, up at Re {reynolds:g}"
+            ground, drop = None, 0.0
+            if speed == 0.0:
+                case, ground, drop = f"drag {name}, dropped, from Re 0", Ground(height=-1.0), 1.0
+            launch = BallState((0.0, 0.0, ball.radius if ground else 0.0), (0.0, 0.0, speed))
+            found, claims = vertical_answers(launch, ball, air, ground)
+            exact = vertical(FORMULAS["drag", name], speed, drop, ball, air, found["landing speed"])
+            errors = {key: exact[key].error(value) for key, value in found.items()}
+            yield compare("drag", case, errors, dict.fromkeys(errors, 1.0), claims)
+
+
+def vertical(
+    formula: Formula, speed: float, drop: float, ball: Ball, air: Air, near: float
+) -> dict[str, Quantity]:
+    """Return height, duration and landing speed of a ball thrown up, or dropped, by quadrature.
+
+    With a(v) what drag makes, dt is dv over g + a on the way up and over g - a on the way down, and
+    dz is v dt. The landing speed is Newton's root of the height.
+
+    Args:
+        formula: of the drag coefficient.
+        speed: upward [m/s].
+        drop: how far below the start it ends [m].
+        ball: what flies.
+        air: what through.
+        near: a landing speed to begin with.
+    """
+    m, constants = coarse, Constants(coarse)
+    g = m.mpf(downward(ball, air))
+    per_speed = 2.0 * ball.radius * air.density / air.viscosity
+    pressure = m.mpf(air.density) * m.pi * m.mpf(ball.radius) ** 2 / (2 * m.mpf(ball.mass))
+    tiny = per_speed * max(speed, near) < 1e-100
+
+    def slowing(v: Any) -> Any:
+        return 0 if tiny or v == 0 else pressure * formula(constants, v * per_speed, 0.0) * v * v
+
+    def over(power: int, sign: int, low: Any, high: Any) -> Any:
+        return m.quad(lambda v: v**power / (g + sign * slowing(v)), _breaks(low, high, per_speed))
+
+    start, last = m.mpf(speed), m.mpf(near)
+    if tiny:
+        found = {"height": start**2 / (2 * g), "duration": 2 * start / g, "landing speed": start}
+    else:
+        high = over(1, 1, m.zero, start)
+        fallen = over(1, -1, m.zero, last)
+        for _ in range(3):
+            better = last + (high + drop - fallen) * (g - slowing(last)) / last
+            fallen, last = fallen + over(1, -1, last, better), better
+        time = over(0, 1, m.zero, start) + over(0, -1, m.zero, last)
+        found = {"height": high, "duration": time, "landing speed": last}
+    return {key: Quantity(np.array([mp.mpf(str(v))]), mp.mpf(str(v))) for key, v in found.items()}
+
+
+def _breaks(low: Any, high: Any, per_speed: float) -> list[Any]:
+    """Return where a quadrature over speeds is cut: at joins, decades, the crisis, and its ends."""
+    decades = (*np.logspace(0, 4, 5), *np.logspace(6, 9, 7))
+    reynolds = [*decades, 2, 5, 2e4, 2.5e4, 3e4, 4e4, 5e4, 6e4, 7e4]
+    speeds = [one / per_speed for one in reynolds] + [float(v) for v in range(5, 60)]
+    ball = BALLS["brazuca"]
+    speeds += [REYNOLDS_PER_SPEED / per_speed * v for v in (ball.v_max, ball.v_max + 20.0)]
+    speeds += [float(high) * (1.0 - 0.5**j) for j in range(1, 40)]
+    inside = sorted({speed for speed in speeds if low < speed < high})
+    return [low, *inside, high]
+
+
+def flight_refusals() -> list[ExtremeCase]:
+    """Return what becomes of NaN and inf in a flight's arguments, and as Reynolds numbers."""
     return [
-        refused(f"{name} = {bad}", made)
-        for bad in (math.nan, math.inf, -math.inf)
-        for name, made in _spoilt(bad).items()
+        *(
+            expect_refusal(f"{name} = {bad}", attempt)
+            for bad in (math.nan, math.inf, -math.inf)
+            for name, attempt in _bad_flights(bad).items()
+        ),
+        *(
+            expect_refusal(f"{kind} {name} at Re {bad:g}", partial(MODELS[kind][name], bad))
+            for kind, name in FORMULAS
+            for bad in (0.0, math.nan, math.inf)
+        ),
     ]
 
 
-def _spoilt(bad: float) -> dict[str, Callable[[], object]]:
+def _bad_flights(bad: float) -> dict[str, Callable[[], object]]:
+    """Return flights with one bad argument each, by its name."""
     launch, ball = BallState(velocity=(1, 0, 1)), Ball()
     return {
         "position": lambda: BallState((bad, 0, 0)),
@@ -171,28 +315,30 @@ def _spoilt(bad: float) -> dict[str, Callable[[], object]]:
     }
 
 
-def _judged(
+def _judge(
     family: str,
     name: str,
-    exact: Exact,
+    exact: Callable[[Exact], dict[str, Any]],
     values: Sequence[float],
-    found: Callable[[], tuple[dict[str, Any], dict[str, float]]],
-) -> Row:
+    found: Callable[[], Answers],
+) -> ExtremeCase:
     """Return the row of an answer against a closed form, conditions by changing each number."""
     try:
         ours, claimed = found()
     except KickdynError as error:
-        return Row(family, name, refusal=str(error))
-    inputs = numbers(values)
-    right = exact(inputs)
+        return ExtremeCase(family, name, refusal=str(error))
+    inputs, nudge = numbers(values), mp.mpf(NUDGE)
+    right = {key: np.array(value) for key, value in exact(inputs).items()}
     sums = dict.fromkeys(right, 0.0)
-    for i, value in enumerate(inputs):
-        moved = exact([*inputs[:i], value * (1 + NUDGE), *inputs[i + 1 :]])
-        for key, one in right.items():
-            sums[key] += float(length(plus(moved[key], one, -1)) / length(one) / NUDGE)
+    for i in range(len(inputs)):
+        nudged = inputs.copy()
+        nudged[i] *= 1 + nudge
+        moved = exact(nudged)
+        for key, value in right.items():
+            sums[key] += float(length(np.array(moved[key]) - value) / length(value) / nudge)
     errors = {
-        key: float(length(plus(numbers(np.ravel(ours[key])), one, -1)) / length(one))
-        for key, one in right.items()
+        key: float(length(numbers(np.ravel(ours[key])) - value) / length(value))
+        for key, value in right.items()
     }
     allowed = {key: max(1.0, total) for key, total in sums.items()}
-    return compared(family, name, errors, allowed, claimed)
+    return compare(family, name, errors, allowed, claimed)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.accuracy.exact import ExactPosture, described, length, mp, numbers, plus
-from kickdyn.accuracy.exact_impact import Quantity, exact_impact, given
-from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, USUAL, Kick, chain, grazes, masses, sizes
+from kickdyn.accuracy.extreme_impacts import BENT, USUAL, chain, grazes, masses, sizes, usual
+from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, given
+from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from kickdyn.aerodynamics.coefficient_model import smoothstep
-from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.flight.forces import time_to_fall
-from kickdyn.impact.impact_result import Impact
 
 
 class Gain(NamedTuple):
@@ -46,26 +43,32 @@ def draws() -> list[Gain]:
     return [_order(), *_two_masses()]
 
 
+def _number(exact: Any) -> Quantity:
+    """Return one number as a quantity."""
+    return Quantity(np.array([exact]), abs(exact))
+
+
 def _jump() -> Gain:
+    """Return the gain in the joint velocity of a long chain."""
     kick = next(kick for kick in sizes(50) if kick.name == "chain of 50")
-    hit = kick.struck()
-    exact = exact_impact(*given(hit))["joint velocity"]
-    posture = hit.posture
-    plain = hit.v_before + posture.solve(-hit.impulse @ posture.jacobian)
+    impact = kick.impact()
+    exact = exact_impact(*given(impact))["joint velocity"]
+    posture = impact.posture
+    plain = impact.v_before + posture.solve(-impact.impulse @ posture.jacobian)
     return Gain(
         "joint velocity after, 50 joints", "Cholesky factor of M", "articulated bodies",
-        exact.error(plain), exact.error(hit.v_after),
+        exact.error(plain), exact.error(impact.v_after),
     )  # fmt: skip
 
 
 def _order() -> Gain:
-    """The sparse factor of the sweeps begins at the tip; LAPACK's begins at the base."""
-    hit = next(kick for kick in sizes(50) if kick.name == "chain of 50").struck()
-    exact = exact_impact(*given(hit))["effective mass"]
-    row = hit.contact.normal @ hit.posture.jacobian
+    """Return the sparse factor of the sweeps, from the tip, beside LAPACK's, from the base."""
+    impact = next(kick for kick in sizes(50) if kick.name == "chain of 50").impact()
+    exact = exact_impact(*given(impact))["effective mass"]
+    row = impact.contact.normal @ impact.posture.jacobian
 
     def mass(order: slice) -> float:
-        root = np.linalg.cholesky(hit.posture.inertia[order, order])
+        root = np.linalg.cholesky(impact.posture.inertia[order, order])
         part = np.linalg.solve(root, row[order])
         return 1.0 / float(part @ part)
 
@@ -76,53 +79,50 @@ def _order() -> Gain:
 
 
 def _two_masses() -> list[Gain]:
-    """Eq. (10) as it is printed, and as an impact of two masses."""
+    """Return Eq. (10) as it is printed, beside an impact of two masses."""
     kicks = [
         kick for kick in masses() if kick.name.startswith("ball of") and not kick.contact.friction
     ]
     found = []
     for kick in kicks:
-        hit = kick.struck()
-        exact = exact_impact(*given(hit))["impulse"]
-        n, posture, ball = hit.contact.normal, hit.posture, hit.ball
+        impact = kick.impact()
+        exact = exact_impact(*given(impact))["impulse"]
+        n, posture, ball = impact.contact.normal, impact.posture, impact.ball
         leg = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
-        speed = (1.0 + hit.contact.restitution) * float(n @ hit.foot_velocity)
+        speed = (1.0 + impact.contact.restitution) * float(n @ impact.foot_velocity)
         printed = speed / float(n @ (leg + np.eye(3) / ball.mass) @ n)
         found.append(
             Gain(
                 f"impulse, {kick.name.split(',')[0]}", "Eq. (10) as printed", "two masses",
-                exact.error(printed * n), exact.error(hit.impulse),
+                exact.error(printed * n), exact.error(impact.impulse),
             )
         )  # fmt: skip
     return found
 
 
 def _straight() -> Gain:
+    """Return the gain in the effective mass of a nearly straight leg."""
     q = (0.4, 1e-5, 0.0)
-    leg = chain(USUAL)
-    along = leg.posture(q).contact_point
-    kick = Kick("bent by 1e-5", leg, q, SPEEDS, Ball(), Contact(along, 0.8), 9.0 * -along)
-    hit: Impact = kick.struck()
-    exact = exact_impact(*given(hit))["effective mass"]
-    n, posture = hit.contact.normal, hit.posture
+    along = chain(USUAL).posture(q).contact_point
+    impact = usual("bent by 1e-5", Contact(along, 0.8), q=q, ball_velocity=9.0 * -along).impact()
+    exact = exact_impact(*given(impact))["effective mass"]
+    n, posture = impact.contact.normal, impact.posture
     give = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
     return Gain(
         "effective mass along a leg bent by 1e-5 rad", "1 / n^T (J M^-1 J^T) n, as in Eq. (10)",
-        "1 / (L^-1 J^T n)^2", exact.error(1.0 / (n @ give @ n)), exact.error(hit.effective_mass),
+        "1 / (L^-1 J^T n)^2", exact.error(1.0 / (n @ give @ n)), exact.error(impact.effective_mass),
     )  # fmt: skip
 
 
 def _approach() -> Gain:
+    """Return the gain in the approach of a ball that spins fast."""
     kick = next(kick for kick in grazes() if kick.name == "spin of 1e+12 rad/s")
-    hit = kick.struck()
-    n, ball = hit.contact.normal, hit.ball_before
-    centre = ball.velocity - hit.foot_velocity
-    whole = centre - hit.ball.radius * cross(ball.spin, n)
-    foot = exact_impact(*given(hit))["foot velocity"].exact
-    right = -sum(
-        a * b for a, b in zip(numbers(n), plus(numbers(ball.velocity), foot, -1), strict=True)
-    )
-    exact = Quantity([right], abs(right))
+    impact = kick.impact()
+    n, ball = impact.contact.normal, impact.ball_before
+    centre = ball.velocity - impact.foot_velocity
+    whole = centre - impact.ball.radius * cross(ball.spin, n)
+    foot = exact_impact(*given(impact))["foot velocity"].exact
+    exact = _number(-numbers(n) @ (numbers(ball.velocity) - foot))
     return Gain(
         "approach, spin 1e12 rad/s", "n . velocity of the ball's surface", "n . that of its centre",
         exact.error(-n @ whole), exact.error(-n @ centre),
@@ -130,28 +130,25 @@ def _approach() -> Gain:
 
 
 def _far_base() -> Gain:
+    """Return the gain in the inertia of a leg far from the origin."""
     leg = chain(USUAL, base=(1e9, -1e9, 1e9))
-    structure = described(leg)
-    exact = ExactPosture(structure, structure["values"], numbers(BENT)).inertia
+    exact = ExactPosture(*leg_numbers(leg), numbers(BENT)).inertia
     space = leg.workspace
     world = pin.crba(space.model, space.data, np.array(BENT), pin.Convention.WORLD).copy()
-    flat = [entry for row in exact for entry in row]
-
-    def error(found: Array) -> float:
-        return float(length(plus(numbers(found.ravel()), flat, -1)) / length(flat))
-
+    quantity = Quantity(exact.ravel(), length(exact.ravel()))
     ours = leg.posture(BENT).inertia
     return Gain(
         "joint-space inertia, base at 1e9 m", "about the world's origin", "in each joint's axes",
-        error(world), error(ours),
+        quantity.error(world), quantity.error(ours),
     )  # fmt: skip
 
 
 def _fall() -> Gain:
+    """Return the gain in the time of a fall that starts fast."""
     drop, dive, g = 1e-6, 1e6, 9.81
     a, b, c = numbers((drop, dive, g))
     right = (mp.sqrt(b * b + 2 * c * a) - b) / c
-    exact = Quantity([right], right)
+    exact = _number(right)
     plain = (math.sqrt(dive * dive + 2 * g * drop) - dive) / g
     return Gain(
         "fall by 1e-6 m at 1e6 m/s", "root of Eq. (24) as printed", "its other form",
@@ -160,13 +157,13 @@ def _fall() -> Gain:
 
 
 def _join() -> Gain:
-    """The drag of a soccer ball, where that of a sphere has nearly faded out."""
+    """Return the gain in a soccer ball's drag, where that of a sphere has nearly faded out."""
     low, high = 2e4, 7e4
     plain_error = our_error = 0.0
     for x in np.linspace(6e4, high, 100, endpoint=False).tolist():
         share = mp.log(mp.mpf(x) / mp.mpf(low)) / mp.log(mp.mpf(high) / mp.mpf(low))
         right = mp.betainc(4, 4, 0, share, regularized=True)
-        exact = Quantity([right], right)
+        exact = _number(right)
         s = math.log(x / low) / math.log(high / low)
         plain = s**4 * (35.0 - 84.0 * s + 70.0 * s**2 - 20.0 * s**3)
         plain_error = max(plain_error, exact.error(plain))

@@ -1,4 +1,4 @@
-"""Impact: error of the impulse against time, for each way to compute it.
+"""Impact: error of the impulse against time, for each method to compute it.
 
 MuJoCo is among them where it is installed.
 """
@@ -6,14 +6,13 @@ MuJoCo is among them where it is installed.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.accuracy.exact_impact import exact_impact, given
+from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
+from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -23,35 +22,16 @@ from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.pinocchio_impact import engine_strike
 from kickdyn.impact.strike import strike
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg import Leg, Posture
 
 FOOT_SPEED = 10.0  # m/s
 CONTACT_TIMES = (1e-2, 1e-3, 1e-4, 1e-5)  # s
 MUJOCO = {1e5: (2e-3, 1e-3, 1e-4, 1e-5), 1e6: (1e-4, 1e-5), 1e7: (1e-4, 1e-5, 1e-6)}
 """Stiffness [N/m] to time steps [s]."""
 CONE_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-BRIEFEST_TIMING = 0.02  # s
 
-
-@dataclass(frozen=True)
-class MeasuredImpact:
-    """One way to compute one kick.
-
-    Attributes:
-        kick: `frictionless` or `friction 0.4`.
-        method: with what.
-        setting: tolerance, stiffness or time step, if it has one.
-        error: of the impulse, relative to 50 digits.
-        seconds: per evaluation, from posture and velocity on; of MuJoCo, the steps only.
-        pareto: whether no other is both faster and more exact.
-    """
-
-    kick: str
-    method: str
-    setting: str
-    error: float
-    seconds: float
-    pareto: bool = False
+Method = tuple[str, str, Callable[[], Array]]
+"""Name, setting, and the function that returns the impulse."""
 
 
 def kick(friction: float) -> Impact:
@@ -63,66 +43,48 @@ def kick(friction: float) -> Impact:
     return strike(posture, v, Ball.paper(), Contact(attack, 0.8, friction))
 
 
-def measure_impact(told: Callable[[str], None] | None = None) -> list[MeasuredImpact]:
-    """Measure every method on the same two kicks, in one run.
+def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Measurement]:
+    """Measure every method on the same two kicks, in one run, against 50 digits.
+
+    Times are per evaluation, from posture and velocity on; of MuJoCo, those of the steps only.
 
     Args:
-        told: called with each method's name as it begins.
+        report: called with each method's name as it begins.
 
     Returns:
         One row per kick, method and setting; those on a kick's Pareto front are marked.
     """
     rows = []
     for name, friction in (("frictionless", 0.0), ("friction 0.4", 0.4)):
-        hit = kick(friction)
-        exact = exact_impact(*given(hit))["impulse"]
+        impact = kick(friction)
+        exact = exact_impact(*given(impact))["impulse"]
         measured = []
-        for method, setting, run in _methods(hit):
-            if told is not None:
-                told(f"{name}: {method} {setting}")
+        for method, setting, run in _methods(impact):
+            report(f"{name}: {method} {setting}")
             try:
                 error = exact.error(run())
             except KickdynError:  # MuJoCo at a step too long for its contact
                 continue
-            measured.append(MeasuredImpact(name, method, setting, error, _timed(run)))
-        rows += [replace(row, pareto=not _beaten(row, measured)) for row in measured]
+            measured.append(Measurement(name, method, setting, error, shortest_time(run)))
+        rows += mark_front(measured)
     return rows
 
 
-def _beaten(row: MeasuredImpact, rows: list[MeasuredImpact]) -> bool:
-    return any(o.seconds < row.seconds and o.error < row.error for o in rows)
-
-
-def _timed(run: Callable[[], Array]) -> float:
-    """Return the shortest of five mean times of this process [s], whatever else runs."""
-    began = time.process_time()
-    run()
-    repeats = max(1, math.ceil(BRIEFEST_TIMING / max(time.process_time() - began, 1e-6)))
-    best = math.inf
-    for _ in range(5 if repeats > 1 else 1):
-        began = time.process_time()
-        for _ in range(repeats):
-            run()
-        best = min(best, (time.process_time() - began) / repeats)
-    return best
-
-
-Method = tuple[str, str, Callable[[], Array]]
-
-
-def _methods(hit: Impact) -> Iterator[Method]:
-    leg, q, v, ball, contact = hit.posture.leg, hit.posture.q, hit.v_before, hit.ball, hit.contact
+def _methods(impact: Impact) -> Iterator[Method]:
+    """Yield every method that applies to a kick."""
+    leg, q, v = impact.posture.leg, impact.posture.q, impact.v_before
+    ball, contact = impact.ball, impact.contact
     yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
-    yield "closed form, float32", "", lambda: in_float32(leg, q, v, ball, contact)
+    yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
     if contact.friction == 0.0:
         yield "engine", "", lambda: engine_strike(leg.posture(q), v, ball, contact).impulse
-    yield "stacked KKT", "", lambda: stacked(leg, q, v, ball, contact)
+    yield "stacked KKT", "", lambda: stacked(leg.posture(q), v, ball, contact)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
             for tol in CONE_TOLERANCES:
 
                 def cone(name: str = name, tol: float = tol) -> Array:
-                    return in_cone(leg, q, v, ball, contact, name, tol)
+                    return in_cone(leg.posture(q), v, ball, contact, name, tol)
 
                 yield f"Pinocchio {name}", f"tol {tol:g}", cone
     for seconds in CONTACT_TIMES:
@@ -131,22 +93,18 @@ def _methods(hit: Impact) -> Iterator[Method]:
             return collide(leg.posture(q), v, ball, contact, contact_time=seconds).impulse
 
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
-    yield from _in_mujoco(hit)
-
-
-def _in_mujoco(hit: Impact) -> Iterator[Method]:
     try:
-        from kickdyn.accuracy.mujoco_kick import simulation
+        from kickdyn.accuracy.references.mujoco_kick import mujoco_kick  # optional
     except ImportError:
         return
     for stiffness, steps in MUJOCO.items():
         for dt in steps:
-            yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", simulation(hit, stiffness, dt)
+            yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
 
 
-def in_float32(leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact) -> Array:
+def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
     """Return the impulse with the contact solved in float32; with friction, what sticks."""
-    posture, single = leg.posture(q), np.float32
+    single = np.float32
     inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
     n, mass = contact.normal.astype(single), single(ball.mass)
     u = -(jacobian @ v.astype(single))
@@ -159,16 +117,16 @@ def in_float32(leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact) -> Ar
     return np.asarray(-np.linalg.solve(give, u + e * (n @ u) * n), dtype=float)
 
 
-def stacked(leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact) -> Array:
+def stacked(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
     """Return the impulse from momenta and contact rows as one linear system; friction sticks."""
-    posture, n = leg.posture(q), contact.normal
-    size = leg.nv + 6
+    n, nv = contact.normal, posture.leg.nv
+    size = nv + 6
     rows = n[None] if contact.friction == 0.0 else np.eye(3)
     across = pin.skew(ball.radius * n)  # velocity at the contact per spin: -w x r n
     jacobian = rows @ np.hstack([-posture.jacobian, np.eye(3), across])
     mass = np.zeros((size, size))
-    mass[: leg.nv, : leg.nv] = posture.inertia
-    mass[range(leg.nv, size), range(leg.nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
+    mass[:nv, :nv] = posture.inertia
+    mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
     bounce = contact.restitution * float(n @ posture.jacobian @ v) * (rows @ n)
     whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
@@ -177,10 +135,10 @@ def stacked(leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact) -> Array
 
 
 def in_cone(
-    leg: Leg, q: Array, v: Array, ball: Ball, contact: Contact, name: str, tol: float
+    posture: Posture, v: Array, ball: Ball, contact: Contact, name: str, tol: float
 ) -> Array:
     """Return the impulse by one of Pinocchio's cone solvers, `ADMM` or `PGS`, at a tolerance."""
-    posture, n = leg.posture(q), contact.normal
+    n = contact.normal
     foot = posture.jacobian @ v
     problem = ContactProblem(
         normal=n, leg_rows=posture.delassus_factor(), ball=ball, centre_velocity=-foot,

@@ -21,7 +21,8 @@ COMMANDS = {
     "plan": ("kickdyn.cli.plan_command:plan", "From a wished-for flight to the kick."),
     "paper": ("kickdyn.cli.paper_command:paper", "Reproduce the ICRA 2005 paper, item by item."),
     "tradeoff": ("kickdyn.cli.tradeoff_command:tradeoff", "Measure error against cost."),
-    "extremes": ("kickdyn.accuracy.extremes:extremes", "Compare with 50 digits at extremes."),
+    "extremes": ("kickdyn.cli.extremes_command:extremes", "Compare with 50 digits at extremes."),
+    "simulate": ("kickdyn.cli.simulate_command:simulate", "Simulate a scene file to a tolerance."),
     "view": ("kickdyn.cli.view_command:view", "Show a scene file as a 3-D page or a picture."),
 }
 """Where each command is defined, `module:function`, and its summary."""

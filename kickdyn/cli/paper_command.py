@@ -10,7 +10,7 @@ import click
 from matplotlib.figure import Figure
 
 from kickdyn.cli.command import busy
-from kickdyn.core.files import check_distinct, check_outputs, replacing, write_json
+from kickdyn.core.files import check_distinct, check_outputs, write_json
 from kickdyn.core.plot_style import styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
@@ -43,7 +43,7 @@ def paper(
         drawings = {}
     check_distinct(view, json_file, *drawings)
     check_outputs(view, json_file=json_file)
-    page = None if view is None else _page(sections)
+    shown = None if view is None else _with_flights(sections)
     if drawings and figures is not None:
         _make_folder(figures)
         check_outputs(*drawings)
@@ -60,9 +60,10 @@ def paper(
         for file, draw in drawings.items():
             say(f"drawing {file.name}")
             save_figure(_figure(draw), file)
-    if view is not None and page is not None:
-        with replacing(view) as draft:
-            draft.write_text(page, encoding="utf-8")
+    if view is not None and shown is not None and shown.flights is not None:
+        from kickdyn.view.page import page
+
+        page(shown.flights(), caption=shown.name).save(view)
     if json_file is not None:
         every = chain(*items.values(), *others.values())
         write_json(json_file, [item.as_json() for item in every])
@@ -74,15 +75,12 @@ def paper(
         click.echo(f"wrote {name}")
 
 
-def _page(sections: Sequence[Section]) -> str:
-    """Return the page of the one section that has flights to look at."""
-    found = [(section.name, section.flights) for section in sections if section.flights]
+def _with_flights(sections: Sequence[Section]) -> Section:
+    """Return the one section that has flights to show."""
+    found = [section for section in sections if section.flights]
     if len(found) != 1:
         raise InvalidInput('--view shows one figure: add --only "fig 8" or --only "fig 10"')
-    from kickdyn.view.flights_page import flights_page
-
-    name, flights = found[0]
-    return flights_page(flights(), title=name)
+    return found[0]
 
 
 def _file(section: Section, folder: str | None) -> Path:

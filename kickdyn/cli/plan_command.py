@@ -277,18 +277,15 @@ def _write(
     plot: str | None,
 ) -> None:
     if view is not None:
-        from kickdyn.view.kick_page import kick_page, write_page
+        from kickdyn.view.page import page
         from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
 
         ball, goal = planned.hit.ball, planned.goal
         foot = planned.path.launch.position - np.array([0.0, 0.0, ball.radius])
         boxes = [] if wall is None else wall_boxes(foot, goal.ahead, *wall)
         boxes += goal_boxes(foot, float(goal.target[0])) if mouth else []
-        shown = swung if swung is not None and swung.status == "met" else None
-        html = kick_page(
-            planned.hit, ball, planned.path, caption=" ".join(said), scenery=boxes, swing=shown
-        )
-        write_page(view, html)
+        shown = swung if swung is not None and swung.status == "met" else planned
+        page(shown, caption=" ".join(said), scenery=boxes).save(view)
     if json_file is not None:
         write_json(json_file, report)
         if json_file == "-":

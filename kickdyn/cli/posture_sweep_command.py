@@ -257,7 +257,7 @@ def _best_kick(lines: Sequence[ReportLine], kick: Kick) -> Shown:
     for line in lines:
         impact = line.outcome.impact
         if impact is not None:
-            return impact, fly(impact.ball_after, kick.ball, kick.air, orientation=True)
+            return impact, fly(impact.ball_after, kick.ball, kick.air)
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 

@@ -1,40 +1,44 @@
-"""The trade of speed for accuracy, measured here and now (`kickdyn tradeoff`)."""
+"""The command `kickdyn tradeoff`: error against cost of methods, or what each effect changes."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
+from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure, measure_effects
+from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
+from kickdyn.scene.simulate import simulate
+from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.toml_reader import load_scene
+from kickdyn.sweeps.sweep_plot import check_name, save_figure
 
-if TYPE_CHECKING:
-    from kickdyn.accuracy.flight_methods import Measured
-    from kickdyn.accuracy.impact_methods import MeasuredImpact
-
-IMPACT = "Impulse of a kick, posture a of Table 2 at 10 m/s; against 50 digits; * is the front"
-FLIGHT = "Landing of 6 kicks; against 20 digits; * is the Pareto front"
+TITLES = {
+    "impact": "Impulse of a kick, posture a of Table 2 at 10 m/s; against 50 digits; *: the front",
+    "flight": "Landing of 6 kicks, error in m; against 20 digits; *: the Pareto front",
+}
 
 
 @click.command("tradeoff", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--impact", is_flag=True, help="Only the ways to compute an impact.")
+@click.option("--impact", is_flag=True, help="Only the methods to compute an impact.")
 @click.option("--flight", is_flag=True, help="Only the integrators of the flight, by tolerance.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the rows; - is stdout.")
-@click.option(
-    "--scene",
-    metavar="FILE",
-    help="Only what each effect of a scene is worth: a TOML file, or as view has it.",
-)
-@click.option(
-    "--plot", metavar="FILE", help="Draw error against time, or effects: .png, .svg or .pdf."
-)
+@click.option("--scene", metavar="FILE",
+              help="Only what each effect of a scene changes: a TOML file or a name, as of "
+              "`kickdyn view`.")  # fmt: skip
+@click.option("--plot", metavar="FILE",
+              help="Draw error against time, or effects: .png, .svg or .pdf.")  # fmt: skip
 def tradeoff(
     impact: bool, flight: bool, json_file: str | None, scene: str | None, plot: str | None
 ) -> None:
@@ -42,81 +46,114 @@ def tradeoff(
 
     Example: kickdyn tradeoff --plot tradeoff.png
     """
-    # here: mpmath, scipy's integrators and matplotlib are not the other doors' business
-    from kickdyn.accuracy.effect_sizes import show
-    from kickdyn.accuracy.error_plots import picture
-    from kickdyn.accuracy.flight_methods import measure
-    from kickdyn.accuracy.impact_methods import measure_impact
-    from kickdyn.sweeps.sweep_plot import check_name, save_figure
-
-    if scene is not None:
-        if impact or flight:
-            raise InvalidInput(
-                "--scene measures effects of a scene, --impact and --flight measure methods: name "
-                "one or the other"
-            )
-        show(scene, json_file, plot)
-        return
-    both = impact == flight
+    if scene is not None and (impact or flight):
+        raise InvalidInput(
+            "--scene measures effects of a scene, --impact and --flight measure methods: name "
+            "one or the other"
+        )
     if plot is not None:
         check_name(plot)
     check_outputs(plot, json_file=json_file)
-    with busy("measuring") as say:
+    if scene is not None:
+        _compare_effects(scene, json_file, plot)
+    else:
+        both = impact == flight
+        _compare_methods(impact or both, flight or both, json_file, plot)
 
-        def told(name: str) -> None:
-            say(f"measuring {name}")
 
-        impacts = measure_impact(told) if impact or both else []
-        flights = measure(told=told) if flight or both else []
-    if plot is not None:
-        save_figure(picture(impacts, flights), plot)
-    if json_file is not None:
-        listed = {
-            "impact": [dataclasses.asdict(row) for row in impacts],
-            "flight": [dataclasses.asdict(row) for row in flights],
+def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: str | None) -> None:
+    """Measure the methods, and write and print what was asked for."""
+    from kickdyn.accuracy.flight_methods import measure_flights  # need mpmath
+    from kickdyn.accuracy.impact_methods import measure_impacts
+
+    with busy("measuring") as show:
+
+        def report(name: str) -> None:
+            show(f"measuring {name}")
+
+        rows = {
+            "impact": measure_impacts(report) if impact else [],
+            "flight": measure_flights(report=report) if flight else [],
         }
-        write_json(json_file, listed)
-        if json_file == "-":
-            return
-    console = Console(highlight=False, width=screen_width())
-    if impacts:
-        console.print(_impact_table(impacts))
-    if flights:
-        console.print(_flight_table(flights))
+    if plot is not None:
+        save_figure(front_figure(rows["impact"], rows["flight"]), plot)
+    if json_file is not None:
+        write_json(json_file, {k: [dataclasses.asdict(row) for row in v] for k, v in rows.items()})
+    if json_file != "-":
+        console = Console(highlight=False, width=screen_width())
+        for kind in rows:
+            if rows[kind]:
+                console.print(_method_table(TITLES[kind], rows[kind]))
 
 
-def _table(title: str, heads: Sequence[str]) -> Table:
+def _method_table(title: str, rows: Sequence[Measurement]) -> Table:
+    """Return a table of measurements, by scene."""
     table = empty_table(title)
-    for head in heads:
+    for head in ("method", "setting", "error", "calls", "us", "times the\nfastest", ""):
         table.add_column(head, justify="left" if head in ("method", "setting") else "right")
-    return table
-
-
-def _cost(row: Any, rows: Sequence[Any]) -> tuple[str, str, str]:
-    """Return microseconds, how many times the fastest of its scene, and the mark of the front."""
-    fastest = min(row.seconds for row in rows)
-    return f"{1e6 * row.seconds:.4g}", f"{row.seconds / fastest:.3g}", "*" if row.pareto else ""
-
-
-def _impact_table(rows: list[MeasuredImpact]) -> Table:
-    table = _table(IMPACT, ("method", "setting", "error", "us", "times the\nfastest", ""))
-    for row in rows:
-        same = [other for other in rows if other.kick == row.kick]
-        if row is same[0]:
-            table.add_row(f"[bold]{row.kick}[/]")
-        cells = (row.method, row.setting, f"{row.error:.1e}")
-        table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
-    return table
-
-
-def _flight_table(rows: list[Measured]) -> Table:
-    heads = ("method", "tolerance", "error m", "calls", "us a flight", "times the\nfastest", "")
-    table = _table(FLIGHT, heads)
     for row in rows:
         same = [other for other in rows if other.scene == row.scene]
         if row is same[0]:
             table.add_row(f"[bold]{row.scene}[/]")
-        tol = f"{row.tol:g}" if row.tol else ""
-        cells = (row.method, tol, f"{row.error:.1e}", f"{row.evaluations:.0f}")
-        table.add_row(*cells, *_cost(row, same), end_section=row is same[-1])
+        table.add_row(
+            row.method,
+            row.setting,
+            f"{row.error:.1e}",
+            "" if row.calls is None else f"{row.calls:.0f}",
+            f"{1e6 * row.seconds:.4g}",
+            f"{row.seconds / min(other.seconds for other in same):.3g}",
+            "*" if row.pareto else "",
+            end_section=row is same[-1],
+        )
+    return table
+
+
+def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None:
+    """Measure the effects of a scene, and write and print what was asked for."""
+    scene = load_scene(file)
+    whole = simulate(scene, None)
+    with busy("measuring") as show:
+        sizes = measure_effects(whole, lambda name: show(f"measuring {name}"))
+    if plot is not None:
+        save_figure(effect_figure(scene.name, sizes), plot)
+    if json_file is not None:
+        write_json(json_file, _document(whole, sizes))
+        if json_file == "-":
+            return
+    console = Console(highlight=False, width=screen_width())
+    impulse = float(np.linalg.norm(whole.impact.impulse))
+    console.print(
+        f"{scene.name}: {impulse:.4g} N s, {whole.end_text}. What leaving one effect out changes:",
+        markup=False,
+    )
+    console.print(_effect_table(sizes))
+    for note in scene.notes:
+        console.print(f"note: {note}", markup=False)
+
+
+def _document(whole: Simulation, sizes: Sequence[EffectSize]) -> dict[str, Any]:
+    """Return what JSON can hold: nan is null."""
+    effects = [dataclasses.asdict(size) for size in sizes]
+    for effect in effects:
+        effect |= {name: None for name in ("end", "impulse") if math.isnan(effect[name])}
+    return {
+        "scene": whole.scene.name,
+        "status": whole.status,
+        "end": whole.end.position.tolist(),
+        "impulse": whole.impact.impulse.tolist(),
+        "units": {"end": "m", "impulse": "N s"},
+        "effects": effects,
+    }
+
+
+def _effect_table(sizes: Sequence[EffectSize]) -> Table:
+    """Return a table of effects."""
+    table = empty_table("")
+    table.add_column("effect")
+    for head in ("end moves m", "impulse changes N s"):
+        table.add_column(head, justify="right")
+    table.add_column("")
+    for size in sizes:
+        cells = ("" if math.isnan(value) else f"{value:.3g}" for value in (size.end, size.impulse))
+        table.add_row(size.effect, *cells, escape(size.why_not))
     return table

@@ -1,4 +1,4 @@
-"""Machine code that is kept on the disk, for compiling takes seconds."""
+"""Compiling with numba, and keeping the machine code on disk, for compiling takes seconds."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from threading import Event
 from typing import Any
 
 busy = Event()
-"""Set while a function is compiled, or read from the disk."""
+"""Set while a function is compiled or read from disk."""
 
 
 def named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """Return a function under a name of its own, as each needs that is made in a function.
+    """Return a function under a unique name, which one that is made in a function needs.
 
-    The linker goes by names: two of one name, each compiled in a process of its own and kept on the
-    disk, it takes for the same, and the first loaded answers for both.
+    The linker goes by names: of two functions of one name, each compiled in its own process and
+    kept on disk, it would call the one loaded first for both.
     """
     function.__qualname__ = name
     return function
 
 
-def compiled(function: Callable[..., Any], signature: Any, **how: Any) -> Callable[..., Any]:
-    """Compile a function now, or take it from the disk where it can be kept there.
+def compiled(function: Callable[..., Any], signature: Any, **options: Any) -> Callable[..., Any]:
+    """Return a function compiled for a signature; its machine code is kept on disk if possible.
 
     numba looks for changes in the function's own file only: what is made of other files must have
-    their contents among what it closes over, which is part of its name there.
+    their contents among the variables of its closure, which are part of its key on disk.
     """
-    import numba  # here, so that who only asks whether it is busy need not wait for it
+    import numba  # here, because it takes long to import
 
     busy.set()
     try:
-        return numba.njit(signature, cache=True, nogil=True, **how)(function)  # type: ignore[no-any-return]
-    except (RuntimeError, OSError):  # nowhere to keep it
-        return numba.njit(signature, nogil=True, **how)(function)  # type: ignore[no-any-return]
+        return numba.njit(signature, cache=True, nogil=True, **options)(function)  # type: ignore[no-any-return]
+    except (RuntimeError, OSError):  # no folder that can be written to
+        return numba.njit(signature, nogil=True, **options)(function)  # type: ignore[no-any-return]
     finally:
         busy.clear()

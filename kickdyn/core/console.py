@@ -1,4 +1,4 @@
-"""What fits on the screen: its width, and tables and text laid out for it."""
+"""Width of the terminal, and tables and text laid out for it."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from rich.measure import Measurement
 from rich.table import Table
 
 WIDE = 200
-"""Characters of a table, where there is no screen."""
+"""Characters of a line of a table if the output is no terminal."""
 
 PROSE = 80
-"""Characters of a line of text at most, whatever the screen."""
+"""Most characters of a line of text, however wide the terminal."""
 
 
 def screen_width() -> int:
-    """Return how many characters a line of the screen has; `WIDE` where there is none."""
+    """Return the number of characters in a line of the terminal; `WIDE` if there is none."""
     screen = Console()
     return screen.width if screen.is_terminal else WIDE
 
 
 def fits(table: Table, width: int) -> bool:
-    """Return whether a table has room in so many characters, none of its cells broken."""
+    """Return whether a table fits in a width [characters] without a broken cell."""
     wide = Console(width=WIDE)
     return Measurement.get(wide, wide.options, table).maximum <= width
 
 
 def empty_table(title: str) -> Table:
-    """Return a table without columns yet, under its title if it has one, its columns close."""
+    """Return a table without columns yet, its columns close together."""
     return Table(
         title=title or None,
         title_justify="left",
@@ -42,7 +42,7 @@ def empty_table(title: str) -> Table:
 
 
 def wrapped(line: str, width: int, indent: int = 0) -> str:
-    """Return a line on as many as it takes, those after the first indented; no word is broken."""
+    """Return a line broken between words, all lines but the first indented."""
     return fill(
         line,
         width,
@@ -52,10 +52,10 @@ def wrapped(line: str, width: int, indent: int = 0) -> str:
     )
 
 
-def notes(said: Sequence[str], width: int) -> str:
-    """Return numbered notes, each on lines of its own; a word that is longer is not broken."""
+def notes(texts: Sequence[str], width: int) -> str:
+    """Return numbered notes, each on lines of its own, broken between words."""
     return "\n".join(
         fill(each, min(PROSE, width), initial_indent=f"{number:3}  ", subsequent_indent=" " * 5,
              break_long_words=False, break_on_hyphens=False)
-        for number, each in enumerate(said, 1)
+        for number, each in enumerate(texts, 1)
     )  # fmt: skip

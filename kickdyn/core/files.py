@@ -24,12 +24,12 @@ def shipped(folder: str) -> Path:
 
 
 def exists(path: str | os.PathLike[str]) -> bool:
-    """Return whether there is something at `path`; a name that no file can have is not there."""
+    """Return whether a file or folder exists; also False for a name that no file can have."""
     return os.path.exists(path)  # noqa: PTH110 Path.exists raises where a name is too long
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise `InvalidInput` unless a file can be made at `path`; to be asked before long work."""
+    """Raise `InvalidInput` unless a file can be written at `path`; call it before long work."""
     try:
         file = Path(path).resolve()
         if file.is_symlink():  # resolved, and still a link: they lead in a circle
@@ -48,7 +48,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file to write; put it at `path` when all is well, else leave no trace.
+    """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
     The temporary name keeps the suffix, by which many writers choose the format.
 
@@ -78,11 +78,11 @@ def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
 
 
 def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None = None) -> None:
-    """Raise `InvalidInput` unless all files can be made, each for itself; None is none.
+    """Raise `InvalidInput` unless all files can be written and are distinct; None is none.
 
     Args:
         files: to be written.
-        json_file: one more; `-` is stdout.
+        json_file: another; `-` is stdout.
     """
     named = (None if json_file == "-" else json_file, *files)
     for file in named:
@@ -92,15 +92,16 @@ def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None =
 
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
+    """Return the error for a file that the system does not let be written."""
     reason = getattr(error, "strerror", None) or str(error)
     return InvalidInput(f"{path} cannot be written ({reason})")
 
 
 def write_json(path: str, document: object) -> None:
-    """Write a document as JSON, whole or not at all; `-` is stdout.
+    """Write a document as JSON, completely or not at all; `-` is stdout.
 
     Raises:
-        ValueError: it holds nan or inf, which JSON does not know.
+        ValueError: it contains NaN or inf, which JSON does not have.
     """
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     if path == "-":

@@ -1,4 +1,4 @@
-"""How plots look: `@styled()` on what makes or writes one; a notebook updates its `rcParams`."""
+"""Style of plots: `@styled()` decorates what makes or writes one."""
 
 from __future__ import annotations
 
@@ -23,15 +23,14 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.8,
     "image.cmap": "viridis",
 }
-"""Settings of matplotlib; its colours stay as they are."""
+"""Settings of matplotlib, which a notebook passes to `rcParams.update`."""
 
 
 @contextmanager
 def styled() -> Iterator[None]:
     """Draw in this style and matplotlib's defaults, whatever was set before.
 
-    matplotlib obeys a `matplotlibrc` of the working directory, which may come from anyone, and may
-    have LaTeX run.
+    A `matplotlibrc` in the working directory, which may come from anyone, could have LaTeX run.
     """
     with mpl.rc_context():
         mpl.rcdefaults()

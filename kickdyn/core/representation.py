@@ -1,4 +1,4 @@
-"""How an answer shows itself: a few lines in a terminal, a small table in Jupyter."""
+"""Representation of results: a few lines in a terminal, a small table in Jupyter."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 Row = tuple[str, object, str]
-"""A line of a card: what it is, its value, its unit."""
+"""A line of a representation: name, value, unit."""
 
 WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
-"""Of a picture [px]."""
+"""Of a drawing [px]."""
 
 WARNED = 3
-"""Warnings that a card shows; others are counted."""
+"""Warnings that are shown; others are counted."""
 
 ROUNDING = 1e-12
-"""Of a vector's largest entry: less than that is shown as 0."""
+"""Share of a vector's largest entry below which an entry is shown as 0."""
 
 
 class ReprMixin:
-    """Something that shows itself by the rows that `_rows` gives; all are rounded to 4 digits."""
+    """Represents an object by its `_rows`, numbers rounded to 4 digits."""
 
     def _rows(self) -> Iterable[Row]:
+        """Return what is shown, a line each; a subclass defines it."""
         raise NotImplementedError
 
     def _picture(self) -> str:
-        """Return an SVG that goes under the table in Jupyter, or nothing."""
+        """Return an SVG that is shown below the table in Jupyter, or nothing."""
         return ""
 
     def __repr__(self) -> str:
@@ -40,6 +41,7 @@ class ReprMixin:
         return "\n".join([type(self).__name__, *(f"  {n:{width}}  {v}" for n, v in rows)])
 
     def _repr_html_(self) -> str:
+        """Return the rows as a table, and the drawing."""
         rows = "".join(
             f'<tr><th style="text-align:left">{escape(name)}</th>'
             f'<td style="text-align:left">{escape(format_value(value))}</td>'
@@ -59,18 +61,19 @@ def warned(lines: Sequence[str]) -> Iterable[Row]:
 
 
 class Printed:
-    """Something whose `str` is its table already."""
+    """Represents an object by its `str`, which is a table already."""
 
     def __repr__(self) -> str:
         """Return the table."""
         return str(self)
 
     def _repr_html_(self) -> str:
+        """Return the table in fixed pitch."""
         return f"<pre>{escape(str(self))}</pre>"
 
 
 def format_value(value: object) -> str:
-    """Return a value as a card shows it: 4 digits, vectors in brackets, their rounding as 0."""
+    """Return a value as text: 4 digits, vectors in brackets, their rounding as 0."""
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float | np.floating):
@@ -83,10 +86,10 @@ def format_value(value: object) -> str:
 
 
 def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
-    """Draw a way through a vertical plane, both axes to one scale, as an SVG.
+    """Return a path in a vertical plane as an SVG, both axes to one scale.
 
     Args:
-        line: the way, shape `(n, 2)`: forward and up [m].
+        line: the path, shape `(n, 2)`: forward and up [m].
         dots: points on it to mark, shape `(k, 2)` [m].
     """
     low, high = line.min(axis=0), line.max(axis=0)

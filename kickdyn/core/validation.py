@@ -1,4 +1,4 @@
-"""Checks of numbers that come from outside, so that bad ones stop at the door."""
+"""Checks of values from outside: each returns the value or raises `InvalidInput` in one line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Choice = TypeVar("Choice", bound=StrEnum)
 
 SMALL = 64
-"""Entries below which Python's floats are quicker than a call of numpy."""
+"""Entries up to which Python's floats are faster than a call of numpy."""
 
 FLOAT64 = np.dtype(np.float64)
 
@@ -94,7 +94,7 @@ def read_only(array: Array) -> Array:
 
 
 def brief(value: object) -> str:
-    """Return how a value shows itself, cut where that is long."""
+    """Return the representation of a value, cut if it is long."""
     try:
         text = repr(value)
     except ValueError:  # an integer of thousands of digits
@@ -103,20 +103,21 @@ def brief(value: object) -> str:
 
 
 def _holds_bool(value: object) -> bool:
-    """Return whether lists hold True or False, which numpy would take for 1 and 0."""
+    """Return whether nested lists contain True or False, which numpy would take for 1 and 0."""
     if not isinstance(value, (list, tuple)):
         return isinstance(value, (bool, np.bool_))
     return any(map(_holds_bool, value))
 
 
 def _all_finite(array: Array) -> bool:
+    """Return whether no entry is NaN or infinite."""
     if array.size <= SMALL:
         return all(map(math.isfinite, array.ravel().tolist()))
     return bool(np.isfinite(array).all())
 
 
 def check_type(kind: type, *, optional: bool = False, **values: object) -> None:
-    """Raise `InvalidInput` for a value that is no `kind`, nor None if that is allowed."""
+    """Raise `InvalidInput` for a value that is not of a type, or None if `optional`."""
     for name, value in values.items():
         if not (isinstance(value, kind) or (optional and value is None)):
             valid = f"kickdyn.{kind.__name__}" + (" or None" if optional else "")
@@ -160,7 +161,7 @@ def mapping(name: str, value: object) -> dict[str, Any]:
 
 
 def direction(name: str, value: ArrayLike) -> Array:
-    """Return the unit vector along `value`, shape `(3,)`; any length but zero will do."""
+    """Return the unit vector along `value`, shape `(3,)`; any length but zero is valid."""
     array = vector(name, value, 3)
     largest = float(np.abs(array).max())
     if largest == 0.0:
@@ -170,6 +171,7 @@ def direction(name: str, value: ArrayLike) -> Array:
 
 
 def _first_bad(array: Array) -> float:
+    """Return the first entry that is NaN or infinite."""
     return float(array[~np.isfinite(array)][0])
 
 
@@ -182,4 +184,5 @@ def length(vectors: Array) -> Array:
 
 
 def _of(unit: str) -> str:
+    """Return a unit in brackets after a blank, or nothing."""
     return f" [{unit}]" if unit else ""

@@ -16,11 +16,11 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
+from kickdyn.flight.equations import tolerances
 from kickdyn.flight.flight_result import FlightStatus, outside_ranges
 from kickdyn.flight.fly import MAX_SPEED, check_scene, drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
-from kickdyn.flight.tolerances import tolerances
 from kickdyn.ground import Ground
 
 STATUSES = (FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED)
@@ -107,13 +107,8 @@ def _closed_forms(
         landed = end <= time_limit
         end = np.minimum(end, time_limit)
         top = np.clip(rise / g, 0.0, end)
-        nodes = [
-            end[:, None],
-            ballistic(velocity, g, end),
-            top[:, None],
-            ballistic(velocity, g, top),
-        ]
-    flown = np.hstack(nodes)
+        states = [ballistic(velocity, g, t) for t in (end, top)]
+    flown = np.column_stack([end, states[0], top, states[1]])
     flown[landed, 3] = -drop[landed]
     status = np.where(landed, LANDED, ALOFT).astype(np.int8)
     lost = ~np.isfinite(flown).all(axis=1)
@@ -142,18 +137,15 @@ def _integrate(
 
 
 def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) -> Array:
-    """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 9)`."""
+    """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 8)`."""
     decays = states.spin.any(axis=1) & brakes(air, np.ones(3))
-    calm = not callable(air.wind) and air.wind[1] == 0.0
-    planar = calm & (states.velocity[:, 1] == 0.0) & ~states.spin[:, ::2].any(axis=1)
     if callable(air.wind):
         wind = np.array([_speed(air, height) for height in states.position[:, 2].tolist()])
     else:
         wind = np.full(len(drop), math.hypot(*air.wind))
     _, near, slow = tolerances(states.velocity, drop, wind, ball, air, tol)
-    count = np.where(planar, 4.0, 6.0) + decays
     height = states.position[:, 2]
-    columns = [height, states.spin, decays, drop, count, near, slow]
+    columns = [height, states.spin, decays, drop, near, slow]
     return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
 
 

@@ -1,90 +1,131 @@
-"""The equations of motion of one flight, in the states that it needs and no more."""
+r"""The equations of motion of one flight, and the tolerances they are integrated to.
+
+The seven states are the displacement from the launch [m], the velocity [m/s] and the spin over that
+of the launch:
+
+.. math:: \dot x = v, \quad \dot v = a(z, v, s\, \omega_0), \quad \dot s = -k s
+
+with a and k of `forces`. The displacement is from the launch, so that a hop of 1e-20 m at a height
+of 100 m has its digits.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import brakes, forces, is_planar
-from kickdyn.flight.integrate import Event
+from kickdyn.flight.forces import brakes, downward, forces
+
+WEIGHTLESS = 1e-5
+"""Downward acceleration [m/s2] that moves nothing by more than metres in a thousand seconds."""
+
+_PER_DECADE, _DECADES = 8, 3
+_FARTHEST = 15
+"""Reynolds numbers from 1e-15 to 1e15 are told apart here."""
 
 
 class FlightEquations:
-    r"""The equations of motion of one flight, in the states that change.
-
-    The eight states in space are the displacement from the launch [m], the velocity [m/s], the
-    spin over that of the launch, and the integral of this ratio [s], by which the ball has turned:
-
-    .. math:: \dot x = v, \; \dot v = a(z, v, s \omega_0), \; \dot s = -k s, \; \dot\tau = s
-
-    with a and k of `forces`. In the x-z plane, y and its velocity are left out; without decay, so
-    are the last two, and the last where the orientation is not asked for. The displacement is from
-    the launch, so that a hop of 1e-20 m at a height of 100 m has its digits.
+    """The equations of motion of a ball launched into the air.
 
     Args:
         launch: the start.
         ball: what flies.
         air: through what.
-        orientation: whether the orientation is asked for.
 
     Attributes:
-        kept: which of the eight are states.
-        begin: those at the launch.
-        rise, climb: indices of height and of its rate.
+        begin: the states at the launch, shape `(7,)`.
         fault: what a coefficient or the wind raised last; the step is then tried shorter.
     """
 
-    def __init__(self, launch: BallState, ball: Ball, air: Air, orientation: bool = False) -> None:
-        planar = is_planar(air, launch.velocity, launch.spin)
-        kept = [0, 2, 3, 5] if planar else [0, 1, 2, 3, 4, 5]
-        if brakes(air, launch.spin):
-            kept += [6, 7] if orientation else [6]
-        self.kept = kept
+    def __init__(self, launch: BallState, ball: Ball, air: Air) -> None:
+        self.begin: Array = np.concatenate([np.zeros(3), launch.velocity, [1.0]])
         self.fault: Exception | None = None
         self._acting = forces(ball, air)
         self._height = float(launch.position[2])
         self._spin = tuple(launch.spin.tolist())
-        self.begin: Array = np.concatenate([np.zeros(3), launch.velocity, [1.0, 0.0]])[kept]
-        self.rise, self.climb = kept.index(2), kept.index(5)
-        self._planar, self._turning = planar, 7 in kept
-        self._left = kept.index(6) if 6 in kept else None
+        self._brakes = brakes(air, launch.spin)
 
     def rates(self, _: float, states: Sequence[float]) -> list[float]:
-        """Return the time derivative of the states."""
-        left = 1.0 if self._left is None else float(states[self._left])
+        """Return the time derivative of the states, nan where a coefficient or the wind raises."""
+        _, _, z, vx, vy, vz, left = (float(part) for part in states)
         wx, wy, wz = self._spin
-        if self._planar:
-            z, vx, vy, vz = float(states[1]), float(states[2]), 0.0, float(states[3])
-        else:
-            z, vx, vy, vz = (float(part) for part in states[2:6])
-        height = self._height + z
         try:
-            acted = self._acting(height, vx, vy, vz, left * wx, left * wy, left * wz)
+            acted = self._acting(self._height + z, vx, vy, vz, left * wx, left * wy, left * wz)
             ax, ay, az, k = (float(part) for part in acted)
         except Exception as fault:  # someone's own function, perhaps only where no ball will be
             self.fault = fault
             ax = ay = az = k = math.nan
-        result = [vx, vz, ax, az] if self._planar else [vx, vy, vz, ax, ay, az]
-        if self._left is not None:
-            result.append(-k * left)
-            if self._turning:
-                result.append(left)
-        return result
+        return [vx, vy, vz, ax, ay, az, -k * left if self._brakes else 0.0]
 
-    def reaching(self, normal: Array, gap: float) -> Event:
-        """Return the event of having moved by `gap` against a normal."""
-        across = np.array([normal[k] if k < 3 else 0.0 for k in self.kept])
-        speed = np.array([normal[k - 3] if 3 <= k < 6 else 0.0 for k in self.kept])
-        return Event(lambda states: gap + float(across @ states), lambda y: float(speed @ y))
 
-    def whole(self, states: Array) -> Array:
-        """Return all 8 states from those that change, shape `(8,)` or `(8, n)`."""
-        full = np.zeros((8, *states.shape[1:]))
-        full[6] = 1.0
-        full[self.kept] = states
-        return full
+def tolerances(
+    velocity: Array, drop: ArrayLike, wind: ArrayLike, ball: Ball, air: Air, tol: float
+) -> tuple[float, Array, Array]:
+    r"""Return rtol, and atol of displacement [m] and of velocity [m/s], of one flight or of many.
+
+    They are relative to what a ball does that is shot straight up as fast as this one ever is, with
+    quadratic drag of the length L: it rises :math:`\frac{L}{2} \ln(1 + v^2/(g L))` and comes back
+    with :math:`v / \sqrt{1 + v^2/(g L)}`.
+
+    Args:
+        velocity: at the launch, shape `(3,)` or `(n, 3)` [m/s].
+        drop: from the launch down to the ground, a number or shape `(n,)` [m].
+        wind: its speed at the launch, likewise [m/s].
+        ball: what flies.
+        air: through what.
+        tol: the relative tolerance.
+    """
+    g = max(abs(downward(ball, air)), WEIGHTLESS)
+    drop = np.asarray(drop)
+    with np.errstate(over="ignore", invalid="ignore"):  # spoils its own flight only
+        fastest = np.maximum(validation.length(velocity), np.maximum(wind, np.sqrt(2.0 * g * drop)))
+        fastest = np.maximum(fastest, 1e-100)
+        free = fastest * fastest / g
+        slowed = free / drag_length(ball, air)(fastest)
+        length = np.where(slowed > 0.0, free * np.log1p(slowed) / np.maximum(slowed, 1e-300), free)
+        pace = np.maximum(fastest / np.sqrt(1.0 + slowed), wind)
+        near, slow = tol * np.maximum(length, drop), tol * pace
+    # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here; and divides
+    # by atol: never 0, not even for a balloon that starts at rest
+    rtol = max(tol, 100 * float(np.finfo(float).eps))
+    return rtol, np.maximum(near, 1e-300), np.maximum(slow, 1e-300)
+
+
+def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
+    r"""Return a function of speeds: the length in which drag takes most of them [m].
+
+    It is :math:`2 m / (\rho A C_D)`, of the least C_D without spin that the ball meets within three
+    decades as it slows down; in creeping flow that is Stokes' :math:`v m / (6 \pi \mu r)`. Without
+    drag it is infinite.
+    """
+    drag = air.drag
+    if drag is None or air.density == 0.0:
+        return lambda speed: np.full(np.shape(speed), math.inf)
+    per_speed = 2.0 * ball.radius * air.density / air.viscosity
+    most = 2.0 * ball.mass / (air.density * ball.cross_section)
+
+    def coefficient(reynolds: float) -> float:
+        try:
+            value = float(drag(reynolds, 0.0))
+        except Exception:  # a model of one's own, where nobody may ever fly
+            return 0.0
+        return max(value, 0.0) if value < math.inf else 0.0  # not known: no bound
+
+    def length(speed: Array) -> Array:
+        with np.errstate(divide="ignore", over="ignore"):
+            decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
+            step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)
+            below = _PER_DECADE * _DECADES
+            steps = range(int(step.min(initial=0)) - below, int(step.max(initial=0)) + 1)
+            found = np.array([coefficient(10.0 ** (k / _PER_DECADE)) for k in steps])
+            least = np.lib.stride_tricks.sliding_window_view(found, below + 1).min(axis=1)
+            return np.asarray(most / least[step - steps[0] - below])
+
+    return length

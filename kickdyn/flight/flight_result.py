@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,13 +18,14 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, side_view
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
-from kickdyn.flight.forces import brakes
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
 NO_SPIN = 1e-9
 """Surface speed over speed below which a ball does not spin: rounding leaves as much to a plan."""
+
+SPIN_NODES = 32
+"""Of Gauss's rule for the integral of the spin, which is far smoother than the path."""
 
 
 class FlightStatus(StrEnum):
@@ -49,7 +50,6 @@ class Flight(ReprMixin):
 
     Attributes:
         ball, air, ground, plane, tol: what was flown, and how exactly.
-        has_orientation: whether `orientation` was asked for.
         launch: the start.
         apex: the highest point; the launch if the ball never rises.
         landing: the end: on the ground, back at the height of the launch, or at the plane.
@@ -64,7 +64,6 @@ class Flight(ReprMixin):
     ground: Ground | None
     plane: Plane | None
     tol: float
-    has_orientation: bool
     launch: BallState
     apex: BallState
     landing: BallState
@@ -168,7 +167,7 @@ class Flight(ReprMixin):
 
     def __reduce__(self) -> tuple[Callable[[], Flight], tuple[()]]:
         """Pickle what was flown; unpickling flies it again, to the same last bit."""
-        return partial(self._fly_again, orientation=self.has_orientation), ()
+        return self._fly_again, ()
 
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
@@ -187,8 +186,8 @@ class Flight(ReprMixin):
         r"""Return how the ball is turned from its orientation at the launch, world frame.
 
         The air brakes the spin but does not turn its axis, so the rotation vector is
-        :math:`\int_0^t \omega\, dt`. `as_quat()` of the result gives `(x, y, z, w)`, as Pinocchio
-        and meshcat take it, `as_matrix()` the rotation matrix.
+        :math:`\int_0^t \omega\, dt`, by Gauss's rule. Its `as_quat()` gives `(x, y, z, w)`,
+        as Pinocchio and meshcat take it, `as_matrix()` the rotation matrix.
 
         Args:
             t: as for `sample`.
@@ -197,19 +196,19 @@ class Flight(ReprMixin):
             A scipy `Rotation`: one, or a stack of n.
 
         Raises:
-            InvalidInput: a time outside the flight, or one flown without `orientation=True`.
+            InvalidInput: a time outside the flight.
         """
-        if not self.has_orientation:
-            raise InvalidInput("the orientation is not known: ask fly for it, orientation=True")
-        times, moved = self._states(t)
-        turned = moved[..., 7] if brakes(self.air, self.launch.spin) else times
+        times = validation.times(t, self.duration, "the flight")
+        nodes, weights = np.polynomial.legendre.leggauss(SPIN_NODES)
+        left = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]
+        turned = 0.5 * times * (left.reshape(*times.shape, SPIN_NODES) @ weights)
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
 
     def _states(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Return checked times, and there what changes since the launch, shape `(..., m)`."""
+        """Return checked times, and the states of `FlightEquations` there, shape `(..., 7)`."""
         times = validation.times(t, self.duration, "the flight")
         moved = self._trajectory(np.atleast_1d(times))
-        return times, moved.reshape(*times.shape, moved.shape[-1])
+        return times, moved.reshape(*times.shape, 7)
 
 
 def outside_ranges(

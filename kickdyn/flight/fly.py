@@ -15,7 +15,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.equations import FlightEquations
+from kickdyn.flight.equations import FlightEquations, tolerances
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
 from kickdyn.flight.forces import (
     STILL,
@@ -26,7 +26,6 @@ from kickdyn.flight.forces import (
     time_to_fall,
 )
 from kickdyn.flight.integrate import METHOD, Arc, Event, fly_until, joined
-from kickdyn.flight.tolerances import tolerances
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -42,15 +41,13 @@ def fly(
     tol: float = 1e-9,
     *,
     plane: Plane | None = None,
-    orientation: bool = False,
     time_limit: float = 1000.0,
     strict: bool = False,
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the ground, or to a plane before.
 
     Without air the closed form answers (Eqs. 24-25). With air, scipy's DOP853 integrates the
-    equations of `FlightEquations`, in as many states as the scene needs: first to the apex, then to
-    the landing.
+    equations of `FlightEquations`, first to the apex, then to the landing.
 
     Args:
         state: the launch, as `Impact.ball_after` gives it; its time is not used.
@@ -62,8 +59,6 @@ def fly(
             speeds.
         plane: a wall or a goal line, where the flight ends if it comes there first. A ball that
             starts on it flies only if it leaves it.
-        orientation: whether `Flight.orientation` will be asked for; where spin decays that costs
-            one more state.
         time_limit: after which a ball that will not come down is left alone [s].
         strict: whether a coefficient outside its range is an error; else it is one of `warnings`.
 
@@ -82,9 +77,9 @@ def fly(
     if air is None or _has_closed_form(state, ball, air, ends.drop):
         solution = _closed_form(state, downward(ball, air), ends)
     else:
-        solution = _integrated(state, ball, air, ends, tol, orientation)
+        solution = _integrated(state, ball, air, ends, tol)
     again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit)
-    path = Flight(ball, air, ground, plane, tol, orientation, *solution, again)
+    path = Flight(ball, air, ground, plane, tol, *solution, again)
     _refuse_outside(path, strict)
     return path
 
@@ -192,9 +187,7 @@ def _closed_form(state: BallState, g: float, ends: _Ends) -> _Solution:
     return _Solution(*nodes, status, "closed form", 0, partial(ballistic, state.velocity, g))
 
 
-def _integrated(
-    state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float, orientation: bool
-) -> _Solution:
+def _integrated(state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float) -> _Solution:
     """Return the flight of a ball through the air, integrated to its end."""
     speed = math.hypot(*state.velocity)
     if not speed <= MAX_SPEED:
@@ -202,10 +195,10 @@ def _integrated(
             f"launch speed is {speed:g} m/s: in air it must be at most {MAX_SPEED:g} m/s, that of "
             "light"
         )
-    equations = FlightEquations(state, ball, air, orientation)
+    equations = FlightEquations(state, ball, air)
     wind = _wind_speed(air, float(state.position[2]))
     rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tol)
-    atol = np.array([*3 * [near], *3 * [slow], tol, tol * near / slow])[equations.kept]
+    atol = np.array([*3 * [near], *3 * [slow], tol])
     try:
         arcs, status = _arcs(equations, ends, rtol, atol)
     except KickdynError as error:
@@ -218,21 +211,21 @@ def _integrated(
     nodes = [(0.0, equations.begin), *((arc.end, arc.state) for arc in arcs)]
     end, last = nodes[-1][0], nodes[-1][1].copy()
     if status is FlightStatus.LANDED:
-        last[equations.rise] = -ends.drop  # by definition; the root says so but for rounding
+        last[2] = -ends.drop  # by definition; the root says so but for rounding
     crests = [crest for arc in arcs for crest in arc.crests]
-    top, highest = max([*nodes, *crests], key=lambda node: float(node[1][equations.rise]))
+    top, highest = max([*nodes, *crests], key=lambda node: float(node[1][2]))
     spins = bool(state.spin.any())
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model) or "buoyancy only"
     trajectory = joined(arcs, equations.begin)
     return _Solution(
-        _at(state, 0.0, equations.whole(equations.begin)),
-        _at(state, top, equations.whole(highest)),
-        _at(state, end, equations.whole(last)),
+        _at(state, 0.0, equations.begin),
+        _at(state, top, highest),
+        _at(state, end, last),
         status,
         f"{METHOD}, rtol {rtol:g}, {effects}",
         sum(arc.evaluations for arc in arcs),
-        lambda t: equations.whole(trajectory(t)).T,
+        lambda t: trajectory(t).T,
     )
 
 
@@ -244,12 +237,12 @@ def _arcs(
     The way up ends at the apex, and only the way down looks for the landing: the event that marks
     it would otherwise be zero at the very start.
     """
-    begin, climb = equations.begin, equations.climb
-    apex = Event(lambda states: float(states[climb]))
-    floor = equations.reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
-    walls = [] if ends.wall is None else [equations.reaching(*ends.wall)]
+    begin = equations.begin
+    apex = Event(lambda states: float(states[5]))
+    floor = _reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
+    walls = [] if ends.wall is None else [_reaching(*ends.wall)]
     rates = np.array(equations.rates(0.0, begin.tolist()))
-    rises = begin[climb] > 0.0 or (begin[climb] == 0.0 and rates[climb] > 0.0)
+    rises = begin[5] > 0.0 or (begin[5] == 0.0 and rates[5] > 0.0)
     if ends.drop == 0.0 and not rises:
         return [], FlightStatus.LANDED
     if any(_passes(wall, begin, rates) for wall in walls):
@@ -258,12 +251,19 @@ def _arcs(
     at, state = 0.0, begin
     for target in [apex, floor] if rises else [floor]:
         events = [target, *walls]
-        arc = fly_until(events, climb, equations.rates, (at, state), ends.time_limit, rtol, atol)
+        arc = fly_until(events, 5, equations.rates, (at, state), ends.time_limit, rtol, atol)
         arcs.append(arc)
         at, state = arc.end, arc.state
         if arc.reached is not target:
             return arcs, FlightStatus.ALOFT if arc.reached is None else FlightStatus.AT_PLANE
     return arcs, FlightStatus.LANDED
+
+
+def _reaching(normal: Array, gap: float) -> Event:
+    """Return the event of having moved by `gap` against a normal."""
+    return Event(
+        lambda states: gap + float(normal @ states[:3]), lambda states: float(normal @ states[3:6])
+    )
 
 
 def _passes(wall: Event, begin: Array, rates: Array) -> bool:

@@ -49,14 +49,8 @@ def is_ballistic(air: Air | None, spin: Array) -> bool:
 
 
 def brakes(air: Air | None, spin: Array) -> bool:
-    """Return whether the spin decays, which costs one more state."""
+    """Return whether the air brakes the spin."""
     return air is not None and air.density > 0 and air.torque is not None and bool(spin.any())
-
-
-def is_planar(air: Air | None, velocity: Array, spin: Array) -> bool:
-    """Return whether all stays in the x-z plane, which saves two states."""
-    calm = air is None or (not callable(air.wind) and air.wind[1] == 0.0)
-    return bool(calm and velocity[1] == 0.0 and spin[0] == 0.0 and spin[2] == 0.0)
 
 
 def forces(ball: Ball, air: Air) -> Forces:
@@ -139,10 +133,11 @@ def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
 
 
 def ballistic(velocity: Array, g: float, t: Array) -> Array:
-    r"""Return displacement, velocity and share of the spin left in a vacuum, shape `(n, 7)`.
+    r"""Return the states of `FlightEquations` in a vacuum, shape `(n, 7)`.
 
-    They are :math:`v t - \frac12 g t^2 e_z`, :math:`v - g t\, e_z` and 1, at n times [s].
+    Displacement :math:`v t - \frac12 g t^2 e_z`, velocity :math:`v - g t\, e_z`, and 1, at times
+    of shape `(n,)` [s], of one velocity `(3,)` or of n `(n, 3)` [m/s].
     """
-    down = np.array([0.0, 0.0, -g])
-    moved = velocity * t[:, None] + 0.5 * down * (t * t)[:, None]
-    return np.hstack([moved, velocity + down * t[:, None], np.ones((len(t), 1))])
+    down, t = np.array([0.0, 0.0, -g]), t[:, None]
+    moved = velocity * t + 0.5 * down * (t * t)
+    return np.hstack([moved, velocity + down * t, np.ones_like(t)])

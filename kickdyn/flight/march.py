@@ -25,7 +25,6 @@ from kickdyn.core.compilation import compiled, named
 from kickdyn.flight import lanes
 from kickdyn.flight.integrate import MAX_EVALUATIONS
 from kickdyn.flight.lanes import (
-    DECAYS,
     HOW,
     LANES,
     LEFT,
@@ -40,6 +39,8 @@ from kickdyn.flight.lanes import (
 )
 
 LANDED, ALOFT, FAILED = 0, 1, 2
+
+STATES = 7
 
 STAGES = DOP853.n_stages
 """Evaluations of a step. Row 0 of the rates is of its beginning, row `STAGES` of its end."""
@@ -56,12 +57,12 @@ for _k, _row in enumerate(_TABLE):
     _WHICH[_k, : len(_used)] = _used
     _WEIGHT[_k, : len(_used)] = _row[_used]
 
-T, H, DROP, STATES, ERROR, GROWTH, TAKEN, NEXT, SPAN, LOW, HIGH = range(11)
-"""Rows of a lane's numbers: time, step; drop to the landing, number of states that change; the
-step's error over what is tolerated, the factor that allows for the next one, whether it is taken;
-the next step, the whole step that an event lies in, and bounds of the event within it."""
+T, H, DROP, ERROR, GROWTH, TAKEN, NEXT, SPAN, LOW, HIGH = range(10)
+"""Rows of a lane's numbers: time, step; drop to the landing; the step's error over what is
+tolerated, the factor that allows for the next one, whether it is taken; the next step, the whole
+step that an event lies in, and bounds of the event within it."""
 
-_LANE_ROWS = 11
+_LANE_ROWS = 10
 
 _EPS = float(np.finfo(float).eps)
 
@@ -88,8 +89,8 @@ def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluati
 
     Args:
         rates_of: the compiled rates, `lanes.side_by_side`.
-        scenes: per row height, spin (3), whether it decays, drop, number of states that change,
-            absolute tolerance of displacement and of velocity.
+        scenes: per row height, spin (3), whether it decays, drop, absolute tolerance of
+            displacement and of velocity.
         velocities: at the launch, shape `(n, 3)` [m/s].
         rtol: relative tolerance.
         tol: absolute tolerance of the spin.
@@ -204,7 +205,7 @@ def _estimate_error(y, new, rates, rtol, scale, lane, five, three):
             five[i] += five[c + i]
             three[i] += three[c + i]
     for i in range(LANES):
-        size = (five[i] + 0.01 * three[i]) * lane[STATES, i]
+        size = (five[i] + 0.01 * three[i]) * STATES
         error = lane[H, i] * five[i] / math.sqrt(size)
         lane[ERROR, i] = error if size != 0.0 else 0.0
         lane[GROWTH, i] = 0.7 / math.sqrt(math.sqrt(math.sqrt(lane[ERROR, i])))
@@ -228,19 +229,19 @@ def _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane):
     for c in range(3):
         y[X + c * LANES + i] = 0.0
         y[U + c * LANES + i] = velocities[row, c]
-        scale[X + c * LANES + i] = scenes[row, 7]
-        scale[U + c * LANES + i] = scenes[row, 8]
+        scale[X + c * LANES + i] = scenes[row, 6]
+        scale[U + c * LANES + i] = scenes[row, 7]
     y[LEFT + i], scale[LEFT + i] = 1.0, tol
-    lane[DROP, i], lane[STATES, i] = scenes[row, 5], scenes[row, 6]
+    lane[DROP, i] = scenes[row, 5]
 
 
 @njit
-def _scaled_distance(i, a, b, y, rtol, scale, without):
-    """Return the length of a - b over what is tolerated, but for the last row if `without`."""
+def _scaled_norm(i, a, b, y, rtol, scale):
+    """Return the root mean square of a - b over what is tolerated."""
     total = 0.0
-    for c in range(0, LEFT if without else SIZE, LANES):
+    for c in range(0, SIZE, LANES):
         total += ((a[c + i] - b[c + i]) / (scale[c + i] + rtol * abs(y[c + i]))) ** 2
-    return math.sqrt(total)
+    return math.sqrt(total / STATES)
 
 
 @njit
@@ -258,9 +259,8 @@ def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status
             _load_flight(i, min(first + i, n - 1), scenes, velocities, tol, scene, y, scale, lane)
         rates_of(scene, y, rates[0])
         for i in range(LANES):
-            count = math.sqrt(lane[STATES, i])
-            d0 = _scaled_distance(i, y, still, y, rtol, scale, scene[DECAYS + i] == 0.0) / count
-            d1 = _scaled_distance(i, rates[0], still, y, rtol, scale, False) / count
+            d0 = _scaled_norm(i, y, still, y, rtol, scale)
+            d1 = _scaled_norm(i, rates[0], still, y, rtol, scale)
             lane[T, i] = d1
             lane[H, i] = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, limit)
         _broadcast(lane[H], h)
@@ -268,8 +268,7 @@ def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status
         rates_of(scene, new, rates[1])
         for i in range(min(LANES, n - first)):
             row, h0, d1 = first + i, lane[H, i], lane[T, i]
-            d2 = _scaled_distance(i, rates[1], rates[0], y, rtol, scale, False)
-            d2 /= math.sqrt(lane[STATES, i]) * h0
+            d2 = _scaled_norm(i, rates[1], rates[0], y, rtol, scale) / h0
             steepest = max(d1, d2)
             h1 = max(1e-6, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** 0.125
             starts[row, 7] = min(100.0 * h0, h1, limit)

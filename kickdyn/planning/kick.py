@@ -246,7 +246,7 @@ def _carried_out(
     path: Flight | Course
     if ground is None:
         time = launch.time if found.share == 1.0 else None
-        path = fly_to_target(start, goal, impact_target.ball, air, time, orientation=True)
+        path = fly_to_target(start, goal, impact_target.ball, air, time)
         end = path.landing
     else:
         ground = Ground(float(start.position[2]) - impact_target.ball.radius, ground.surface)

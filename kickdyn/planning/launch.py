@@ -376,8 +376,6 @@ def fly_to_target(
     air: Air | None,
     time: float | None = None,
     tol: float = 1e-11,
-    *,
-    orientation: bool = False,
 ) -> Flight:
     """Fly to the vertical plane through a goal's target, or to the ground before it.
 
@@ -387,7 +385,7 @@ def fly_to_target(
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
     floor = float(state.position[2]) + goal.lowest - ball.radius
     ground = Ground(floor if time is None else floor - ROUNDING)
-    flown = partial(fly, state, ball, air, ground, tol, orientation=orientation)
+    flown = partial(fly, state, ball, air, ground, tol)
     if time is None:
         return flown(plane=plane)
     path = flown(plane=plane, time_limit=2 * time)

@@ -1,1 +1,4 @@
-"""Robots: a leg with its contact frame, its postures, supports and loops, and file readers."""
+"""A leg or robot with its contact frame, its postures, supports and loops, and file readers.
+
+Open `leg.py` first: it has `Leg` and `Posture`; the other files are what these two are made of.
+"""

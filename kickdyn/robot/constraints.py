@@ -162,7 +162,7 @@ class Constraints:
             local, rotation, _ = _motion(model, data, q, place)
             for row in range(0, support.size, 3):  # linear, then angular
                 matrix[start + row : start + row + 3] = rotation.dot(local[row : row + 3])
-            turn, lever = place.turn.dot(rotation.T), place.lever
+            turn, lever = place.rotation_joint_frame.dot(rotation.T), place.lever
             blocks.append(
                 ConstraintBlock(at, place.joint, 0, (turn, turn), rotation, (lever, lever))
             )
@@ -174,7 +174,10 @@ class Constraints:
             # across a gap, both move as their bodies do at the second origin
             carried = rotation_1 @ first[:3] - pin.skew(to - from_) @ (rotation_1 @ first[3:])
             matrix[at] = rotation_2 @ second[:3] - carried
-            turns = (two.turn @ rotation_2.T, one.turn @ rotation_1.T)
+            turns = (
+                two.rotation_joint_frame @ rotation_2.T,
+                one.rotation_joint_frame @ rotation_1.T,
+            )
             levers = (two.lever, one.lever)
             blocks.append(ConstraintBlock(at, two.joint, one.joint, turns, rotation_1, levers))
             start = at.stop
@@ -351,11 +354,11 @@ class ConstraintProjector:
 
 
 class _Place(NamedTuple):
-    """A frame, and its rotation and origin in the axes of its joint."""
+    """A frame, the rotation from its axes to its joint's, and its origin in the joint's."""
 
     frame: int
     joint: int
-    turn: Array
+    rotation_joint_frame: Array
     lever: Array
 
 

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import pinocchio as pin
 
 from kickdyn.core.files import shipped
-from kickdyn.errors import InvalidInput, UrdfError, printable
+from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.urdf_validation import find_faults
 
 MAX_BYTES = 20_000_000
@@ -179,7 +179,7 @@ def _parse(text: str, source: str) -> ElementTree.Element:
 
 def _complaint(line: str) -> str:
     """Return what a line of the parser says of the file; nothing of a line about its own code."""
-    line = printable(line.strip())[:MAX_COMPLAINT]
+    line = line.strip()[:MAX_COMPLAINT]
     return "" if line.startswith("at line ") else line.removeprefix("Error:").strip()
 
 

@@ -1,12 +1,15 @@
-"""Faults of a URDF's text that Pinocchio would not see, or not survive, found before it reads it.
+"""Faults of a URDF's text, all of them at once, found before Pinocchio reads it.
 
-Its parser reports numbers that are none, and `build_model` passes that on. But it overflows its
-stack on long chains, never returns from loops, and takes double names, mimic joints and axes
-without direction. `model_validation` then judges the inertia of what moves together.
+Its parser overflows its stack on long chains, never returns from loops, takes double names, mimic
+joints and axes without direction, and stops at the first faulty joint. What it reports besides,
+such as an attribute that is missing, `build_model` passes on; `model_validation` then judges the
+inertia of what moves together.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
 from xml.etree.ElementTree import Element
 
@@ -20,6 +23,16 @@ MAX_NAME = 200
 """Characters of a name."""
 
 MOVING = ("revolute", "continuous", "prismatic")
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+_COUNTS = {
+    **{("origin", key): 3 for key in ("xyz", "rpy")},
+    **{("axis", "xyz"): 3, ("mass", "value"): 1},
+    **{("inertia", key): 1 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")},
+    **{("limit", key): 1 for key in ("lower", "upper", "effort", "velocity")},
+}
+"""How many numbers there are in an attribute, by tag and key."""
 
 
 def find_faults(root: Element) -> list[str]:
@@ -44,8 +57,7 @@ def find_faults(root: Element) -> list[str]:
         _check_single(where, link, ("inertial",), faults)
         for inertial in link.findall("inertial"):
             _check_single(f"{where} inertial", inertial, ("origin", "mass", "inertia"), faults)
-            for mass in inertial.findall("mass"):
-                _check_not_negative(f"{where} mass", mass, "value", faults)
+        _check_numbers(where, link, faults)
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
     _check_tree(links, joints, faults)
@@ -86,39 +98,44 @@ def _check_single(where: str, element: Element, tags: tuple[str, ...], faults: l
             faults.append(f"{where} has {times} of <{tag}>: it must have one at most")
 
 
-def _check_not_negative(where: str, element: Element, key: str, faults: list[str]) -> None:
-    """Add a fault for a number below 0."""
-    text = element.get(key, "").strip()
-    if text.startswith("-"):
-        faults.append(f"{where} {key} is {text[:40]!r}: it must be 0 or more")
+def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
+    """Check every number in an element: finite, and 0 or more for masses, efforts and speeds."""
+    for part in element.iter():
+        for key, text in part.items():
+            count = _COUNTS.get((part.tag, key))
+            if count is None:
+                continue
+            words = text.split()
+            values = [float(word) for word in words if _NUMBER.fullmatch(word)]
+            valid = "a finite number" if count == 1 else f"{count} finite numbers"
+            sound = len(values) == len(words) == count and all(map(math.isfinite, values))
+            if key in ("value", "effort", "velocity"):
+                valid += ", 0 or more"
+                sound = sound and values[0] >= 0.0
+            elif part.tag == "axis":
+                valid += ", not all 0"
+                sound = sound and 1e-100 < max(map(abs, values)) < 1e100  # its square is needed
+            if not sound:
+                shown = repr(text) if len(text) <= 60 else f"{text[:60]!r}..."
+                faults.append(f"{where} {part.tag} {key} is {shown}: it must be {valid}")
 
 
 def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
-    """Check type, axis and limit of a joint."""
+    """Check type, limit and numbers of a joint."""
     kind = joint.get("type", "")
     _check_single(where, joint, ("origin", "parent", "child", "axis", "limit"), faults)
+    _check_numbers(where, joint, faults)
     if kind not in (*MOVING, "fixed"):
         faults.append(f"{where} type is {kind[:40]!r}: it must be {', '.join(MOVING)} or fixed")
     if joint.find("mimic") is not None:
         faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
-    axis = joint.find("axis")
-    if kind in MOVING and axis is not None:
-        text = axis.get("xyz", "")
-        try:
-            largest = max(abs(float(part)) for part in text.split())
-        except ValueError:
-            largest = 0.0
-        if not 1e-100 < largest < 1e100:  # its square is needed
-            faults.append(f"{where} axis xyz is {text[:40]!r}: it must be a direction")
-    limit = joint.find("limit")
-    if limit is not None:
-        ranged = kind in ("revolute", "prismatic")
-        for key in ("lower", "upper"):
-            if ranged and key not in limit.attrib:
-                unit = "m" if kind == "prismatic" else "rad"
-                faults.append(f"{where} limit has no {key}: it must be a finite number [{unit}]")
-        for key in ("effort", "velocity"):
-            _check_not_negative(f"{where} limit", limit, key, faults)
+    axis, limit = joint.find("axis"), joint.find("limit")
+    if axis is not None and "xyz" not in axis.attrib:
+        faults.append(f"{where} axis has no xyz: it must be 3 finite numbers, not all 0")
+    for key in ("lower", "upper"):
+        if kind in ("revolute", "prismatic") and limit is not None and key not in limit.attrib:
+            unit = "m" if kind == "prismatic" else "rad"
+            faults.append(f"{where} limit has no {key}: it must be a finite number [{unit}]")
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

@@ -49,6 +49,7 @@ class SweepStore:
     def __init__(
         self, path: str | PathLike[str], described: xr.Dataset, chunk: int, *, resume: bool
     ) -> None:
+        zarr = _zarr()
         self._path = Path(path)
         self.created = not self._path.exists()
         try:
@@ -59,8 +60,6 @@ class SweepStore:
                 self._check(described, resume)
         except OSError as error:
             raise InvalidInput(f"{path} cannot be written ({error.strerror or error})") from None
-        import zarr
-
         self._group: Any = zarr.open_group(self._path, mode="r+")
         status: Any = self._group["status"]
         self.chunks = Chunks(status.shape, status.chunks)
@@ -77,12 +76,10 @@ class SweepStore:
         """Make the empty store under another name first, so that a store is complete or absent."""
         if not self._path.resolve().parent.is_dir():  # Zarr would make all missing folders
             raise InvalidInput(f"{self._path} cannot be written (its folder does not exist)")
-        import zarr
-
         draft = self._path.with_name(f".{self._path.name}-draft-{os.getpid()}")
         try:
             described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3)
-            group: Any = zarr.open_group(draft, mode="r+")
+            group: Any = _zarr().open_group(draft, mode="r+")
             arrays: dict[str, tuple[str, float, dict[str, Any]]] = {
                 name: ("f8", math.nan, {"units": unit, "long_name": meaning})
                 for name, (unit, meaning) in VARIABLES.items()
@@ -143,6 +140,7 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     try:
         data: xr.Dataset
         if file.is_dir():
+            _zarr()
             data = xr.open_zarr(file, consolidated=False, chunks=None)
         else:
             data = xr.open_dataset(file, engine="h5netcdf")
@@ -172,3 +170,12 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
     check_netcdf_name(path)
     with replacing(path) as draft:
         data.to_netcdf(draft, engine="h5netcdf")
+
+
+def _zarr() -> Any:
+    """Return the module zarr, or raise `InvalidInput` where it is not installed."""
+    try:
+        import zarr
+    except ImportError:
+        raise InvalidInput('a Zarr store needs zarr: pip install "kickdyn[store]"') from None
+    return zarr

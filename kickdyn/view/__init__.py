@@ -1,1 +1,4 @@
-"""Pictures: one kick as a 3-D page, and a sweep as a plot."""
+"""3-D pages of kicks and flights, drawn with meshcat, and plots of swings.
+
+Open `page.py` first: `kickdyn.page` shows whatever the library computes.
+"""

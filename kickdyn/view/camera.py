@@ -1,4 +1,4 @@
-"""Where to look from: as near as the picture allows, from the side if that shows enough."""
+"""The camera: as near as the picture allows, at the right side of the kick if that shows enough."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ FIELD = 44.0
 
 UP = math.tan(math.radians(FIELD / 2))
 LEFT, RIGHT = 0.9 * UP, 1.6 * UP
-"""Slopes that may be filled, of a picture 16 wide and 9 high with a caption at its left."""
+"""Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
 TOP, BOTTOM = 0.85 * UP, 0.88 * UP
 SHARE = 0.36
-"""Share of the picture's height that leg and ball should fill."""
+"""Share of the picture's height that leg and ball fill at least, if any direction allows it."""
 
 LOWEST = 0.1
-"""Height of the camera above the ground, at least, over its distance from the leg."""
+"""Least height of the camera above the ground, over its distance from the leg."""
 
 TURNS = np.radians(np.arange(15, 86, 5))
-"""From the side to behind the leg, in the order they are tried."""
+"""Directions from the side to behind the leg, in the order in which they are tried [rad]."""
 
 BEHIND = math.radians(72)
-"""Least turn that counts as looking along the flight."""
+"""Least turn that counts as looking along the flight [rad]."""
 
 TILTS = np.radians((14, 8, 2, -4))
-"""How far the camera looks down, likewise: a high flight is seen from below."""
+"""Angles by which the camera looks down, likewise [rad]: a high flight is seen from below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Camera:
 
     Attributes:
         position: shape `(3,)` [m, world frame].
-        target: what it looks at and turns about, likewise.
+        target: the point at which it looks and about which it turns, likewise.
     """
 
     position: Array
@@ -52,20 +52,20 @@ class Camera:
         """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
 
-    def across(self, point: Array) -> Array:
+    def project(self, point: Array) -> Array:
         """Return where the picture shows a point: right and up, over its depth, shape `(2,)`."""
         into = self.target - self.position
         into = into / np.linalg.norm(into)
         right = np.cross(into, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
-        away = point - self.position
-        return np.array([away @ right, away @ np.cross(right, into)]) / (away @ into)
+        ray = point - self.position
+        return np.array([ray @ right, ray @ np.cross(right, into)]) / (ray @ into)
 
 
 def camera_for(
     near: Array, far: Array, forward: Array, *, marks: Array | None = None, behind: bool = False
 ) -> Camera:
-    """Place the camera so that all is in the picture and what is near stays recognisable.
+    """Return the camera that sees all points and keeps leg and ball recognisable.
 
     A kick of some metres is seen from the right side. The longer the flight, the further the
     camera moves behind the leg, where perspective shortens it.
@@ -74,31 +74,30 @@ def camera_for(
         near: points of leg and ball, shape `(n, 3)` [m, world frame].
         far: points of the flight, likewise.
         forward: horizontal unit vector of the flight, shape `(3,)`.
-        marks: what is drawn over everything, under the ground too, likewise.
-        behind: whether to look along the flight in any case, at what stands across it.
+        marks: points drawn over everything, even where they lie under the ground, likewise.
+        behind: whether to look along the flight in any case, at a wall or goal across it.
     """
     floor = min(near[:, 2].min(), far[:, 2].min())
     points = np.vstack([near, far] if marks is None else [near, far, marks])
-    shots = []
+    candidates = []
     for turn, tilt in product(TURNS[TURNS > BEHIND] if behind else TURNS, TILTS):
         axes = _axes(forward, turn, tilt)
-        position = _fitted(points @ axes.T)
+        position = _nearest_position(points @ axes.T)
         seen = near @ axes.T - position
         share = float(np.ptp(seen[:, 1] / seen[:, 2])) / (2 * UP)
         depth = float(np.median(seen[:, 2]))
         camera = Camera(position @ axes, (position + np.array([0.0, 0.0, depth])) @ axes)
         above = bool(camera.position[2] > floor + LOWEST * depth)
-        shots.append((above, share, camera))
+        candidates.append((above, share, camera))
         if above and share > SHARE:
             return camera
-    return max(shots, key=lambda shot: shot[:2])[2]
+    return max(candidates, key=lambda candidate: candidate[:2])[2]
 
 
 def set_camera(viewer: Any, camera: Camera) -> None:
     """Show a meshcat viewer's scene as the camera sees it.
 
-    meshcat's camera turns about the origin and nothing else; so the scene moves, not the camera's
-    target.
+    meshcat's camera turns about the origin only, so the scene is moved instead of its target.
     """
     x, y, z = (camera.position - camera.target).tolist()
     size = math.hypot(x, y, z)
@@ -119,11 +118,11 @@ def _axes(forward: Array, turn: float, tilt: float) -> Array:
     return np.array([right, np.cross(right, into), into])
 
 
-def _fitted(points: Array) -> Array:
+def _nearest_position(points: Array) -> Array:
     """Return the foremost camera position that sees all points, in the camera's axes.
 
-    Each edge of the picture is a plane through the camera; each coordinate across is bounded by
-    two of them, and where both bounds meet the camera can come no nearer.
+    Each edge of the picture is a plane through the camera. Two of them bound each coordinate
+    across the picture, and where both bounds meet the camera cannot come nearer.
     """
     x, y, z = points.T
     bounds = [

@@ -1,74 +1,95 @@
-"""What the page says beside the picture."""
+"""The numbers of a kick: as a panel of HTML beside the picture, and of a scene as JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from html import escape
+from typing import Any
 
 import numpy as np
 
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.impulses import JOINT, LEAST
-from kickdyn.view.kick_scene import Drawn
+from kickdyn.scene.simulation import Simulation
+from kickdyn.view.impulses import JOINT, LEAST, joint_impulses_in_world
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
 FEW = 4
-"""Joints up to which the angles are in sight; of more, they are folded with what passes through."""
+"""Joints up to which the angles are in sight; of more, they are folded with their impulses."""
+
+LONG = 16
+"""Characters above which a row takes a line of its own where rows stand side by side."""
 
 Row = tuple[str, str]
+"""What it is and its value, both HTML."""
 
 
-def caption_panel(hit: Impact, path: Flight | Course, drawn: Drawn, caption: str) -> str:
-    """Return the caption as HTML; every name in it is escaped."""
-    few = len(hit.posture.leg.joint_names) <= FEW
-    said = f"<p>{escape(caption)}</p>\n" if caption else ""
-    shown = [*(_angles(hit).items() if few else ()), *_numbers(hit, path, drawn)]
-    return (
-        f'<aside id="caption">\n<h1>{escape(hit.posture.leg.name or "leg")}</h1>\n{said}'
-        f"{_table(shown)}\n{'' if few else _folded(hit)}</aside>"
-    )
+def kick_panel(impact: Impact, path: Flight | Course, pace: Pace, stripe: float, text: str) -> str:
+    """Return the panel of a kick.
+
+    Args:
+        impact: the impact.
+        path: of the ball.
+        pace: of the animation.
+        stripe: width of a stripe of the ground [m].
+        text: a line of plain text above the numbers; may be empty.
+    """
+    few = len(impact.posture.leg.joint_names) <= FEW
+    rows = [
+        *(_angles(impact).items() if few else ()),
+        *_impact_rows(impact),
+        *_path_rows(path),
+        ("shown", _pace(pace)),
+        ("stripes", f"{stripe:g} m"),
+    ]
+    title = impact.posture.leg.name or "leg"
+    return panel_of(title, rows, text, "" if few else _folded(impact))
 
 
-def _table(rows: list[Row]) -> str:
+def panel_of(title: str, rows: Sequence[Row], text: str = "", end: str = "") -> str:
+    """Return a panel: a title and a line of plain text, a table of HTML, and more HTML."""
+    line = f"<p>{escape(text)}</p>\n" if text else ""
+    return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n{line}{_table(rows)}\n{end}</aside>'
+
+
+def _table(rows: Sequence[Row]) -> str:
+    """Return rows as a table."""
+    long = ' class="long"'
     lines = (
-        f"<tr{LONG if len(value) > MOST else ''}><th>{head}</th><td>{value}</td></tr>"
+        f"<tr{long if len(value) > LONG else ''}><th>{head}</th><td>{value}</td></tr>"
         for head, value in rows
     )
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-MOST = 16
-LONG = ' class="long"'
-"""Rows that get a line of their own where they stand side by side."""
-
-
-def _angles(hit: Impact) -> dict[str, str]:
-    leg = hit.posture.leg
+def _angles(impact: Impact) -> dict[str, str]:
+    """Return the angle of each joint; none of a floating base, which has no single angle."""
+    leg = impact.posture.leg
     if leg.nv != len(leg.joint_names):
-        return {}  # a floating base has no one angle
+        return {}
     return {
         _name(name): f"{value:.4g} m" if unit == "m" else f"{value:.1f}°"
-        for name, (value, unit) in leg.display_values(hit.posture.q).items()
+        for name, (value, unit) in leg.display_values(impact.posture.q).items()
     }
 
 
-def _folded(hit: Impact) -> str:
-    """Return the joints that move or transmit something to speak of, the most loaded first."""
-    names = [_name(name) for name in hit.posture.leg.joint_names]
-    sizes = dict(zip(names, np.linalg.norm(hit.joint_impulses[:, :3], axis=1), strict=True))
-    angles, least = _angles(hit), LEAST * max(sizes.values())
-    moving = dict(zip(names, hit.v_before, strict=True)) if angles else {}
+def _folded(impact: Impact) -> str:
+    """Return the joints that move or transmit an impulse, the largest first, behind a summary."""
+    names = [_name(name) for name in impact.posture.leg.joint_names]
+    sizes = dict(zip(names, np.linalg.norm(impact.joint_impulses[:, :3], axis=1), strict=True))
+    angles, least = _angles(impact), LEAST * max(sizes.values())
+    moving = dict(zip(names, impact.v_before, strict=True)) if angles else {}
     rows = [
         (name, ", ".join([*([angles[name]] if angles else []), f"{size:.3g} N s"]))
-        for name, size in sorted(sizes.items(), key=lambda one: -one[1])
+        for name, size in sorted(sizes.items(), key=lambda item: -item[1])
         if size > least or moving.get(name)
     ]
-    what = "angle and impulse" if angles else "impulse"
-    head = f"<summary>{len(rows)} joints: {what} {_key(JOINT)}</summary>"
-    return f"<details>{head}\n{_table(rows)}\n</details>\n"
+    values = "angle and impulse" if angles else "impulse"
+    summary = f"<summary>{len(rows)} joints: {values} {_key(JOINT)}</summary>"
+    return f"<details>{summary}\n{_table(rows)}\n</details>\n"
 
 
 def _name(name: str) -> str:
@@ -76,55 +97,86 @@ def _name(name: str) -> str:
     return escape(name).replace("_", "_<wbr>")
 
 
-def _numbers(hit: Impact, path: Flight | Course, drawn: Drawn) -> list[Row]:
-    if isinstance(path, Course):
-        way = [
-            (f"way {_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
-            ("time", f"{path.duration:.4g} s"),
-            ("speed there", f"{float(path.rest.speed):.4g} m/s"),
-        ]
-    else:
-        aloft = " (still aloft)" if path.status == "aloft" else ""
-        flown = "to the plane" if path.status == "at-plane" else "carry"
-        way = [
-            (f"{flown} {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
-            ("flight time", f"{path.duration:.4g} s"),
-            ("flight", escape(path.method)),
-        ]
+def _impact_rows(impact: Impact) -> list[Row]:
+    """Return the numbers of an impact."""
+    name, size = impact.worst_joint
+    after = impact.ball_after
+    spin = float(np.linalg.norm(after.spin))
+    if spin < 1e-12 * float(after.speed) / impact.ball.radius:  # rounding
+        spin = 0.0
+    ratio = [("ball / foot", f"{impact.speed_ratio:.4g}")] if impact.foot_velocity.any() else []
     return [
-        (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(hit.impulse)):.4g} N s"),
-        *_worst(hit),
-        ("foot speed", f"{float(np.linalg.norm(hit.foot_velocity)):.4g} m/s"),
-        ("ball speed", f"{float(hit.ball_after.speed):.4g} m/s"),
-        *((("ball / foot", f"{hit.speed_ratio:.4g}"),) if hit.foot_velocity.any() else ()),
-        ("launch angle", f"{round(math.degrees(float(hit.ball_after.elevation)), 1) + 0.0:.1f}°"),
-        ("spin", _spin(hit)),
-        *way,
-        ("shown", _pace(drawn.pace)),
-        ("stripes", f"{drawn.stripe:g} m"),
+        (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(impact.impulse)):.4g} N s"),
+        (f"worst joint {_key(JOINT)}", f"{size:.4g} N s at {_name(name)}"),
+        ("foot speed", f"{float(np.linalg.norm(impact.foot_velocity)):.4g} m/s"),
+        ("ball speed", f"{float(after.speed):.4g} m/s"),
+        *ratio,
+        ("launch angle", f"{round(math.degrees(float(after.elevation)), 1) + 0.0:.1f}°"),
+        ("spin", f"{spin:.4g} rad/s"),
     ]
 
 
-def _worst(hit: Impact) -> list[Row]:
-    name, size = hit.worst_joint
-    return [(f"worst joint {_key(JOINT)}", f"{size:.4g} N s at {_name(name)}")]
-
-
-def _spin(hit: Impact) -> str:
-    spin = float(np.linalg.norm(hit.ball_after.spin))
-    rounding = 1e-12 * float(hit.ball_after.speed) / hit.ball.radius
-    return f"{0.0 if spin < rounding else spin:.4g} rad/s"
+def _path_rows(path: Flight | Course) -> list[Row]:
+    """Return the numbers of a flight, or of a course along the ground."""
+    if isinstance(path, Course):
+        return [
+            (f"path {_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
+            ("time", f"{path.duration:.4g} s"),
+            ("speed there", f"{float(path.rest.speed):.4g} m/s"),
+        ]
+    aloft = " (still aloft)" if path.status == "aloft" else ""
+    length = "to the plane" if path.status == "at-plane" else "carry"
+    return [
+        (f"{length} {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+        ("flight time", f"{path.duration:.4g} s"),
+        ("flight", escape(path.method)),
+    ]
 
 
 def _key(colour: int) -> str:
+    """Return a small square of a colour."""
     return f'<span class="key" style="background:#{colour:06x}"></span>'
 
 
 def _pace(pace: Pace) -> str:
+    """Return how much slower or faster than real a kick is shown."""
     if math.isclose(pace.strike, pace.flight, rel_tol=1e-3):
         return _times(pace.strike)
     return f"strike {_times(pace.strike)}, flight {_times(pace.flight)}"
 
 
 def _times(slower: float) -> str:
+    """Return a factor of time in words."""
     return f"{slower:.3g} times slower" if slower >= 1 else f"{1 / slower:.3g} times faster"
+
+
+def scene_numbers(simulation: Simulation, impact: Impact) -> dict[str, Any]:
+    """Return the numbers of a scene for JSON: SI units, joint angles in degrees as given."""
+    leg, after, end = impact.posture.leg, impact.ball_after, simulation.end
+    impulses = joint_impulses_in_world(impact)
+    bounds = {v.effect: _finite(v.bound) for v in simulation.verdicts if not v.modelled}
+    return {
+        "scene": simulation.scene.name,
+        "leg": leg.name,
+        "frame": leg.frame,
+        "angles": {
+            name: round(value, 9) + 0.0
+            for name, (value, _) in leg.display_values(impact.posture.q).items()
+        },
+        "impulse": impact.impulse.tolist(),
+        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
+        "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
+        "ball_velocity": after.velocity.tolist(),
+        "ball_spin": after.spin.tolist(),
+        "launch_angle": float(after.elevation),
+        "end": end.position.tolist(),
+        "time": float(end.time),
+        "error": _finite(simulation.error),
+        "warnings": list(simulation.warnings),
+        "left_out": bounds,
+    }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None where it is not finite."""
+    return value if math.isfinite(value) else None

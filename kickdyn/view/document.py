@@ -1,20 +1,24 @@
-"""The HTML around a meshcat scene: one file that needs nothing else.
+"""A meshcat scene in memory, and the HTML that shows it: one file that needs no network.
 
 meshcat's own controls are hidden; `#controls` at the end of the page's address shows them, and
-`#at=1.5` holds its animation at 1.5 s.
+`#at=1.5` stops its animation at 1.5 s.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Callable
 from functools import cache
 from html import escape
 from importlib.resources import files
+from typing import Any
+
+import meshcat
+import umsgpack
 
 from kickdyn.view.camera import LEFT, RIGHT, UP
 
-# Only what is written in the page may run or load; a browser refuses all else.
+# A browser runs and loads what the page itself contains, and refuses everything else.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; connect-src {connect}"
@@ -41,7 +45,7 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption details th { white-space: normal; }
 #caption details td { white-space: nowrap; }
 #caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
-@media (max-width: 1000px) {  /* a notebook's frame, a telephone: no room beside the leg */
+@media (max-width: 1000px) {  /* a notebook's frame or a telephone has no space beside the leg */
   #meshcat-pane { height: 66vh; }
   #caption {
     position: static; max-width: none; height: 34vh; max-height: none; padding: 8px 14px;
@@ -76,12 +80,12 @@ _PAGE = """<!DOCTYPE html>
 <script>
 const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
 const resize = viewer.set_3d_pane_size.bind(viewer);  // to the window's height, not the pane's
-const below = matchMedia("(max-width: 1000px)");  // where the caption is not over the scene
+const below = matchMedia("(max-width: 1000px)");  // the caption is not over the scene
 viewer.set_3d_pane_size = () => {{
   const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
   const lens = viewer.camera, beside = (width - 2 * {panel_width}) / {left};
-  const room = below.matches ? width / {spread} : Math.min(width / {right}, beside);
-  lens.zoom = Math.min(1, room / height);  // all that the camera was placed to see
+  const extent = below.matches ? width / {spread} : Math.min(width / {right}, beside);
+  lens.zoom = Math.min(1, extent / height);  // show all that the camera was set for
   lens.aspect = width / height;
   lens.filmOffset = below.matches ? {aside} * lens.getFilmWidth() : 0;
   resize(width, height);
@@ -102,34 +106,72 @@ _REPLAY = """for (const command of {commands}) {{
   viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
 }}"""
 
-_OWN_SOCKET = "ws://127.0.0.1:* ws://localhost:*"  # 'self' is not understood so everywhere
+# Not every browser takes 'self' for websockets.
+_OWN_SOCKET = "ws://127.0.0.1:* ws://localhost:*"
 _CONNECT = 'viewer.connect("ws://" + location.host + "{path}");'
 
 
-def static_document(commands: Sequence[bytes], *, title: str, panel: str = "") -> str:
-    """Return a page that holds its scene.
+class Recorder:
+    """The window into which a `meshcat.Visualizer` draws: it has no socket, server or process.
+
+    Attributes:
+        web_url: the address that a `meshcat.Visualizer` reads; there is none.
+        listener: called with each new command, so that a server can send it to browsers.
+    """
+
+    web_url = "in memory"
+
+    def __init__(self) -> None:
+        self._commands: dict[tuple[str, str, str], bytes] = {}
+        self.listener: Callable[[bytes], None] | None = None
+
+    def send(self, command: Any) -> None:
+        """Record a meshcat command in place of the one it supersedes."""
+        fields = command.lower()
+        kind, path = fields["type"], fields["path"]
+        packed = umsgpack.packb(fields)
+        if kind == "delete":
+            below = path.rstrip("/") + "/"
+            for key in list(self._commands):
+                if key[1] == path or key[1].startswith(below):
+                    del self._commands[key]
+        else:
+            key = (kind, path, fields.get("property", ""))
+            self._commands.pop(key, None)  # so that it comes last again
+            self._commands[key] = packed
+        if self.listener:
+            self.listener(packed)
+
+    def commands(self) -> list[bytes]:
+        """Return the packed commands that rebuild the scene, in order."""
+        return list(self._commands.values())
+
+
+def recording_viewer() -> Any:
+    """Return a `meshcat.Visualizer` that draws into memory: its `window` is a `Recorder`."""
+    return meshcat.Visualizer(window=Recorder())
+
+
+def static_document(viewer: Any, title: str, panel: str) -> str:
+    """Return a page that contains its scene.
 
     Args:
-        commands: of meshcat, packed.
+        viewer: from `recording_viewer`.
         title: plain text; it is escaped here.
         panel: HTML laid over the scene.
     """
-    texts = ",\n".join(f'"{base64.b64encode(command).decode()}"' for command in commands)
-    return _document(_REPLAY.format(commands=f"[\n{texts}\n]"), title, panel, "'none'")
+    texts = (f'"{base64.b64encode(command).decode()}"' for command in viewer.window.commands())
+    commands = "[\n" + ",\n".join(texts) + "\n]"
+    return _document(_REPLAY.format(commands=commands), title, panel, "'none'")
 
 
-def live_document(socket_path: str, *, title: str, panel: str = "") -> str:
-    """Return a page that asks the server it came from for its scene.
-
-    Args:
-        socket_path: of the websocket there.
-        title: plain text; it is escaped here.
-        panel: HTML laid over the scene.
-    """
+def live_document(socket_path: str, title: str, panel: str) -> str:
+    """Return a page that receives its scene from the websocket `socket_path` of its server."""
     return _document(_CONNECT.format(path=socket_path), title, panel, _OWN_SOCKET)
 
 
 def _document(start: str, title: str, panel: str, connect: str) -> str:
+    """Return the HTML whose script `start` fills the scene; `connect` are addresses it may call."""
     return _PAGE.format(
         policy=_POLICY.format(connect=connect),
         title=escape(title),
@@ -147,5 +189,5 @@ def _document(start: str, title: str, panel: str, connect: str) -> str:
 
 @cache
 def _engine() -> str:
-    """Return meshcat's viewer: three.js and all."""
+    """Return the JavaScript of meshcat's viewer, three.js included."""
     return (files("meshcat") / "viewer" / "dist" / "main.min.js").read_text(encoding="utf-8")

@@ -1,23 +1,52 @@
-"""Marks of the picture that are no bodies: ground, curve, arrow."""
+"""What surrounds the leg: the ball, the ground, curves and arrows."""
 
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import meshcat.geometry as shapes
+import meshcat.transformations as tf
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
-from kickdyn.view.cylinder_pose import UPRIGHT, along
 
 CURVE, ARROW = 0xE63946, 0x2456D6
 GRASS = (0x86B56B, 0x7DAD63)
-SIDES = 8
+HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 
-THICK, NECK, BARB = 0.028, 0.72, 0.084
+SIDES = 8
+"""Of a tube that draws a curve."""
+
+SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
+
+ROWS = 4
+"""Triangles along the edge of a sector of the ball's panels."""
+
+UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
+"""Turns the axis of meshcat's cylinder, y, to z, which is the axis of a URDF's cylinder."""
+
+
+def cylinder_pose(start: Array, end: Array) -> Array:
+    """Return the pose that lays meshcat's cylinder between two points, shape `(4, 4)`."""
+    axis = np.asarray(end) - start
+    y = axis / np.linalg.norm(axis)
+    x = np.cross(y, np.eye(3)[np.argmin(np.abs(y))])
+    x /= np.linalg.norm(x)
+    return pose_of(np.column_stack([x, y, np.cross(x, y)]), (start + end) / 2)
+
+
+def pose_of(rotation: Array, translation: Array) -> Array:
+    """Return the homogeneous matrix of a rotation `(3, 3)` and a translation `(3,)` [m]."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = translation
+    return pose
 
 
 def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach: float) -> None:
@@ -34,8 +63,8 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     edges = stripe * np.arange(-count, count + 1)
     end, far = edges[-1], 100 * edges[-1]
     # One mesh, as two faces in one plane flicker: stripes in two halves, so that they can fade to
-    # both sides, and four plain pieces around. Those reach under what has faded, so that the sky
-    # does not glint through the seam.
+    # both sides, and four plain pieces around. Those reach under the faded ends, so that the sky
+    # does not show through the seam.
     pieces = [
         (left, right, low, high, number % 2)
         for number, (left, right) in enumerate(pairwise(edges))
@@ -47,7 +76,8 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     left, right, low, high, dark = np.array(pieces).T
     x, y = np.stack([left, right, right, left], 1), np.stack([low, low, high, high], 1)
     shade = dark[:, None] * np.clip(1 - np.hypot(x, y) / end, 0.0, 1.0)
-    colours = _rgb(GRASS[0]) + shade[..., None] * (_rgb(GRASS[1]) - _rgb(GRASS[0]))
+    light, deep = (np.array([c >> 16, c >> 8 & 255, c & 255]) / 255 for c in GRASS)
+    colours = light + shade[..., None] * (deep - light)
     corners = 4 * np.arange(len(pieces))[:, None, None]
     viewer.set_object(
         shapes.TriangularMeshGeometry(
@@ -58,10 +88,7 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
         shapes.MeshBasicMaterial(vertexColors=True),
     )
     up = np.array([0.0, 0.0, 1.0])
-    place = np.eye(4)
-    place[:3, :3] = np.column_stack([forward, np.cross(up, forward), up])
-    place[:3, 3] = centre
-    viewer.set_transform(place)
+    viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), centre))
 
 
 def draw_curve(
@@ -90,64 +117,92 @@ def draw_curve(
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     ring = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
     vertices = (points[:, None] + radii[:, None, None] * ring).reshape(-1, 3)
-    along_it = SIDES * np.arange(len(points) - 1)[:, None]
-    a, b = along_it + np.arange(SIDES), along_it + (np.arange(SIDES) + 1) % SIDES
-    faces = np.concatenate(
-        [
-            np.stack([a, b, b + SIDES], axis=-1).reshape(-1, 3),
-            np.stack([a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3),
-        ]
-    )
+    begin = SIDES * np.arange(len(points) - 1)[:, None]
+    a, b = begin + np.arange(SIDES), begin + (np.arange(SIDES) + 1) % SIDES
+    faces = np.stack([a, b, b + SIDES, a, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3)
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
 def draw_landing(viewer: Any, point: Array, radius: float) -> None:
     """Draw a disc on the ground."""
     viewer.set_object(shapes.Cylinder(0.02 * radius, radius), shapes.MeshBasicMaterial(color=CURVE))
-    place = UPRIGHT.copy()
-    place[:3, 3] = point
-    viewer.set_transform(place)
+    viewer.set_transform(pose_of(UPRIGHT[:3, :3], point))
 
 
 def draw_shadow(viewer: Any, radius: float) -> None:
-    """Draw what tells the height of a ball of that radius; it belongs on the ground below it."""
+    """Draw the shadow of a ball of that radius, which shows its height over the ground."""
     dark = shapes.MeshBasicMaterial(color=0x14301A, opacity=0.35)
     viewer["disc"].set_object(shapes.Cylinder(0.02 * radius, 0.8 * radius), dark)
     viewer["disc"].set_transform(UPRIGHT)
 
 
-def arrow_radius(shares: Array) -> Array:
-    """Return how thick an arrow is, as radius over length, at shares of its length."""
-    return np.where(shares < NECK, THICK, BARB * (1.0 - shares) / (1.0 - NECK))
-
-
-def draw_arrow(
-    viewer: Any, start: Array, direction: Array, length: float, colour: int = ARROW
-) -> None:
+def draw_arrow(viewer: Any, start: Array, vector: Array, colour: int = ARROW) -> None:
     """Draw an arrow over everything else; its start is the origin of `viewer`.
 
     Args:
         viewer: node to draw into.
         start: shape `(3,)` [m].
-        direction: unit vector, shape `(3,)`.
-        length: [m].
+        vector: from start to tip, not zero, shape `(3,)` [m].
         colour: 0xRRGGBB.
     """
-    neck = NECK * length
-    shaft = shapes.Cylinder(neck, THICK * length)
-    head = shapes.Cylinder(length - neck, radiusTop=0.0, radiusBottom=BARB * length)
-    for name, shape, begin, end in (("shaft", shaft, 0.0, neck), ("head", head, neck, length)):
+    length = float(np.linalg.norm(vector))
+    shaft = shapes.Cylinder(NECK * length, SHAFT * length)
+    head = shapes.Cylinder((1 - NECK) * length, radiusTop=0.0, radiusBottom=HEAD * length)
+    for name, shape, begin, end in (("shaft", shaft, 0.0, NECK), ("head", head, NECK, 1.0)):
         viewer[name].set_object(shape, _overlay(colour))
-        viewer[name].set_transform(along(begin * direction, end * direction))
-    place = np.eye(4)
-    place[:3, 3] = start
-    viewer.set_transform(place)
+        viewer[name].set_transform(cylinder_pose(begin * vector, end * vector))
+    viewer.set_transform(tf.translation_matrix(start))
 
 
 def _overlay(colour: int) -> Any:
-    # Transparent things are drawn last; without a depth test, over what is nearer too.
+    """Return the material of what is drawn over nearer things too."""
+    # Transparent things are drawn last; without a depth test nothing covers them.
     return shapes.MeshBasicMaterial(color=colour, transparent=True, depthTest=False)
 
 
-def _rgb(colour: int) -> Array:
-    return np.array([colour >> 16, colour >> 8 & 255, colour & 255]) / 255
+def draw_ball(viewer: Any, radius: float) -> None:
+    """Draw a ball around the origin of `viewer`, in panels that show its spin."""
+    for name, colour in (("hexagons", HEXAGON), ("pentagons", PENTAGON)):
+        vertices, faces = _panels()[name]
+        mesh = shapes.TriangularMeshGeometry(radius * vertices, faces)
+        viewer[name].set_object(mesh, shapes.MeshLambertMaterial(color=colour))
+
+
+@cache
+def _panels() -> dict[str, tuple[Array, NDArray[np.int64]]]:
+    """Return vertices and faces of all panels of a kind, on the unit sphere."""
+    golden = (1 + 5**0.5) / 2
+    corners = np.array([(0, a, b) for a in (-1, 1) for b in (-golden, golden)])
+    icosahedron = np.vstack([np.roll(corners, turn, axis=1) for turn in range(3)])
+    triangles = ConvexHull(icosahedron).simplices
+    # Each edge of the icosahedron is cut at its thirds; those cuts are the panels' corners.
+    cut = {(a, b): (2 * icosahedron[a] + icosahedron[b]) / 3
+           for t in triangles for a in t for b in t if a != b}  # fmt: skip
+    pentagons = [np.array([cut[pair] for pair in cut if pair[0] == a]) for a in range(12)]
+    hexagons = [np.array([cut[a, b] for a in t for b in t if a != b]) for t in triangles]
+    return {"pentagons": _on_sphere(pentagons), "hexagons": _on_sphere(hexagons)}
+
+
+def _on_sphere(polygons: list[Array]) -> tuple[Array, NDArray[np.int64]]:
+    """Return polygons as triangles, moved outwards to the unit sphere: vertices and faces."""
+    sectors = []
+    for polygon in polygons:
+        centre = polygon.mean(axis=0)
+        u = polygon[0] - centre
+        angle = np.arctan2(
+            (polygon - centre) @ np.cross(centre, u) / np.linalg.norm(centre),
+            (polygon - centre) @ u,
+        )
+        ring = polygon[np.argsort(angle)]
+        sectors += [(centre, p, q) for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
+    steps = [(i, j) for i in range(ROWS + 1) for j in range(ROWS + 1 - i)]
+    index = {step: k for k, step in enumerate(steps)}
+    faces = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in steps if i + j < ROWS]
+    faces += [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1])
+              for i, j in steps if i + j < ROWS - 1]  # fmt: skip
+    weights = np.array([(ROWS - i - j, i, j) for i, j in steps]) / ROWS
+    points = np.concatenate([weights @ np.array(sector) for sector in sectors])
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    offsets = len(steps) * np.arange(len(sectors))
+    indices = np.array(faces, dtype=np.int64) + offsets[:, None, None]
+    return points, indices.reshape(-1, 3)

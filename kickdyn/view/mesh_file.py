@@ -1,8 +1,8 @@
-"""Meshes of a URDF: only from its own folder, and only their bare triangles.
+"""Meshes of a URDF: only from its own folder, and only their triangles and colours.
 
-A mesh may name further files (textures, materials, buffers), and would pull any file of this
-machine into a page that is passed on. So it is read once, from memory, with nothing to look
-further files up with.
+A mesh may name further files (textures, materials) and could bring any file of this machine into
+a page that is passed on. So it is read once, from memory, without access to further files. A small
+COLLADA or OBJ file can stand for a large scene; its size is bounded before the scene is built.
 """
 
 from __future__ import annotations
@@ -13,23 +13,33 @@ import re
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.view.mesh_size import FORMATS, MAX_BYTES, MAX_VERTICES, check_size, too_large
 
-logging.getLogger("trimesh").addHandler(logging.NullHandler())  # tracebacks of what it passes over
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it ignores
 
+FORMATS = (".stl", ".obj", ".dae", ".ply")
 PACKAGE = "package://"
+
+MAX_BYTES = 50_000_000
+"""Of a file, or of the scene that a file stands for: an STL file of a million triangles."""
+
+MAX_VERTICES = 3_000_000
+MAX_PARTS = 1000
+"""Surfaces with a material or a position of their own."""
+
 UPRIGHT = {
-    b"X": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
-    b"Y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
-"""By the axis that points up: from a COLLADA file's axes to ours (COLLADA 1.4.1, up_axis)."""
+"""Rotation from a COLLADA file's axes to z up, by its `up_axis` (COLLADA 1.4.1)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,29 +58,31 @@ class Triangles:
 
 
 def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangles]:
-    """Read a mesh that a URDF names.
+    """Return the surfaces of a mesh that a URDF names.
 
     Args:
-        filename: relative to the folder, or `package://NAME/...`, also looked up there.
+        filename: relative to the folder, or `package://NAME/...`, also searched there.
         folder: of the URDF; no file outside is opened.
         scale: None, a number, or three.
 
     Raises:
-        InvalidInput: the mesh lies outside, is missing, or cannot be read.
+        InvalidInput: the mesh lies outside, is missing, is too large, or cannot be read.
     """
     import trimesh  # takes half a second; most legs have no mesh
 
     file = _inside(filename, folder)
-    stretch = _stretch(filename, scale)
+    stretch = np.diag(_stretch(filename, scale))
     ending = file.suffix.lower()
     try:
         content = file.read_bytes()
-        check_size(filename, content, ending)
+        if ending == ".dae":
+            root = _parse_collada(content)
+            content = ElementTree.tostring(root)  # what was checked, not the file's own bytes
+            stretch = stretch @ UPRIGHT.get(root.findtext(".//{*}up_axis", "Z_UP"), np.eye(3))
+        elif ending == ".obj":
+            _check_parts(len(re.findall(rb"^[ \t]*(?:usemtl|o|g)[ \t]", content, re.MULTILINE)))
         scene = trimesh.load_scene(io.BytesIO(content), file_type=ending[1:], resolver=None)
-        turn = _upright(content) if ending == ".dae" else np.eye(3)
-        parts = list(_parts(filename, scene, np.diag(stretch) @ turn))
-    except InvalidInput:
-        raise
+        parts = list(_parts(scene, stretch))
     except Exception as error:  # each format has its own
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InvalidInput(f"mesh {filename!r} cannot be read ({reason})") from None
@@ -80,6 +92,7 @@ def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangl
 
 
 def _stretch(filename: str, scale: object) -> Array:
+    """Return the scale along each axis, shape `(3,)`."""
     try:
         stretch = np.ones(3) if scale is None else np.asarray(scale, dtype=float)
         if stretch.shape in ((), (3,)) and np.isfinite(stretch).all():
@@ -89,40 +102,74 @@ def _stretch(filename: str, scale: object) -> Array:
     raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
 
 
-def _parts(filename: str, scene: Any, turn: Array) -> Iterator[Triangles]:
-    """Yield the surfaces where the scene has them; its images are left alone."""
+def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
+    """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
     total = 0
     for node in scene.graph.nodes_geometry:
-        place, name = scene.graph[node]
+        pose, name = scene.graph[node]
         part = scene.geometry[name]
         if not isinstance(part, trimesh.Trimesh):  # lines, or points
             continue
-        total += len(part.vertices)
+        total += len(part.vertices) + len(part.faces)
         if total > MAX_VERTICES:
-            raise too_large(filename, total)
+            raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
         faces = np.asarray(part.faces)
-        mirrored = np.linalg.det(place[:3, :3]) < 0.0
+        mirrored = np.linalg.det(pose[:3, :3]) < 0.0
         yield Triangles(
-            (np.asarray(part.vertices) @ place[:3, :3].T + place[:3, 3]) @ turn.T,
+            (np.asarray(part.vertices) @ pose[:3, :3].T + pose[:3, 3]) @ turn.T,
             faces[:, ::-1] if mirrored else faces,
             _colour(part),
         )
 
 
-def _upright(content: bytes) -> Array:
-    """Return the turn that brings a COLLADA file's axes to z up, which trimesh leaves out."""
-    named = re.search(rb"<up_axis>\s*([XYZ])_UP", content)
-    return UPRIGHT.get(named[1] if named else b"Z", np.eye(3))
-
-
 def _colour(part: object) -> Array | None:
+    """Return the colour of a surface; None where the file gives none."""
     visual = getattr(part, "visual", None)
     if visual is None or not visual.defined:
         return None
     source = visual.material if visual.kind == "texture" else visual
     return np.asarray(source.main_color, dtype=float) / 255.0
+
+
+class _NoDoctype(ElementTree.TreeBuilder):
+    """Builds an XML tree, and refuses a DOCTYPE, whose entities could expand without end."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        raise ValueError("it has a DOCTYPE: entities are not expanded, remove it")
+
+
+def _parse_collada(content: bytes) -> ElementTree.Element:
+    """Return the tree of a COLLADA file whose scene, with all its copies, can be built in seconds.
+
+    A node may stand for another one several times, which multiplies from level to level.
+    """
+    root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoDoctype()))
+    named = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
+
+    @cache
+    def size(element: ElementTree.Element) -> tuple[int, int]:
+        """Return characters of text and number of surfaces, those of instances included."""
+        children = list(element)
+        is_instance = element.tag.rpartition("}")[2] in ("instance_node", "instance_geometry")
+        if is_instance and element.get("url") in named:
+            children.append(named[element.get("url", "")])
+        sizes = [size(child) for child in children]
+        text = len(element.text or "") + sum(characters for characters, _ in sizes)
+        return text, is_instance + sum(count for _, count in sizes)
+
+    text, count = size(root)
+    if text > MAX_BYTES:
+        raise ValueError(f"its scene has {text} characters: at most {MAX_BYTES} are read")
+    _check_parts(count)
+    return root
+
+
+def _check_parts(count: int) -> None:
+    """Raise ValueError where a file has too many surfaces."""
+    if count > MAX_PARTS:
+        raise ValueError(f"it has {count} parts: at most {MAX_PARTS} are read")
 
 
 def _inside(filename: str, folder: Path) -> Path:
@@ -146,10 +193,12 @@ def _inside(filename: str, folder: Path) -> Path:
         )
     if not present:
         raise InvalidInput(f"mesh {filename!r} is missing from the URDF's folder {root}")
-    return _regular(filename, present[0])
+    _check_regular(filename, present[0])
+    return present[0]
 
 
-def _regular(filename: str, path: Path) -> Path:
+def _check_regular(filename: str, path: Path) -> None:
+    """Raise `InvalidInput` unless a path is a regular file of a known format and sane size."""
     if path.suffix.lower() not in FORMATS:
         raise InvalidInput(f"mesh {filename!r} has no known ending: {', '.join(FORMATS)} are read")
     status = path.stat()
@@ -159,4 +208,3 @@ def _regular(filename: str, path: Path) -> Path:
         raise InvalidInput(
             f"mesh {filename!r} has {status.st_size} bytes: at most {MAX_BYTES} are read"
         )
-    return path

@@ -1,4 +1,4 @@
-"""What moves during a kick, and when it is shown."""
+"""What moves during a kick, and when the animation shows it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
+from kickdyn.view.marks import pose_of
 
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
@@ -20,8 +21,8 @@ RATE = 60
 SWING, FOLLOW, CHANGE, FLY, REST = 1.2, 0.4, 0.6, 1.8, 0.8
 """How long each phase is shown: before and after the impact, change of pace, flight, end [s]."""
 
-SWUNG = 3.0
-"""How long a backswing is shown that was planned [s]."""
+PLANNED_SWING = 3.0
+"""How long a planned backswing is shown [s]."""
 
 GROWING = 8
 """Pictures from the impact to arrows of full length."""
@@ -39,7 +40,7 @@ class Pace:
         impact: index of the picture of the impact.
         strike: how many times slower than real the strike is shown; below 1 is faster.
         flight: likewise the flight.
-        end: index of the last picture; what moves rests from the last of `times` until then.
+        end: index of the last picture; leg and ball rest from the last of `times` until then.
     """
 
     times: Array
@@ -48,23 +49,32 @@ class Pace:
     flight: float
     end: int
 
+    def animation_time(self, time: float) -> float:
+        """Return when the animation shows a time, with its arrows at full length [s].
 
-def pace_of(hit: Impact, duration: float, backswing: float | None = None) -> Pace:
-    """Show strike and flight in about four seconds.
+        Args:
+            time: since the impact, 0 or more [s]; after the last picture it is that one.
+        """
+        picture = min(int(np.searchsorted(self.times, time)), len(self.times) - 1)
+        return max(picture, self.impact + GROWING) / RATE
 
-    A hard strike is over in a hundredth of the time the ball flies, so the strike is shown
-    slower; where the flight is no longer than the strike, both are shown alike.
+
+def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
+    """Return the pace that shows strike and flight in about four seconds.
+
+    A hard strike takes a hundredth of the flight's time, so it is shown slower; where the flight
+    is no longer than the strike, both have one pace.
 
     Args:
-        hit: the impact.
+        impact: the impact.
         duration: of the flight [s].
-        backswing: of a swing that is shown as planned, from rest [s].
+        backswing: duration of a planned swing from rest to the impact [s].
     """
-    fastest = float(max(np.abs(hit.v_before).max(), np.abs(hit.v_after).max()))
+    fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
     swing = TRAVEL / fastest if fastest > 0 else math.inf
     alike = duration / (FOLLOW + CHANGE + FLY) if duration > 0 else math.inf
-    strike = min(swing / SWING, alike) if backswing is None else backswing / SWUNG
-    before = SWING if backswing is None else SWUNG
+    strike = min(swing / SWING, alike) if backswing is None else backswing / PLANNED_SWING
+    before = SWING if backswing is None else PLANNED_SWING
     if not math.isfinite(strike):
         strike = 1.0
     after = max(duration, strike * (FOLLOW + CHANGE + FLY))
@@ -77,32 +87,24 @@ def pace_of(hit: Impact, duration: float, backswing: float | None = None) -> Pac
         + (flight - strike) * changing**2 / (2 * CHANGE)
         + flight * np.maximum(moments - FOLLOW - CHANGE, 0.0)
     )
-    return Pace(
-        times, round(before * RATE), 1 / strike, 1 / flight, len(times) - 1 + round(REST * RATE)
-    )
+    end = len(times) - 1 + round(REST * RATE)
+    return Pace(times, round(before * RATE), 1 / strike, 1 / flight, end)
 
 
-def shown_at(pace: Pace, time: float) -> float:
-    """Return when the animation shows a time since the impact, its arrows grown [s].
+def leg_configuration(impact: Impact, time: float) -> Array:
+    """Return q at a time from the impact [s], shape `(nq,)`.
 
-    Args:
-        pace: of the animation.
-        time: since the impact, 0 or more [s]; what is later than the last picture is that one.
+    The joints move with the velocity before the impact, and after it come to rest from the
+    velocity after it, within their ranges.
     """
-    picture = min(int(np.searchsorted(pace.times, time)), len(pace.times) - 1)
-    return max(picture, pace.impact + GROWING) / RATE
-
-
-def leg_configuration(hit: Impact, time: float) -> Array:
-    """Return q at a time from the impact, shape `(nq,)`: straight on before, easing off after."""
-    leg, q = hit.posture.leg, hit.posture.q
+    leg, q = impact.posture.leg, impact.posture.q
     model = leg.workspace.model
     if time <= 0:
-        step = hit.v_before * time
+        step = impact.v_before * time
     else:
-        fastest = float(np.abs(hit.v_after).max())
+        fastest = float(np.abs(impact.v_after).max())
         ease = TRAVEL / fastest if fastest > 0 else math.inf
-        step = hit.v_after * (-ease * math.expm1(-time / ease) if math.isfinite(ease) else time)
+        step = impact.v_after * (-ease * math.expm1(-time / ease) if math.isfinite(ease) else time)
     moved = np.asarray(pin.integrate(model, q, step))
     # Only a joint of one number has a range; and a posture outside it must not jump back.
     single = np.zeros(model.nq, dtype=bool)
@@ -112,25 +114,14 @@ def leg_configuration(hit: Impact, time: float) -> Array:
     return np.where(single, within, moved)
 
 
-def ball_place(before: BallState, path: Flight | Course, time: float) -> Array:
-    """Return the ball's placement at a time from the impact, shape `(4, 4)` [m, world frame]."""
-    state = before if time < 0 else path.launch
-    place = np.eye(4)
-    seen = time if time < 0 else min(time, path.duration)
+def ball_pose(before: BallState, path: Flight | Course, time: float) -> Array:
+    """Return the ball's pose at a time from the impact [s], shape `(4, 4)` [m, world frame]."""
+    if time < 0:
+        return pose_of(pin.exp3(before.spin * time), before.position + before.velocity * time)
+    time = min(time, path.duration)
     if isinstance(path, Course):
-        place[:3, :3] = pin.exp3(state.spin * seen if time < 0 else _rolled(path, seen))
-    elif time >= 0 and path.has_orientation:
-        place[:3, :3] = path.orientation(seen).as_matrix()
+        times = np.linspace(0.0, time, 65)  # as if the ball turned about one axis
+        rotation = pin.exp3(np.trapezoid(path.sample(times).spin, times, axis=0))
     else:
-        place[:3, :3] = pin.exp3(state.spin * seen)
-    place[:3, 3] = (
-        before.position + before.velocity * time if time < 0 else path.sample(seen).position
-    )
-    return place
-
-
-def _rolled(path: Course, time: float) -> Array:
-    """Return how far a ball on the ground has turned `(3,)` [rad], as if about one axis."""
-    times = np.linspace(0.0, time, 65)
-    spin = path.sample(times).spin
-    return np.asarray(np.trapezoid(spin, times, axis=0))
+        rotation = path.orientation(time).as_matrix()
+    return pose_of(rotation, path.sample(time).position)

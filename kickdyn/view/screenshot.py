@@ -1,4 +1,4 @@
-"""A page as a picture: what Chromium shows of it, without a window."""
+"""A page as a picture: a screenshot by Chromium without a window."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from kickdyn.errors import InvalidInput, KickdynError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = (1280, 720)
-"""Pixels."""
+"""Of the picture [px]."""
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 """How long Chromium may take [s]."""
 
-# The picture is drawn without a graphics card, the same everywhere.
+# The picture is drawn without a graphics processor, so that it is the same everywhere.
 _FLAGS = (
     "--headless=new --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
     "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
@@ -27,8 +27,12 @@ _FLAGS = (
 )
 
 
-def check_photo(path: str | PathLike[str]) -> str:
-    """Return the browser; raise `InvalidInput` if there is none, or the name is no picture's."""
+def find_browser(path: str | PathLike[str]) -> str:
+    """Return the browser that draws a picture at `path`.
+
+    Raises:
+        InvalidInput: there is none, or the name does not end in `.png`.
+    """
     if Path(path).suffix.lower() != ".png":
         raise InvalidInput(f"{path} has no known ending: pictures of a page are written as .png")
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -40,19 +44,19 @@ def check_photo(path: str | PathLike[str]) -> str:
     return found
 
 
-def save_photo(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
-    """Write what a page shows as a PNG.
+def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
+    """Write a page as a PNG.
 
     Args:
-        html: of a page that needs nothing else.
+        html: of a page that needs no other file.
         path: of the picture, ending in `.png`.
-        at: the moment of the page's animation [s].
+        at: time of the page's animation [s].
 
     Raises:
-        InvalidInput: no Chromium, or the file cannot be written.
+        InvalidInput: there is no Chromium, or the file cannot be written.
         KickdynError: Chromium failed.
     """
-    browser = check_photo(path)
+    browser = find_browser(path)
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
@@ -64,8 +68,8 @@ def save_photo(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
             f"{page.as_uri()}#at={at:.6f}",
         ]
         try:
-            done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
+            done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:
-            raise KickdynError(f"{browser} did not end within {PATIENCE:g} s") from None
+            raise KickdynError(f"{browser} did not end within {TIMEOUT:g} s") from None
         if done.returncode != 0 or not draft.exists():
             raise KickdynError(f"{browser} made no picture (it ended with {done.returncode})")

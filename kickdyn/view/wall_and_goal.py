@@ -1,4 +1,4 @@
-"""What stands around a kick: a wall of players, a goal."""
+"""Obstacles and targets of a kick: a wall of players, a goal, a scene's plane."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ from kickdyn.plane import Plane
 WALL, FRAME = 0x34506E, 0xF7F7F7
 
 SHEER = 0.4
-"""Opacity of a wall that the ball passes: its way goes on behind."""
+"""Opacity of a wall that the ball passes: its flight goes on behind."""
 
 GOAL = (7.32, 2.44, 0.12)
 """Width between the posts, height under the bar, thickness [m]: IFAB, Laws of the Game, Law 1."""
 
-
 THICK, SLAB = 0.2, (4.0, 2.5)
-"""Of a plane that is no goal line, as far as it is drawn: thickness; width and height [m]."""
+"""Of the drawn piece of a plane that is no goal line: thickness; width and height [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +32,10 @@ class Box:
     Attributes:
         centre: shape `(3,)` [m, world frame].
         size: along its heading, to its left, upwards, shape `(3,)` [m].
-        heading: from x towards y [rad].
+        heading: from x normal y [rad].
         colour: 0xRRGGBB.
         tilt: of its heading, upwards [rad].
-        opacity: 1, or less to let what is behind be seen.
+        opacity: 1; below it, things behind the box are seen through it.
     """
 
     centre: Array
@@ -46,28 +45,29 @@ class Box:
     tilt: float = 0.0
     opacity: float = 1.0
 
-    def place(self) -> Array:
-        """Return its placement, shape `(4, 4)`."""
-        place: Array = tf.rotation_matrix(self.heading, (0, 0, 1))
+    @property
+    def pose(self) -> Array:
+        """Homogeneous matrix, shape `(4, 4)` [m, world frame]."""
+        pose: Array = tf.rotation_matrix(self.heading, (0, 0, 1))
         if self.tilt:
-            place = place @ tf.rotation_matrix(-self.tilt, (0, 1, 0))
-        place[:3, 3] = self.centre
-        return place
+            pose = pose @ tf.rotation_matrix(-self.tilt, (0, 1, 0))
+        pose[:3, 3] = self.centre
+        return pose
 
     def corners(self) -> Array:
         """Return its corners, shape `(8, 3)` [m]."""
         signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        return np.asarray(self.centre + 0.5 * signs * self.size @ self.place()[:3, :3].T)
+        return np.asarray(self.centre + 0.5 * signs * self.size @ self.pose[:3, :3].T)
 
 
 def wall_boxes(
     foot: Array, ahead: Array, distance: float, height: float, width: float
 ) -> list[Box]:
-    """Return a wall of players across a way, side by side.
+    """Return a wall of players side by side, across the line to the target.
 
     Args:
-        foot: on the ground, where the ball lies, shape `(3,)` [m].
-        ahead: horizontal unit vector of the way, shape `(3,)`.
+        foot: the point on the ground below the ball, shape `(3,)` [m].
+        ahead: horizontal unit vector to the target, shape `(3,)`.
         distance: of the wall [m].
         height: of the wall [m].
         width: of the wall [m].
@@ -85,46 +85,41 @@ def wall_boxes(
 
 def goal_boxes(foot: Array, distance: float) -> list[Box]:
     """Return a goal across x, straight ahead of a point on the ground `(3,)` [m]."""
-    return goal_at(foot + np.array([distance, 0.0, 0.0]), 0.0)
+    return _goal_at(foot + np.array([distance, 0.0, 0.0]), 0.0)
 
 
-def goal_at(line: Array, heading: float) -> list[Box]:
-    """Return a goal by the middle of its line on the ground `(3,)` [m] and where it faces [rad]."""
+def _goal_at(line: Array, heading: float) -> list[Box]:
+    """Return a goal by the middle of its line on the ground `(3,)` [m] and its normal [rad]."""
     width, height, thick = GOAL
     left = np.array([-math.sin(heading), math.cos(heading), 0.0])
     side = (width + thick) / 2
-    posts = [
-        Box(
-            line + y * left + np.array([0.0, 0.0, height / 2]),
-            np.array([thick, thick, height]),
-            heading,
-            FRAME,
-        )
-        for y in (-side, side)
-    ]
+    post, up = np.array([thick, thick, height]), np.array([0.0, 0.0, height / 2])
     bar = np.array([thick, width + 2 * thick, thick])
-    return [*posts, Box(line + np.array([0.0, 0.0, height + thick / 2]), bar, heading, FRAME)]
+    return [
+        *(Box(line + y * left + up, post, heading, FRAME) for y in (-side, side)),
+        Box(line + 2 * up + np.array([0.0, 0.0, thick / 2]), bar, heading, FRAME),
+    ]
 
 
 def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
-    """Return what a scene's plane looks like: a goal if it is a goal line, else a wall.
+    """Return the boxes that draw a scene's plane: a goal if it is a goal line, else a wall.
 
     A goal line is upright and reached by the ball's centre or back; the goal stands at the plane's
-    point. A wall is drawn around where the ball's way ends.
+    point. A wall is drawn around the end of the ball's path.
 
     Args:
         plane: of the scene.
-        end: of the ball's way, shape `(3,)` [m].
+        end: of the ball's path, shape `(3,)` [m].
         floor: height of the ground [m].
     """
-    towards = plane.normal
-    heading = math.atan2(towards[1], towards[0])
-    upright = abs(float(towards[2])) < 1e-9
+    normal = plane.normal
+    heading = math.atan2(normal[1], normal[0])
+    upright = abs(float(normal[2])) < 1e-9
     if upright and plane.reached_by != "front":
-        return goal_at(np.array([*plane.point[:2], floor]), heading)
-    middle = end - float(towards @ (end - plane.point)) * towards - THICK / 2 * towards
+        return _goal_at(np.array([*plane.point[:2], floor]), heading)
+    middle = end - float(normal @ (end - plane.point)) * normal - THICK / 2 * normal
     if not upright:
-        tilt = math.asin(float(towards[2]))
+        tilt = math.asin(float(normal[2]))
         return [Box(middle, np.array([THICK, *SLAB]), heading, WALL, tilt)]
     height = max(SLAB[1], float(end[2]) - floor + 0.5)
     middle = np.array([*middle[:2], floor + height / 2])
@@ -135,4 +130,4 @@ def draw_box(viewer: Any, box: Box) -> None:
     """Draw a box."""
     look = shapes.MeshLambertMaterial(color=box.colour, opacity=box.opacity)
     viewer.set_object(shapes.Box(box.size.tolist()), look)
-    viewer.set_transform(box.place())
+    viewer.set_transform(box.pose)

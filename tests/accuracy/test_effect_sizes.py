@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +12,14 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.accuracy.effect_sizes import TOLERANCE, show, worths
+from kickdyn.accuracy.effect_sizes import TOLERANCE, EffectSize, effect_figure, measure_effects
 from kickdyn.cli.tradeoff_command import tradeoff
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+
+def worths(scene):
+    return measure_effects(kd.simulate(scene, None))
 
 
 @pytest.fixture(scope="module")
@@ -69,12 +74,12 @@ def test_what_does_not_end_has_no_worth(scene):
     assert all(row.impulse > 0 for row in rows)
 
 
-def test_a_name_is_no_markup(tmp_path, capsys):
+def test_a_name_is_no_markup(tmp_path):
     bold = tmp_path / "bold.toml"
     text = (SCENES / "paper_kick.toml").read_text()
     bold.write_text(text.replace("the paper's kick", "[bold]x[/bold] [/foo]"))
-    show(str(bold))
-    assert capsys.readouterr().out.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")
+    ended = CliRunner().invoke(tradeoff, ["--scene", str(bold)])
+    assert ended.stdout.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")
 
 
 def test_the_door(tmp_path):
@@ -126,3 +131,21 @@ def test_what_makes_no_sense_beside_a_scene_is_refused(tmp_path, monkeypatch, mo
     ended = CliRunner().invoke(tradeoff, ["--scene", str(SCENES / "paper_kick.toml"), *more])
     assert said in str(ended.exception)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_bars_of_what_effects_are_worth_beside_the_tolerance():
+    rows = [
+        EffectSize("buoyancy", math.nan, math.nan, "flies off"),
+        EffectSize("drag", 12.3, 0.0),
+        EffectSize("lift", 2e-3, 0.0),
+        EffectSize("wind", 0.0, 0.0),
+    ]
+    (axes,) = effect_figure("a kick", rows, 0.05).axes
+    assert axes.get_xscale() == "log"
+    assert [bar.get_x() + bar.get_width() for bar in axes.patches] == pytest.approx([12.3, 2e-3])
+    low, high = axes.get_xlim()
+    assert low < 2e-3 < 12.3 < high
+    assert [tick.get_text() for tick in axes.get_yticklabels()] == [row.effect for row in rows]
+    assert [text.get_text() for text in axes.texts] == ["no answer", "12", "0.002", "below 1e-09"]
+    (line,) = axes.lines
+    assert line.get_xdata() == [0.05, 0.05]

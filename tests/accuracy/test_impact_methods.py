@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kickdyn.accuracy import impact_methods as impact
-from kickdyn.accuracy.exact_impact import exact_impact, given
+from kickdyn.accuracy import measurement
+from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 
 @pytest.fixture(scope="module")
@@ -12,12 +13,12 @@ def rows():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(impact, "CONTACT_TIMES", (1e-2, 1e-4))
         patch.setattr(impact, "MUJOCO", {1e5: (1e-4,), 1e7: (1e-5,)})
-        patch.setattr(impact, "BRIEFEST_TIMING", 1e-3)
-        return impact.measure_impact()
+        patch.setattr(measurement, "BRIEFEST_TIMING", 1e-3)
+        return impact.measure_impacts()
 
 
 def of(rows, kick, method):
-    return [row.error for row in rows if (row.kick, row.method) == (kick, method)]
+    return [row.error for row in rows if (row.scene, row.method) == (kick, method)]
 
 
 @pytest.mark.parametrize("kick", ["frictionless", "friction 0.4"])
@@ -54,7 +55,7 @@ def test_mujoco_approaches_the_instant(rows, kick):
 
 def test_the_front_is_what_nothing_of_the_same_kick_beats(rows):
     for row in rows:
-        same = [other for other in rows if other.kick == row.kick]
+        same = [other for other in rows if other.scene == row.scene]
         beaten = any(o.seconds < row.seconds and o.error < row.error for o in same)
         assert row.pareto is not beaten
 

@@ -142,6 +142,7 @@ def keys(value, name=""):
         ("posture-sweep", ["--joint", "hip=0:10:5"]),
         ("paper", ["--only", "table 2"]),
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
+        ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),
         ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
     ],
 )

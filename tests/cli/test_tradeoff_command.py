@@ -9,24 +9,23 @@ from click.testing import CliRunner
 
 from kickdyn.accuracy import flight_methods as flight
 from kickdyn.accuracy import impact_methods as impact
-from kickdyn.accuracy.flight_methods import Measured
-from kickdyn.accuracy.impact_methods import MeasuredImpact
+from kickdyn.accuracy.measurement import Measurement
 from kickdyn.cli.tradeoff_command import tradeoff
 
 IMPACTS = [
-    MeasuredImpact("frictionless", "engine", "", 1e-16, 2e-4),
-    MeasuredImpact("frictionless", "MuJoCo", "dt 0.001 s", 1e-2, 1e-4, True),
+    Measurement("frictionless", "engine", "", 1e-16, 2e-4),
+    Measurement("frictionless", "MuJoCo", "dt 0.001 s", 1e-2, 1e-4, pareto=True),
 ]
 FLIGHTS = [
-    Measured("full", "RK45", 1e-3, 1e-2, 20, 1e-3),
-    Measured("full", "heyoka", 1e-3, 1e-4, 6, 1e-5, True),
+    Measurement("full", "RK45", "tol 0.001", 1e-2, 1e-3, 20),
+    Measurement("full", "heyoka", "tol 0.001", 1e-4, 1e-5, 6, True),
 ]
 
 
 @pytest.fixture(autouse=True)
 def measured(monkeypatch):
-    monkeypatch.setattr(impact, "measure_impact", lambda told: IMPACTS)
-    monkeypatch.setattr(flight, "measure", lambda told: FLIGHTS)
+    monkeypatch.setattr(impact, "measure_impacts", lambda report: IMPACTS)
+    monkeypatch.setattr(flight, "measure_flights", lambda report: FLIGHTS)
 
 
 def test_it_measures_both_unless_one_is_named():

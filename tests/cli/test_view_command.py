@@ -8,7 +8,6 @@ from click.testing import CliRunner
 import kickdyn as kd
 from kickdyn.cli.view_command import view
 from kickdyn.core import console
-from kickdyn.view.scene_page import scene_page
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
@@ -76,7 +75,7 @@ def test_a_name_is_escaped(tmp_path):
     text = (SCENES / "paper_kick.toml").read_text("utf-8")
     file = tmp_path / "evil.toml"
     file.write_text(text.replace('name = "the paper', 'name = "<script>alert(1)</script>the paper'))
-    html = scene_page(kd.simulate(kd.load_scene(file), None))
+    html = kd.page(kd.simulate(kd.load_scene(file), None)).html
     assert "<script>alert(1)" not in html
     assert "&lt;script&gt;alert(1)" in html
 
@@ -89,16 +88,16 @@ def test_a_wall_is_shown_where_the_ball_could_come_to_it(x, shown, tmp_path, com
     text = (SCENES / "paper_kick.toml").read_text("utf-8")
     file = tmp_path / "wall.toml"
     file.write_text(f"{text}\n[plane]\npoint_m = [{x}, 0, 0]\nnormal = [{-np.sign(x)}, 0, 0]\n")
-    html = scene_page(kd.simulate(kd.load_scene(file), None))
+    html = kd.page(kd.simulate(kd.load_scene(file), None)).html
     drawn = any(c["path"].startswith("/meshcat/scenery") for c in commands_of(html))
     assert drawn is shown
     assert ("its plane out of the picture" in html) is not shown
 
 
 def test_a_scene_with_a_goal_shows_it(commands_of):
-    said = commands_of(scene_page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)))
+    said = commands_of(kd.page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)).html)
     assert not any(c["path"].startswith("/meshcat/scenery") for c in said)
     file = SCENES / "free_kick.toml"
     timed = kd.simulate(kd.load_scene(file), None)
     with pytest.raises(kd.InvalidInput, match="takes time"):
-        scene_page(timed)
+        kd.page(timed)

@@ -3,8 +3,7 @@ from pathlib import Path
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 
-from kickdyn.accuracy.effect_sizes import Worth
-from kickdyn.accuracy.error_plots import worth_picture
+from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure
 from kickdyn.core.plot_style import STYLE
 from kickdyn.sweeps.sweep_plot import save_figure
 
@@ -23,7 +22,7 @@ def test_matplotlib_knows_every_setting():
 
 def test_a_figure_keeps_the_style_and_the_caller_his_settings():
     before = dict(mpl.rcParams)
-    figure = worth_picture("a kick", [Worth("drag", 12.3, 0.0)], 0.05)
+    figure = effect_figure("a kick", [EffectSize("drag", 12.3, 0.0)], 0.05)
     assert dict(mpl.rcParams) == before
     figure.draw_without_rendering()
     (axes,) = figure.axes
@@ -43,7 +42,7 @@ def test_settings_of_others_have_no_say(tmp_path):
     for settings in ({}, foreign):
         with mpl.rc_context(settings):
             save_figure(
-                worth_picture("a kick", [Worth("drag", 12.3, 0.0)], 0.05), tmp_path / "a.png"
+                effect_figure("a kick", [EffectSize("drag", 12.3, 0.0)], 0.05), tmp_path / "a.png"
             )
         pictures.append((tmp_path / "a.png").read_bytes())
     assert pictures[0] == pictures[1]

@@ -52,7 +52,7 @@ NOUNS = {
 ANSWERS |= NOUNS
 SWUNG = kd.plan_kick(POSTURE.leg, kd.Goal(15, time=1), kd.Ball(), swing=True)
 ANSWERS["Swing"] = kd.plan_swing(POSTURE.leg, SWUNG, nodes=12)
-ANSWERS["Part"] = ANSWERS["Swing"].backswing
+ANSWERS["SwingPhase"] = ANSWERS["Swing"].backswing
 
 
 @pytest.mark.parametrize("name", ANSWERS)

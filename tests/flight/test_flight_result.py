@@ -70,7 +70,7 @@ AIRS = {"vacuum": None, "no torque": kd.Air(torque=None), "air": kd.Air()}
 @pytest.mark.parametrize("name", ["vacuum", "no torque"])
 @pytest.mark.parametrize("spin", [(0, 0, 0), (0, -40, 0), (10, -40, 25)])
 def test_constant_spin_turns_at_a_constant_rate(name, spin):
-    path = kd.fly(launch((25, 0, 10), spin), BALL, AIRS[name], orientation=True)
+    path = kd.fly(launch((25, 0, 10), spin), BALL, AIRS[name])
     rate = float(np.linalg.norm(spin))
     for t in (0.0, 0.1, path.duration):
         axis = np.array(spin) / rate if rate else np.array([1.0, 0, 0])
@@ -82,7 +82,7 @@ def test_constant_spin_turns_at_a_constant_rate(name, spin):
 
 @pytest.mark.parametrize("spin", [(0, -60, 0), (10, -40, 25)], ids=["planar", "spatial"])
 def test_decaying_spin_turns_by_its_integral(spin):
-    path = kd.fly(launch((25, 0, 12), spin), BALL, kd.Air(), tol=1e-12, orientation=True)
+    path = kd.fly(launch((25, 0, 12), spin), BALL, kd.Air(), tol=1e-12)
     nodes, weights = np.polynomial.legendre.leggauss(40)
     end = path.duration
     rates = np.linalg.norm(path.sample(end / 2 * (nodes + 1)).spin, axis=1)
@@ -97,7 +97,7 @@ def test_decaying_spin_turns_by_its_integral(spin):
 def test_decay_at_constant_speed_has_a_closed_form():
     """The angle is omega tau (1 - exp(-t/tau)); a ball that neither drags nor falls."""
     still = kd.Air(drag=None, lift=None, torque=lambda re, sp: 0.5, wind=(-1e3, 0, 0))
-    path = kd.fly(launch((0, 0, 10), (0, 0, 30)), BALL, still, tol=1e-12, orientation=True)
+    path = kd.fly(launch((0, 0, 10), (0, 0, 30)), BALL, still, tol=1e-12)
     t = path.duration
     speed = 1e3  # the ball's own 10 m/s add 5e-5 of it
     brake = 0.5 * still.density * BALL.cross_section * speed * BALL.radius**2 / BALL.inertia
@@ -110,7 +110,7 @@ def test_decay_at_constant_speed_has_a_closed_form():
 def test_quaternions_are_those_of_pinocchio():
     import pinocchio as pin
 
-    path = kd.fly(launch((25, 0, 10), (3, -40, 9)), BALL, kd.Air(), orientation=True)
+    path = kd.fly(launch((25, 0, 10), (3, -40, 9)), BALL, kd.Air())
     turn = path.orientation(0.3)
     assert pin.Quaternion(turn.as_quat()).toRotationMatrix() == pytest.approx(turn.as_matrix())
     many = path.orientation([0.0, 0.3])
@@ -118,26 +118,14 @@ def test_quaternions_are_those_of_pinocchio():
     assert many.as_matrix()[1] == pytest.approx(turn.as_matrix(), abs=1e-14)
 
 
-def test_the_flight_is_the_same_with_and_without():
-    state = launch((25, 2, 10), (3, -40, 9))
-    with_it, without = (
-        kd.fly(state, BALL, kd.Air(), tol=1e-11, orientation=asked) for asked in (True, False)
-    )
-    assert with_it.landing.position == pytest.approx(without.landing.position, abs=1e-8)
-    assert (with_it.has_orientation, without.has_orientation) == (True, False)
-
-
 @pytest.mark.parametrize("name", AIRS)
-def test_it_must_be_asked_for(name):
+def test_orientation_at_times_outside_is_refused(name):
     path = kd.fly(launch((25, 0, 10), (0, 30, 0)), BALL, AIRS[name])
-    with pytest.raises(kd.InvalidInput, match="ask fly for it, orientation=True"):
-        path.orientation(0.0)
-    asked = kd.fly(launch((25, 0, 10), (0, 30, 0)), BALL, AIRS[name], orientation=True)
     with pytest.raises(kd.InvalidInput, match="the flight lasts from 0"):
-        asked.orientation(99.0)
+        path.orientation(99.0)
 
 
 def test_lift_only_air_turns_too():
     air = kd.Air(drag=None, lift=constant(0.2))
-    path = kd.fly(launch((25, 0, 10), (0, -30, 0)), BALL, air, orientation=True)
+    path = kd.fly(launch((25, 0, 10), (0, -30, 0)), BALL, air)
     assert 0 < path.orientation(0.05).magnitude() < 1.5

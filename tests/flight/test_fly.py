@@ -397,7 +397,7 @@ def test_wind_need_not_be_defined_where_no_ball_is(profile):
 
 
 def test_a_flight_can_be_pickled():
-    path = kd.fly(launch((20, 1, 8), (0, -30, 15)), BALL, kd.Air(), orientation=True)
+    path = kd.fly(launch((20, 1, 8), (0, -30, 15)), BALL, kd.Air())
     again = pickle.loads(pickle.dumps(path))
     assert (again.landing.position == path.landing.position).all()
     assert (again.orientation(0.5).as_quat() == path.orientation(0.5).as_quat()).all()

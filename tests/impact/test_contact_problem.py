@@ -3,8 +3,8 @@ import pytest
 from chains import random_kick, random_leg
 
 import kickdyn as kd
-from kickdyn.accuracy.exact_impact import exact_impact, given
 from kickdyn.accuracy.extreme_impacts import chain
+from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.laws import LAWS
 

@@ -5,35 +5,35 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.accuracy import extreme_impacts
-from kickdyn.accuracy.exact_impact import exact_impact, given
 from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, USUAL, chain
+from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 HARSH = [
-    *extreme_impacts.heavies(),
+    *extreme_impacts.heavy_balls(),
     *list(extreme_impacts.cancellations())[:4],
-    *extreme_impacts.shorts(),
+    *extreme_impacts.short_links(),
     *extreme_impacts.masses(),
 ]
 
 
 @pytest.mark.parametrize("kick", HARSH, ids=lambda kick: kick.name)
 def test_the_impulse_has_the_digits_it_claims(kick):
-    hit = kick.struck()
+    hit = kick.impact()
     assert exact_impact(*given(hit))["impulse"].error(hit.impulse) < 10**-hit.digits
 
 
 def test_digits_fall_with_a_heavy_ball_and_a_faint_approach():
-    assert extreme_impacts.Kick("", chain(USUAL), BENT, SPEEDS, kd.Ball(), kd.Contact(
-        extreme_impacts.OBLIQUE, 0.8, 0.4)).struck().digits > 14  # fmt: skip
-    heavy = [kick.struck().digits for kick in list(extreme_impacts.heavies())[1::2]]
+    assert extreme_impacts.ExtremeKick("", chain(USUAL), BENT, SPEEDS, kd.Ball(), kd.Contact(
+        extreme_impacts.OBLIQUE, 0.8, 0.4)).impact().digits > 14  # fmt: skip
+    heavy = [kick.impact().digits for kick in list(extreme_impacts.heavy_balls())[1::2]]
     assert np.diff(heavy).max() < -2
     assert 3 < heavy[-1] < 5
-    faint = [kick.struck().digits for kick in list(extreme_impacts.cancellations())[:4]]
+    faint = [kick.impact().digits for kick in list(extreme_impacts.cancellations())[:4]]
     assert faint == pytest.approx([11.3, 7.3, 3.3, 1.3], abs=0.7)
 
 
 def test_joints_claim_no_more_than_the_impulse():
-    hit = list(extreme_impacts.heavies())[-2].struck()
+    hit = list(extreme_impacts.heavy_balls())[-2].impact()
     assert hit.joint_digits.max() <= hit.digits < 5
     exact = exact_impact(*given(hit))
     for i, digits in enumerate(hit.joint_digits):

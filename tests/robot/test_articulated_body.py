@@ -6,8 +6,8 @@ import pytest
 from chains import random_inertia, random_rotation
 
 import kickdyn as kd
-from kickdyn.accuracy.exact_impact import answers, exact_impact, given
 from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, chain
+from kickdyn.accuracy.references.exact_impact import answers, exact_impact, given
 from kickdyn.impact.joint_impulses import on_foot
 from kickdyn.robot.articulated_body import ArticulatedBodies
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 import kickdyn as kd
 from kickdyn.robot.catalog import ROBOTS, robot_model, robots_folder
-from kickdyn.view.leg_figure import joint_places, leg_parts
+from kickdyn.view.leg_figure import joint_poses, leg_parts
 
 MASS = {"g1": 33.34, "talos": 90.27, "icub": 28.35, "romeo": 40.53, "human": 74.71, "bolt": 1.25}
 MASS |= {"simple_humanoid": 130.80, "icub_reduced": 28.35}
@@ -100,12 +100,12 @@ def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, mos
     """Of every normal that the toe allows; the foot is that of the visual meshes."""
     leg, radius = kd.Leg.from_robot(name, legs_only=True), kd.Ball().radius
     posture = leg.posture(leg.configuration())
-    places, corners = joint_places(leg, posture.q), []
+    poses, corners = joint_poses(leg, posture.q), []
     for part in leg_parts(leg):
         if part.joint == leg.contact_joint:
-            place = places[part.joint] @ part.place
+            pose = poses[part.joint] @ part.pose
             ends = part.shape.vertices[part.shape.faces]
-            corners.append(ends @ place[:3, :3].T + place[:3, 3])
+            corners.append(ends @ pose[:3, :3].T + pose[:3, 3])
     triangles = np.vstack(corners)
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
     surface, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=0)

@@ -29,7 +29,8 @@ def inertia(xx, yy, zz, xy=0):
 
 
 def mass(value, shown=None):
-    said = rf"^Inertial: mass \[{shown or re.escape(value)}"
+    shown = shown or re.escape(repr(value))
+    said = rf"^link 'thigh' mass value is {shown}: it must be a finite number, 0 or more$"
     return THIGH_MASS, f'<mass value="{value}"/>', said
 
 
@@ -50,7 +51,7 @@ REFUSED = {
     "negative mass": (
         THIGH_MASS,
         '<mass value="-7"/>',
-        "^link 'thigh' mass value is '-7': it must be 0 or more",
+        "^link 'thigh' mass value is '-7': it must be a finite number, 0 or more",
     ),
     "mass 1e308": (
         THIGH_MASS,
@@ -66,11 +67,11 @@ REFUSED = {
     "mass 1_000": mass("1_000"),
     "mass of Arabic digits": mass("\u0667"),
     "mass empty": mass(""),
-    "mass of a million digits": mass("9" * 1_000_000, "9{100}"),
+    "mass of a million digits": mass("9" * 1_000_000, r"'9{60}'\.\.\."),
     "mass without value": (THIGH_MASS, "<mass/>", "mass element must have value"),
     "mass missing": (THIGH_MASS, "", "Inertial element must have a mass element"),
     "inertia missing": (THIGH_INERTIA, "", "Inertial element must have inertia element"),
-    "inertia nan": moments(1, "nan", 1, said="inertia element iyy is not a valid double"),
+    "inertia nan": moments(1, "nan", 1, said="^link 'thigh' inertia iyy is 'nan': it must be"),
     "inertia entry missing": ('ixx="0.08"', "", "inertia element missing ixx attribute"),
     "not positive semidefinite": moments(1, 1, -1, said="^joint 'hip' moves .*triangle"),
     "indefinite": moments(1, 1, 1, xy=2, said="^joint 'hip' moves .*triangle"),
@@ -81,17 +82,17 @@ REFUSED = {
     "inertial origin nan": (
         'xyz="0 0 -0.2"',
         'xyz="0 0 nan"',
-        r"^Unable to parse component \[nan\]",
+        "^link 'thigh' origin xyz is",
     ),
     "inertial origin of 2": (
         'xyz="0 0 -0.2"',
         'xyz="0 0"',
-        r"2 elements but 3 expected while parsing vector \[0 0\]",
+        "^link 'thigh' origin xyz is '0 0': it must be 3 finite numbers",
     ),
     "joint origin rpy": (
         'rpy="0 0 0"',
         'rpy="0 0 x"',
-        r"^Malformed parent origin element for joint \[hip\]",
+        "^joint 'hip' origin rpy is '0 0 x'",
     ),
     # tree
     "no links": (re.compile(r"\n.*(?=</robot>)", re.DOTALL), "", "^has no link"),
@@ -122,12 +123,20 @@ REFUSED = {
         for key in LIMITS
         for what, change, said in (
             ("no", "", rf"knee.*limit has no {key}"),
-            ("empty", f'{key}=""', rf"knee.*{key} value \(\) is not a valid float"),
-            ("words for", f'{key}="80 Nm"', rf"knee.*{key} value \(80 Nm\) is not a valid float"),
-            ("infinite", f'{key}="inf"', rf"knee.*{key} value \(inf\) is not a valid float"),
+            ("empty", f'{key}=""', f"^joint 'knee' limit {key} is '': it must be a finite"),
+            (
+                "words for",
+                f'{key}="80 Nm"',
+                f"^joint 'knee' limit {key} is '80 Nm': it must be a finite",
+            ),
+            (
+                "infinite",
+                f'{key}="inf"',
+                f"^joint 'knee' limit {key} is 'inf': it must be a finite",
+            ),
         )
     },
-    "nan limit": ('upper="2.5"', 'upper="nan"', r"knee.*upper value \(nan\) is not a valid"),
+    "nan limit": ('upper="2.5"', 'upper="nan"', "^joint 'knee' limit upper is 'nan'"),
     "lower above upper": ('upper="2.5"', 'upper="-1"', "lower must not exceed upper"),
     "negative effort": (
         'effort="80"',
@@ -142,11 +151,11 @@ REFUSED = {
     "axis 0 0 0": (
         KNEE_AXIS,
         '<axis xyz="0 0 0"/>',
-        "^joint 'knee' axis xyz is '0 0 0': it must be a direction",
+        "^joint 'knee' axis xyz is '0 0 0': it must be .*not all 0",
     ),
     "axis nan": (KNEE_AXIS, '<axis xyz="0 nan 0"/>', "^joint 'knee' axis xyz is '0 nan 0'"),
-    "axis of 2": (KNEE_AXIS, '<axis xyz="0 1"/>', r"^Malformed axis element for joint \[knee\]"),
-    "axis without numbers": (KNEE_AXIS, "<axis/>", "^joint 'knee' axis xyz is ''"),
+    "axis of 2": (KNEE_AXIS, '<axis xyz="0 1"/>', "^joint 'knee' axis xyz is '0 1'"),
+    "axis without numbers": (KNEE_AXIS, "<axis/>", "^joint 'knee' axis has no xyz"),
     "axis vanishing when squared": (
         KNEE_AXIS,
         '<axis xyz="0 1e-200 0"/>',
@@ -254,7 +263,7 @@ def test_continuous_joint_may_have_a_limit_without_a_range(spoil, load, ends):
     [
         ("continuous", '<limit velocity="1"/>', "limit has no effort"),
         ("continuous", '<limit effort="1"/>', "limit has no velocity"),
-        ("continuous", '<limit upper="x" effort="1" velocity="1"/>', r"upper value \(x\)"),
+        ("continuous", '<limit upper="x" effort="1" velocity="1"/>', "upper is 'x'"),
         ("fixed", "<limit/>", "limit has no effort"),
         ("prismatic", "", "PRISMATIC without limits|does not specify limits"),
         ("prismatic", '<limit lower="0" upper="1" effort="1"/>', "limit has no velocity"),
@@ -266,16 +275,16 @@ def test_limits_of_other_joints_are_judged_too(spoil, load, kind, limit, said):
         load(spoil((KNEE, f'name="knee" type="{kind}"'), (KNEE_LIMIT, limit)))
 
 
-def test_faults_of_the_structure_come_at_once(spoil, load):
+def test_all_faults_come_at_once(spoil, load):
     spoilt = spoil(
-        ('name="shank"', 'name="thigh"'), (KNEE_AXIS, '<axis xyz="0 0 0"/>'), ("revolute", "hinge")
+        ('ixx="0.08"', 'ixx="x"'), (KNEE_AXIS, '<axis xyz="0 0 0"/>'), ('link="shank"', 'link="?"')
     )
     with pytest.raises(kd.UrdfError) as caught:
         load(spoilt)
-    assert len(caught.value.faults) >= 3
+    assert len(caught.value.faults) == 3
     assert all(fault in str(caught.value) for fault in caught.value.faults)
-    for culprit in ("'thigh' is used 2 times", "'knee' axis", "type is 'hinge'"):
-        assert [fault for fault in caught.value.faults if culprit in fault]
+    for fault, culprit in zip(caught.value.faults, ("'thigh'", "'knee'", "'?'"), strict=True):
+        assert culprit in fault
 
 
 def chain(kinds, masses=None):

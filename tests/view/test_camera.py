@@ -5,7 +5,7 @@ import pytest
 import umsgpack
 
 from kickdyn.view.camera import FIELD, camera_for, set_camera
-from kickdyn.view.recorder import recorder
+from kickdyn.view.document import recording_viewer
 
 LEG = np.array([(x, y, z) for x in (-0.1, 0.3) for y in (-0.1, 0.1) for z in (-0.9, 0.1)])
 X = np.array([1.0, 0.0, 0.0])
@@ -59,11 +59,11 @@ def test_across_is_what_is_seen():
     half = math.tan(math.radians(FIELD / 2))
     for point in LEG:
         expected = seen(camera, point[None])[0] * half * (16 / 9, 1)
-        np.testing.assert_allclose(camera.across(point), expected)
+        np.testing.assert_allclose(camera.project(point), expected)
 
 
 def test_meshcat_sees_the_same():
-    camera, viewer = camera_for(LEG, parabola(6, 1), X), recorder()
+    camera, viewer = camera_for(LEG, parabola(6, 1), X), recording_viewer()
     set_camera(viewer, camera)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
     values = {c["property"]: c["value"] for c in said if c["type"] == "set_property"}

@@ -7,14 +7,13 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.view.caption import caption_panel
-from kickdyn.view.kick_scene import Drawn
-from kickdyn.view.playback import pace_of
+from kickdyn.view.caption import kick_panel
+from kickdyn.view.playback import kick_pace
 
 
 def panel(kick, caption=""):
     hit, _, path = kick
-    return caption_panel(hit, path, Drawn(pace_of(hit, path.duration), 1.0), caption)
+    return kick_panel(hit, path, kick_pace(hit, path.duration), 1.0, caption)
 
 
 def rows(text):

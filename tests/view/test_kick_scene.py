@@ -6,8 +6,8 @@ import umsgpack
 
 import kickdyn as kd
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, Camera
+from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import draw_kick, stripe_width
-from kickdyn.view.recorder import recorder
 
 
 def film(viewer):
@@ -23,17 +23,22 @@ def film(viewer):
     return tracks, command["options"]
 
 
+def draw(viewer, kick):
+    impact, _, path = kick
+    draw_kick(viewer, impact, path)
+
+
 @pytest.fixture(scope="module")
 def scene(kick):
-    viewer = recorder()
-    return viewer, draw_kick(viewer, *kick)
+    viewer = recording_viewer()
+    return viewer, draw_kick(viewer, kick[0], kick[2])[0]
 
 
 def test_it_plays_by_itself_for_ever_and_in_step(scene):
     tracks, options = film(scene[0])
     assert options == {"play": True, "repetitions": math.inf}
     assert {frames[0] for frames, _ in tracks.values()} == {0}
-    assert {frames[-1] for frames, _ in tracks.values()} == {scene[1].pace.end}
+    assert {frames[-1] for frames, _ in tracks.values()} == {scene[1].end}
 
 
 def test_what_moves(scene, kick):
@@ -45,7 +50,7 @@ def test_what_moves(scene, kick):
         *(f"/meshcat/{name}" for name in ("ball", "shadow", "arrow")),
     }
     _, places = tracks["/meshcat/ball", ".position"]
-    impact = scene[1].pace.impact
+    impact = scene[1].impact
     np.testing.assert_allclose(places[:impact], np.tile(hit.ball_after.position, (impact, 1)))
     np.testing.assert_allclose(places[-1], path.landing.position, atol=1e-12)
     floor = hit.ball_after.position[2] - ball.radius
@@ -56,7 +61,7 @@ def test_what_moves(scene, kick):
 
 def test_arrows_grow_at_the_impact(scene):
     tracks, _ = film(scene[0])
-    impact = scene[1].pace.impact
+    impact = scene[1].impact
     for node in ("arrow", "joint_arrows/1"):
         frames, sizes = tracks[f"/meshcat/{node}", ".scale"]
         assert sizes[frames.index(impact)] == pytest.approx(1e-3)
@@ -71,8 +76,8 @@ def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
     headed = load(model.replace('<link name="base">', f'<link name="base">{head}'))
     shown = []
     for leg in (kd.Leg.human(), headed):
-        viewer = recorder()
-        draw_kick(viewer, *make_kick(leg, 3.0))
+        viewer = recording_viewer()
+        draw(viewer, make_kick(leg, 3.0))
         said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
         shown.append(next(c["value"] for c in said if c.get("property") == "position"
                           and c["path"].startswith("/Cameras")))  # fmt: skip
@@ -82,8 +87,8 @@ def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
 def test_a_whole_swing_is_beside_the_caption():
     leg, ball = kd.Leg.human(), kd.Ball()
     plan = kd.plan_kick(leg, kd.Goal(15, time=1), ball, kd.Air(), swing=True)
-    swing, viewer = kd.plan_swing(leg, plan), recorder()
-    draw_kick(viewer, plan.hit, ball, plan.path, swing=swing)
+    swing, viewer = kd.plan_swing(leg, plan), recording_viewer()
+    draw_kick(viewer, plan.hit, plan.path, swing=swing)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
     (shift,) = (c["matrix"] for c in said if c.get("path") == "/meshcat" and "matrix" in c)
     target = -np.reshape(shift, (4, 4)).T[:3, 3]
@@ -91,7 +96,7 @@ def test_a_whole_swing_is_beside_the_caption():
                      and "Cameras" in c["path"])  # fmt: skip
     camera = Camera(np.add(target, (x, -z, y)), target)
     for time in np.linspace(-swing.backswing.duration, swing.follow_through.duration, 30):
-        across, up = camera.across(leg.posture(swing.configuration(time)).contact_point)
+        across, up = camera.project(leg.posture(swing.configuration(time)).contact_point)
         assert -LEFT < across < RIGHT
         assert -BOTTOM < up < TOP
 
@@ -105,8 +110,8 @@ def test_the_ball_rests_on_the_ground(scene, kick):
 
 def test_a_flight_to_lower_ground_ends_on_it(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 5.0)
-    viewer = recorder()
-    draw_kick(viewer, hit, ball, kd.fly(hit.ball_after, ball, ground=kd.Ground(-3.0)))
+    viewer = recording_viewer()
+    draw_kick(viewer, hit, kd.fly(hit.ball_after, ball, ground=kd.Ground(-3.0)))
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
     (ground,) = (c["matrix"] for c in said
                  if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
@@ -119,8 +124,8 @@ def test_a_flight_to_lower_ground_ends_on_it(make_kick):
      (1e6, (5, 10, -5), 30)],
 )  # fmt: skip
 def test_odd_kicks_are_drawn(make_kick, speed, degrees, attack):
-    viewer = recorder()
-    draw_kick(viewer, *make_kick(kd.Leg.human(), speed, degrees, attack, friction=0.0))
+    viewer = recording_viewer()
+    draw(viewer, make_kick(kd.Leg.human(), speed, degrees, attack, friction=0.0))
     for frames, values in film(viewer)[0].values():
         assert np.isfinite(values).all()
         assert (np.diff(frames) > 0).all()

@@ -8,15 +8,15 @@ import umsgpack
 import yourdfpy
 
 import kickdyn as kd
-from kickdyn.view.cylinder_pose import UPRIGHT
-from kickdyn.view.leg_figure import draw_leg, joint_places, leg_parts
-from kickdyn.view.recorder import recorder
+from kickdyn.view.document import recording_viewer
+from kickdyn.view.leg_figure import PLAIN, draw_leg, joint_poses, leg_parts
+from kickdyn.view.marks import UPRIGHT
 
 
 def positions(leg, q):
     """Where the middle of each part is."""
-    places = joint_places(leg, q)
-    return np.array([(places[part.joint] @ part.place)[:3, 3] for part in leg_parts(leg)])
+    places = joint_poses(leg, q)
+    return np.array([(places[part.joint] @ part.pose)[:3, 3] for part in leg_parts(leg)])
 
 
 @pytest.mark.parametrize("name", ["human", "testbed"])
@@ -26,14 +26,14 @@ def test_parts_are_where_yourdfpy_puts_them(name, seed):
     q = np.random.default_rng(seed).uniform(leg.lower, leg.upper)
     robot = yourdfpy.URDF.load(io.StringIO(leg.urdf.text), load_meshes=False)
     robot.update_cfg(dict(zip(leg.joint_names, q, strict=True)))
-    places = joint_places(leg, q)
+    places = joint_poses(leg, q)
     expected = []
     for link in robot.robot.links:
         for visual in link.visuals:
             origin = np.eye(4) if visual.origin is None else visual.origin
             turn = UPRIGHT if visual.geometry.cylinder else np.eye(4)
             expected.append(robot.get_transform(link.name, "base") @ origin @ turn)
-    found = [places[part.joint] @ part.place for part in leg_parts(leg)]
+    found = [places[part.joint] @ part.pose for part in leg_parts(leg)]
     np.testing.assert_allclose(found, expected, atol=1e-14)
 
 
@@ -47,13 +47,13 @@ def test_a_leg_without_urdf_is_sticks():
     leg = kd.Leg.from_model(kd.Leg.human().model, "toe")
     q = leg.configuration({"knee": 1.0})
     posture = leg.posture(q)
-    places = joint_places(leg, q)
+    places = joint_poses(leg, q)
     hip, knee, ankle = (place[:3, 3] for place in places[1:])
     toe = posture.contact_point
     expected = [hip, knee, ankle, (hip + knee) / 2, (knee + ankle) / 2, (ankle + toe) / 2, toe]
     np.testing.assert_allclose(positions(leg, q), expected, atol=1e-15)
     for part, way in zip(leg_parts(leg)[3:6], (knee - hip, ankle - knee, toe - ankle), strict=True):
-        along = (places[part.joint] @ part.place)[:3, 1]
+        along = (places[part.joint] @ part.pose)[:3, 1]
         np.testing.assert_allclose(along, way / np.linalg.norm(way), atol=1e-15)
         assert part.shape.height == pytest.approx(np.linalg.norm(way))
 
@@ -78,7 +78,7 @@ def test_a_floating_base_is_drawn():
 
 
 def test_drawing():
-    leg, viewer = kd.Leg.human(), recorder()
+    leg, viewer = kd.Leg.human(), recording_viewer()
     q = leg.configuration({"hip": 0.3})
     draw_leg(viewer["leg"], leg, q)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
@@ -90,7 +90,7 @@ def test_drawing():
     }
     moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T
              for c in said if c["type"] == "set_transform"}  # fmt: skip
-    for joint, place in enumerate(joint_places(leg, q)):
+    for joint, place in enumerate(joint_poses(leg, q)):
         np.testing.assert_allclose(moved[f"/meshcat/leg/{joint}"], place)
 
 
@@ -103,7 +103,7 @@ def test_corners_hold_every_part(leg_looking_like, tmp_path):
         ('<sphere radius="0.1"/>', (0.1, 0.1, 0.1)),
     ):
         visual = f'<visual><origin xyz="0 0 0.7"/><geometry>{shape}</geometry></visual>'
-        corners = draw_leg(recorder()["leg"], leg_looking_like(visual), np.zeros(2))
+        corners = draw_leg(recording_viewer()["leg"], leg_looking_like(visual), np.zeros(2))
         top = corners[corners[:, 2] > 1.4]
         np.testing.assert_allclose(top.max(axis=0), np.add((0, 0, 1.7), half), atol=1e-7)
         np.testing.assert_allclose(top.min(axis=0), np.subtract((0, 0, 1.7), half), atol=1e-7)
@@ -113,7 +113,7 @@ def test_names_are_no_paths(load, spoil):
     evil = '../<b>"x'.replace("<", "&lt;").replace('"', "&quot;")
     leg = load(spoil(('name="thigh"', f'name="{evil}"'), ('link="thigh"', f'link="{evil}"'),
                      ('link="thigh"', f'link="{evil}"')))  # fmt: skip
-    viewer = recorder()
+    viewer = recording_viewer()
     draw_leg(viewer["leg"], leg, np.zeros(2))
     paths = {umsgpack.unpackb(packed)["path"] for packed in viewer.window.commands()}
     assert paths == {"/meshcat/leg/1/0", "/meshcat/leg/0", "/meshcat/leg/1", "/meshcat/leg/2"}
@@ -129,12 +129,110 @@ def test_robots_are_drawn_with_their_meshes(name, base):
     joint = model.getJointId(knee)
     parts = [part for part in leg_parts(leg) if part.joint == joint]
     corners = np.vstack(
-        [
-            np.asarray(part.shape.vertices) @ part.place[:3, :3].T + part.place[:3, 3]
-            for part in parts
-        ]
+        [np.asarray(part.shape.vertices) @ part.pose[:3, :3].T + part.pose[:3, 3] for part in parts]
     )
     middle = (corners.max(axis=0) + corners.min(axis=0)) / 2
     end = model.jointPlacements[model.getJointId(ankle)].translation if ankle else leg.contact_lever
     assert middle @ end / (end @ end) == pytest.approx(0.4, abs=0.2)
     assert any(part.rgba[:3] != (0.0, 0.0, 0.0) for part in parts)
+
+
+def lowered(visual):
+    data = {}
+    visual.shape.lower_in_object(data)
+    return data["geometries"][0]
+
+
+def thigh(leg):
+    return [part for part in leg_parts(leg) if part.joint == 1]
+
+
+@pytest.mark.parametrize(
+    ("tag", "shape"),
+    [
+        ('<box size="1 2 3"/>', {"type": "BoxGeometry", "width": 1, "height": 2, "depth": 3}),
+        ('<sphere radius="0.5"/>', {"type": "SphereGeometry", "radius": 0.5}),
+        (
+            '<cylinder radius="0.5" length="2"/>',
+            {"type": "CylinderGeometry", "radiusTop": 0.5, "radiusBottom": 0.5, "height": 2},
+        ),
+    ],
+)
+def test_shapes(leg_looking_like, tag, shape):
+    leg = leg_looking_like(
+        f'<visual><origin xyz="1 2 3"/><geometry><!-- -->{tag}</geometry></visual>'
+    )
+    (visual,) = thigh(leg)
+    assert lowered(visual).items() >= shape.items()
+    np.testing.assert_allclose(visual.pose[:3, 3], (1, 2, 3))
+
+
+def test_a_cylinder_stands_along_z(leg_looking_like):
+    (visual,) = thigh(
+        leg_looking_like('<visual><geometry><cylinder radius="1" length="2"/></geometry></visual>')
+    )
+    np.testing.assert_allclose(visual.pose[:3, :3] @ (0, 1, 0), (0, 0, 1), atol=1e-15)
+
+
+def test_several_visuals_keep_their_order(leg_looking_like):
+    one = '<visual><geometry><sphere radius="{}"/></geometry></visual>'
+    found = thigh(leg_looking_like(one.format(1) + one.format(2)))
+    assert [lowered(visual)["radius"] for visual in found] == [1, 2]
+
+
+SPHERE = "<visual><geometry><sphere radius='1'/></geometry>{}</visual>"
+
+
+@pytest.mark.parametrize(
+    ("material", "rgba"),
+    [
+        ("", PLAIN),
+        ('<material name="a"><color rgba="0.1 0.2 0.3 0.4"/></material>', (0.1, 0.2, 0.3, 0.4)),
+        ('<material name="nowhere"><texture filename="/etc/passwd"/></material>', PLAIN),
+    ],
+)
+def test_colours(leg_looking_like, material, rgba):
+    (visual,) = thigh(leg_looking_like(SPHERE.format(material)))
+    assert visual.rgba == pytest.approx(rgba)
+
+
+def test_a_colour_is_found_by_its_name():
+    visuals = leg_parts(kd.Leg.human())
+    assert {visual.rgba for visual in visuals} == {(0.85, 0.64, 0.49, 1), (0.25, 0.27, 0.31, 1)}
+
+
+def test_a_colour_named_in_another_visual(leg_looking_like):
+    first = SPHERE.format('<material name="a"><color rgba="1 0 0 1"/></material>')
+    found = thigh(leg_looking_like(first + SPHERE.format('<material name="a"/>')))
+    assert [visual.rgba for visual in found] == [(1, 0, 0, 1)] * 2
+
+
+def test_the_file_is_not_read_again(leg_looking_like, tmp_path):
+    leg = leg_looking_like(SPHERE.format(""))
+    (tmp_path / "leg.urdf").write_text("changed meanwhile")
+    assert len(thigh(leg)) == 1
+
+
+def test_a_mesh_of_the_folder(leg_looking_like, tmp_path):
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
+    mesh = '<visual><geometry><mesh filename="box.stl" scale="2 2 2"/></geometry></visual>'
+    (visual,) = thigh(leg_looking_like(mesh))
+    np.testing.assert_allclose(np.ptp(visual.shape.vertices, axis=0), 2)
+    assert visual.rgba == PLAIN
+
+
+@pytest.mark.parametrize("name", ["../box.stl", "/box.stl", "box.stl", "file:///box.stl"])
+def test_a_refused_mesh_is_named(leg_looking_like, name):
+    leg = leg_looking_like(f'<visual><geometry><mesh filename="{name}"/></geometry></visual>')
+    with pytest.raises(kd.InvalidInput, match=f"mesh '{name}' "):
+        leg_parts(leg)
+
+
+def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
+    def fail(*_, **__):
+        raise KeyError("radius")
+
+    leg = leg_looking_like(SPHERE.format(""))
+    monkeypatch.setattr("yourdfpy.URDF.load", fail)
+    with pytest.raises(kd.InvalidInput, match=r"leg.urdf: its visuals cannot be read \('radius'\)"):
+        leg_parts(leg)

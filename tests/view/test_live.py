@@ -12,12 +12,11 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 import kickdyn as kd
-from kickdyn.view.live import serve
 
 
 @pytest.fixture
 def server(kick):
-    with serve(*kick, caption="<i>") as running:
+    with kd.page(kick[0], caption="<i>").serve() as running:
         yield running
 
 
@@ -43,7 +42,7 @@ def listening():
 
 def test_listens_on_this_machine_only_and_starts_no_child(kick):
     before, children = listening(), psutil.Process().children()
-    with serve(*kick) as server:
+    with kd.page(kick[0]).serve() as server:
         ((address, port),) = listening() - before
         assert address == "127.0.0.1"
         assert server.url == f"http://127.0.0.1:{port}/"
@@ -93,7 +92,7 @@ def test_a_browser_gets_the_scene_and_what_is_drawn_later(server):
 
 
 def test_stops_while_a_browser_watches(kick):
-    server = serve(*kick)
+    server = kd.page(kick[0]).serve()
     address = ("127.0.0.1", urlsplit(server.url).port)
 
     async def watch():
@@ -113,7 +112,7 @@ def test_stops_while_a_browser_watches(kick):
 
 
 def test_stopping_hangs_up(kick):
-    server = serve(*kick)
+    server = kd.page(kick[0]).serve()
     with socket.create_connection(("127.0.0.1", urlsplit(server.url).port), timeout=10) as idle:
         idle.sendall(b"GET /none HTTP/1.1\r\nHost: localhost\r\n\r\n")
         assert b"404" in idle.recv(65536)
@@ -124,10 +123,10 @@ def test_stopping_hangs_up(kick):
 
 def test_a_port_that_cannot_be_had(server, kick):
     with pytest.raises(kd.InvalidInput, match="port is 70000"):
-        serve(*kick, port=70000)
+        kd.page(kick[0]).serve(70000)
     port = urlsplit(server.url).port
     with pytest.raises(kd.InvalidInput, match=f"port {port} cannot be served"):
-        serve(*kick, port=port)
+        kd.page(kick[0]).serve(port)
 
 
 def test_the_page_in_a_browser(server, chromium):

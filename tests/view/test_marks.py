@@ -3,12 +3,12 @@ import pytest
 import umsgpack
 
 from kickdyn.view import marks
-from kickdyn.view.recorder import recorder
+from kickdyn.view.document import recording_viewer
 
 
 def drawn(draw, *args):
     """Draw into a fresh viewer; return the positions of all triangular meshes, and all said."""
-    viewer = recorder()
+    viewer = recording_viewer()
     draw(viewer["x"], *args)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
     meshes = []
@@ -44,7 +44,7 @@ def test_no_flight_no_curve(points):
 
 def test_the_arrow_starts_at_the_contact_and_points_along_the_impulse():
     start, way = np.array([1.0, 2.0, 3.0]), np.array([0.6, 0.0, 0.8])
-    _, said = drawn(marks.draw_arrow, start, way, 2.0)
+    _, said = drawn(marks.draw_arrow, start, 2.0 * way)
     np.testing.assert_allclose(place_of(said, "/meshcat/x")[:3, 3], start)
     shaft, head = (place_of(said, f"/meshcat/x/{name}") for name in ("shaft", "head"))
     sizes = [c["object"]["geometries"][0] for c in said if c["type"] == "set_object"]
@@ -68,3 +68,46 @@ def test_the_ground_is_level_and_turned_to_the_flight():
     assert not vertices[:, 2].any()
     near = vertices[np.abs(vertices).max(axis=1) < 9.7, 0]  # the seam is at 9.8
     np.testing.assert_allclose(np.unique(near), 0.5 * np.arange(-19, 20))
+
+
+@pytest.mark.parametrize("end", [(1, 0, 0), (0, -2, 0), (0, 0, 1e-9), (3, 4, -5)])
+def test_cylinder_pose_lays_the_y_axis_from_start_to_end(end):
+    start = np.array([1.0, 2.0, 3.0])
+    pose = marks.cylinder_pose(start, start + end)
+    turn = pose[:3, :3]
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(turn) == pytest.approx(1)
+    np.testing.assert_allclose(turn[:, 1], np.array(end) / np.linalg.norm(end), atol=1e-6)
+    np.testing.assert_allclose(pose[:3, 3], start + np.array(end) / 2)
+
+
+def test_upright_turns_y_to_z():
+    np.testing.assert_allclose(marks.UPRIGHT[:3, :3] @ (0, 1, 0), (0, 0, 1), atol=1e-15)
+
+
+def panels(radius):
+    viewer = recording_viewer()
+    marks.draw_ball(viewer, radius)
+    for packed in viewer.window.commands():
+        command = umsgpack.unpackb(packed)
+        data = command["object"]["geometries"][0]["data"]
+        vertices = np.frombuffer(data["attributes"]["position"]["array"].data, dtype=np.float32)
+        faces = np.frombuffer(data["index"]["array"].data, dtype=np.uint32)
+        yield command["path"], vertices.reshape(-1, 3).astype(float), faces.reshape(-1, 3)
+
+
+def test_the_panels_cover_the_sphere_once():
+    # Each triangle spans a solid angle (Van Oosterom & Strackee 1983); all of them, 4 pi.
+    total = 0.0
+    for _, vertices, faces in panels(0.11):
+        np.testing.assert_allclose(np.linalg.norm(vertices, axis=1), 0.11, rtol=1e-6)
+        a, b, c = np.moveaxis(vertices[faces] / 0.11, 1, 0)
+        volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c)))
+        edges = 1 + sum(np.einsum("ij,ij->i", p, q) for p, q in ((a, b), (b, c), (c, a)))
+        total += 2 * np.arctan2(volume, edges).sum()
+    assert total == pytest.approx(4 * np.pi, rel=1e-6)
+
+
+def test_twelve_pentagons_and_twenty_hexagons():
+    counts = {path: len(faces) for path, _, faces in panels(1.0)}
+    assert counts == {"/meshcat/hexagons": 20 * 6 * 16, "/meshcat/pentagons": 12 * 5 * 16}

@@ -1,6 +1,7 @@
 import logging
 import os
 import re
+import subprocess
 import sys
 from contextlib import contextmanager
 
@@ -9,7 +10,8 @@ import pytest
 import trimesh
 
 import kickdyn as kd
-from kickdyn.view.mesh_file import read_mesh
+from kickdyn.view import mesh_file
+from kickdyn.view.mesh_file import FORMATS, read_mesh
 
 watching: list[list[str]] = []
 
@@ -146,12 +148,15 @@ def test_bad_scale(folder, scale):
 
 
 def test_each_part_keeps_its_colour_and_place(folder):
-    red, blue = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
-    red.visual.face_colors, blue.visual.face_colors = (255, 0, 0, 255), (0, 0, 255, 255)
-    scene = trimesh.Scene([red])
-    scene.add_geometry(blue, transform=trimesh.transformations.translation_matrix((5, 0, 0)))
-    scene.export(folder / "two.glb")
-    first, second = sorted(read_mesh("two.glb", folder), key=lambda mesh: mesh.vertices[0, 0])
+    boxes = [trimesh.creation.box((1, 1, 1)) for _ in range(2)]
+    for box, colour in zip(boxes, ((255, 0, 0, 255), (0, 0, 255, 255)), strict=True):
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=colour)
+        box.visual = trimesh.visual.TextureVisuals(material=material)
+    text = trimesh.exchange.dae.export_collada(boxes).decode()
+    node = '<node id="node1" name="node1">'
+    assert node in text
+    (folder / "two.dae").write_text(text.replace(node, f"{node}<translate>5 0 0</translate>"))
+    first, second = sorted(read_mesh("two.dae", folder), key=lambda mesh: mesh.vertices[0, 0])
     np.testing.assert_allclose(first.rgba, (1, 0, 0, 1))
     np.testing.assert_allclose(second.rgba, (0, 0, 1, 1))
     np.testing.assert_allclose(second.vertices.mean(axis=0), (5, 0, 0), atol=1e-6)
@@ -208,3 +213,99 @@ def test_a_collada_file_is_turned_z_up(folder, up, size):
     middle = (part.vertices.max(axis=0) + part.vertices.min(axis=0)) / 2
     expected = {"X_UP": (-0.6, -0.7, 0.5), "Y_UP": (0.5, -0.7, 0.6), "Z_UP": (0.5, 0.6, 0.7)}[up]
     assert middle == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_every_format_is_read(ending, folder):
+    trimesh.creation.box((1, 1, 1)).export(folder / f"cube{ending}")
+    assert sum(len(part.faces) for part in read_mesh(f"cube{ending}", folder)) == 12
+
+
+PROMISES = {
+    "vertices.ply": b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\n"
+    b"property float y\nproperty float z\nend_header\n",
+    "faces.ply": b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\n"
+    b"property float y\nproperty float z\nelement face 2000000000\n"
+    b"property list uchar int vertex_indices\nend_header\n" + bytes(49),
+    "triangles.stl": bytes(80) + b"\xff\xff\xff\xff" + bytes(50),
+    "corners.obj": b"v 0 0 0\nf" + b" 1 1 \\\n1" * 1_000_001 + b"\n",
+    "bare.obj": b"v 0 0 0\n" * 3_000_001 + b"f 1 2 3\n",
+}
+
+
+@pytest.mark.parametrize("name", PROMISES)
+def test_a_file_that_promises_a_lot_takes_no_more_memory_than_it_has(name, tmp_path):
+    """A process with two gigabytes refuses it."""
+    (tmp_path / name).write_bytes(PROMISES[name])
+    code = f"""
+import resource, pathlib
+from kickdyn.view.mesh_file import read_mesh
+resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9, 2 * 10**9))
+try:
+    print(sum(len(part.faces) for part in read_mesh({name!r}, pathlib.Path({str(tmp_path)!r}))))
+except ValueError as error:
+    print(error)
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert f"mesh {name!r} " in ended.stdout or ended.stdout == "1\n"
+    assert "allocate" not in ended.stdout
+
+
+def test_too_many_triangles_are_refused(folder, monkeypatch):
+    monkeypatch.setattr(mesh_file, "MAX_VERTICES", 19)
+    with pytest.raises(kd.InvalidInput, match="more than 19 vertices and triangles"):
+        read_mesh("meshes/box.stl", folder)
+
+
+def test_many_parts_are_refused(folder):
+    (folder / "c.obj").write_bytes(b"".join(b"usemtl %d\nf 1 1 1\n" % k for k in range(1001)))
+    with pytest.raises(kd.InvalidInput, match="has 1001 parts: at most 1000 are read"):
+        read_mesh("c.obj", folder)
+
+
+def collada(edit):
+    text = trimesh.creation.box((1, 1, 1)).export(file_type="dae").decode()
+    changed = edit(text)
+    assert changed != text
+    return changed
+
+
+def doubled(text, levels=40):
+    """Let nodes stand for twice the one before, `levels` times."""
+    start = text.index("<node ")
+    end = text.rindex("</node>") + len("</node>")
+    nodes = text[start:end].replace('id="node0"', 'id="n0"')
+    for k in range(levels):
+        twice = f'<instance_node url="#n{k}"/>' * 2
+        nodes += f'<node id="n{k + 1}">{twice}</node>'
+    library = f"<library_nodes>{nodes}</library_nodes>"
+    shown = f'<node id="all"><instance_node url="#n{levels}"/></node>'
+    before = text.index("<library_visual_scenes")
+    return text[:before] + library + text[before:start] + shown + text[end:]
+
+
+def test_nodes_that_stand_for_others_are_counted(folder):
+    (folder / "few.dae").write_text(collada(lambda text: doubled(text, 3)))
+    assert len(read_mesh("few.dae", folder)) == 8
+    (folder / "many.dae").write_text(collada(doubled))
+    with pytest.raises(kd.InvalidInput, match=r"its scene has \d+ characters: at most 50000000"):
+        read_mesh("many.dae", folder)
+    (folder / "parts.dae").write_text(collada(lambda text: doubled(text, 10)))
+    with pytest.raises(kd.InvalidInput, match=r"it has \d+ parts: at most 1000"):
+        read_mesh("parts.dae", folder)
+
+
+@pytest.mark.parametrize(
+    ("edit", "reason"),
+    [
+        (lambda text: text.replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "1 ">]><COLLADA', 1),
+         "has a DOCTYPE: entities are not expanded, remove it"),
+        (lambda text: doubled(text, 3).replace('url="#n0"', 'url="#n3"'), "recursion"),
+        (lambda text: text.encode("utf-16").decode("latin-1"), "not well-formed"),
+    ],
+)  # fmt: skip
+def test_collada_files_that_are_refused(edit, reason, folder):
+    (folder / "a.dae").write_bytes(collada(edit).encode())
+    with pytest.raises(kd.InvalidInput, match=rf"'a\.dae' cannot be read \(.*{reason}"):
+        read_mesh("a.dae", folder)

@@ -16,7 +16,7 @@ def hit_with(before, after):
 @pytest.mark.parametrize("duration", [0.0, 1e-6, 0.1, 2.5, 1000.0])
 @pytest.mark.parametrize("speed", [0.0, 1e-3, 1.0, 40.0])
 def test_the_whole_flight_is_shown_in_about_four_seconds(duration, speed):
-    pace = motion.pace_of(hit_with([speed, -speed / 2], [0.0, speed / 3]), duration)
+    pace = motion.kick_pace(hit_with([speed, -speed / 2], [0.0, speed / 3]), duration)
     assert len(pace.times) / motion.RATE == pytest.approx(4.0, abs=0.1)
     assert 4 < pace.end / motion.RATE < 6
     assert (np.diff(pace.times) > 0).all()
@@ -27,7 +27,7 @@ def test_the_whole_flight_is_shown_in_about_four_seconds(duration, speed):
 
 
 def test_the_stated_factors_are_those_shown():
-    pace = motion.pace_of(hit_with([30.0], [20.0]), 2.5)
+    pace = motion.kick_pace(hit_with([30.0], [20.0]), 2.5)
     steps = np.diff(pace.times) * motion.RATE
     assert pace.strike == pytest.approx(1 / steps[0])
     assert pace.flight == pytest.approx(1 / steps[-1])
@@ -36,7 +36,7 @@ def test_the_stated_factors_are_those_shown():
 
 
 def test_a_slow_kick_has_one_pace():
-    pace = motion.pace_of(hit_with([1.0], [0.5]), 0.1)
+    pace = motion.kick_pace(hit_with([1.0], [0.5]), 0.1)
     assert pace.strike == pytest.approx(pace.flight)
     np.testing.assert_allclose(np.diff(pace.times), 1 / motion.RATE / pace.strike)
 
@@ -87,23 +87,23 @@ def test_the_ball_rests_then_flies_and_spins(struck):
     before = hit.ball_before
     assert not before.velocity.any()
     assert not before.spin.any()
-    early = motion.ball_place(before, path, -0.1)
+    early = motion.ball_pose(before, path, -0.1)
     np.testing.assert_array_equal(early[:3, :3], np.eye(3))
     np.testing.assert_array_equal(early[:3, 3], hit.ball_after.position)
-    late = motion.ball_place(before, path, 0.1)
+    late = motion.ball_pose(before, path, 0.1)
     np.testing.assert_allclose(late[:3, 3], path.sample(0.1).position)
     # It turns about the spin by the right-hand rule: the axis stays, and the angle is |spin| t.
     spin = hit.ball_after.spin
     np.testing.assert_allclose(late[:3, :3] @ spin, spin)
     angle = math.acos((np.trace(late[:3, :3]) - 1) / 2)
     assert angle == pytest.approx(np.linalg.norm(spin) * 0.1)
-    step = motion.ball_place(before, path, 1e-6)[:3, :3] @ (1, 0, 0) - (1, 0, 0)
+    step = motion.ball_pose(before, path, 1e-6)[:3, :3] @ (1, 0, 0) - (1, 0, 0)
     np.testing.assert_allclose(step / 1e-6, np.cross(spin, (1, 0, 0)), rtol=1e-3, atol=1e-3)
 
 
 def test_the_ball_stays_where_it_landed(struck):
     hit, _ball, path = struck
-    end = motion.ball_place(hit.ball_before, path, path.duration + 1)
+    end = motion.ball_pose(hit.ball_before, path, path.duration + 1)
     np.testing.assert_allclose(end[:3, 3], path.landing.position)
 
 
@@ -116,7 +116,7 @@ def test_a_ball_that_came_is_shown_coming():
     before = hit.ball_before
     np.testing.assert_allclose(before.velocity, velocity, atol=1e-8)
     np.testing.assert_allclose(before.spin, spin, atol=1e-8)
-    early = motion.ball_place(before, kd.fly(hit.ball_after, ball), -0.1)[:3, 3]
+    early = motion.ball_pose(before, kd.fly(hit.ball_after, ball), -0.1)[:3, 3]
     np.testing.assert_allclose(early, hit.ball_after.position - 0.1 * np.array(velocity))
 
 
@@ -124,8 +124,8 @@ def test_a_ball_whose_spin_decays_is_shown_turning_less(struck):
     hit, ball, _ = struck
     thick = kd.Air(torque=lambda reynolds, spin_parameter: 1.0)  # a hundred times the default
     launch = kd.BallState(hit.ball_after.position, hit.ball_after.velocity, (0, -3, 0))
-    path = kd.fly(launch, ball, thick, orientation=True)
-    end = motion.ball_place(hit.ball_before, path, path.duration + 1)[:3, :3]
+    path = kd.fly(launch, ball, thick)
+    end = motion.ball_pose(hit.ball_before, path, path.duration + 1)[:3, :3]
     np.testing.assert_allclose(end, path.orientation(path.duration).as_matrix())
     turned = path.orientation(path.duration).magnitude()
     assert 0 < turned < 0.9 * 3 * path.duration < math.pi
@@ -136,7 +136,7 @@ def test_a_ball_on_the_ground_turns_as_it_rolls():
     start = kd.BallState((0, 0, ball.radius), (2.0, 0, 0), (0, 2.0 / ball.radius, 0))
     course = kd.follow(start, ball, None, kd.Ground(surface="turf"))
     way = course.sample(0.5).position[0]
-    place = motion.ball_place(start, course, 0.5)
+    place = motion.ball_pose(start, course, 0.5)
     angle = math.remainder(way / ball.radius, 2 * math.pi)
     assert place[:3, :3] == pytest.approx(pin.rpy.rpyToMatrix(0, angle, 0), abs=1e-3)
     assert place[0, 3] == pytest.approx(way)

@@ -4,42 +4,41 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.view import screenshot as photo
-from kickdyn.view.kick_page import kick_page
-from kickdyn.view.playback import GROWING, RATE, pace_of, shown_at
-from kickdyn.view.screenshot import check_photo, save_photo
+from kickdyn.view.playback import GROWING, RATE
+from kickdyn.view.screenshot import find_browser, save_picture
 
 
 def test_without_a_browser_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr(photo.shutil, "which", lambda name: None)
     with pytest.raises(kd.InvalidInput, match="Debian package chromium") as caught:
-        check_photo("a.png")
+        find_browser("a.png")
     assert "\n" not in str(caught.value)
 
 
 def test_only_png():
     with pytest.raises(kd.InvalidInput, match=r"a\.jpg has no known ending"):
-        check_photo("a.jpg")
+        find_browser("a.jpg")
 
 
 def test_a_browser_that_fails_leaves_nothing(monkeypatch, tmp_path):
     monkeypatch.setattr(photo.shutil, "which", lambda name: "/bin/false")
     with pytest.raises(kd.KickdynError, match="made no picture"):
-        save_photo("page", tmp_path / "a.png")
+        save_picture("page", tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_moment_is_what_was_asked_for(kick, chromium, tmp_path):
     """The ball is in the air at the middle of its flight, and not at the impact."""
-    hit, _, path = kick
-    html = kick_page(*kick)
-    pace = pace_of(hit, path.duration)
-    assert shown_at(pace, 0.0) == (pace.impact + GROWING) / RATE
-    late = shown_at(pace, path.duration / 2)
+    impact, _, path = kick
+    page = kd.page(impact, path)
+    pace = page.pace
+    assert pace.animation_time(0.0) == (pace.impact + GROWING) / RATE
+    late = pace.animation_time(path.duration / 2)
     assert pace.times[round(late * RATE)] == pytest.approx(path.duration / 2, abs=0.02)
-    assert shown_at(pace, 1e9) == (len(pace.times) - 1) / RATE
+    assert pace.animation_time(1e9) == (len(pace.times) - 1) / RATE
     pictures = []
-    for number, at in enumerate((shown_at(pace, 0.0), late)):
-        save_photo(html, tmp_path / f"{number}.png", at)
+    for number, at in enumerate((0.0, path.duration / 2)):
+        page.save(tmp_path / f"{number}.png", at)
         pictures.append(matplotlib.image.imread(tmp_path / f"{number}.png")[:, :, :3])
     assert pictures[0].shape == (720, 1280, 3)
     assert (np.abs(pictures[0] - pictures[1]).max(axis=-1) > 0.2).sum() > 500

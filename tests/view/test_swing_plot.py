@@ -2,9 +2,6 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.view.kick_page import kick_page
-from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.recorder import recorder
 from kickdyn.view.swing_plot import swing_figure
 
 LEG = kd.Leg.human()
@@ -36,11 +33,10 @@ def test_curves_are_the_swings_over_its_limits(swing):
 
 def test_the_page_shows_all_of_the_backswing(swing):
     plan = swing.plan
-    pace = draw_kick(recorder(), plan.hit, kd.Ball(), plan.path, swing=swing).pace
+    pace = kd.page(swing).pace
     assert pace.times[0] == pytest.approx(-swing.backswing.duration)
     assert pace.times[pace.impact] == pytest.approx(0, abs=1e-12)
-    shown = kick_page(plan.hit, kd.Ball(), plan.path, swing=swing)
-    assert shown != kick_page(plan.hit, kd.Ball(), plan.path)
+    assert len(pace.times) > len(kd.page(plan).pace.times)
 
 
 def test_a_swing_that_falls_short_is_not_shown_as_this_kick(swing):
@@ -48,4 +44,4 @@ def test_a_swing_that_falls_short_is_not_shown_as_this_kick(swing):
     model.effortLimit = np.array([30.0, 210.0, 122.0])
     short = kd.plan_swing(kd.Leg.from_model(model, "toe"), swing.plan, longest=0.1, nodes=12)
     with pytest.raises(kd.InvalidInput, match="does not reach this impact: backswing"):
-        kick_page(swing.plan.hit, kd.Ball(), swing.plan.path, swing=short)
+        kd.page(short)

@@ -5,7 +5,7 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
-from kickdyn.view.recorder import recorder
+from kickdyn.view.document import recording_viewer
 from kickdyn.view.wall_and_goal import GOAL, draw_box, goal_boxes, plane_boxes, wall_boxes
 
 
@@ -28,7 +28,7 @@ def test_a_goal_is_open_where_it_should_be():
 
 def test_a_box_is_drawn_where_its_corners_are():
     box = wall_boxes(np.zeros(3), np.array([0.6, 0.8, 0.0]), 5.0, 2.0, 0.5)[0]
-    viewer = recorder()
+    viewer = recording_viewer()
     draw_box(viewer["box"], box)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
     (shape,) = [c["object"]["geometries"][0] for c in said if c["type"] == "set_object"]
@@ -40,7 +40,7 @@ def test_a_box_is_drawn_where_its_corners_are():
 
 
 def test_what_is_behind_a_wall_is_seen_through_it_and_a_goal_is_solid():
-    viewer = recorder()
+    viewer = recording_viewer()
     draw_box(viewer["wall"], wall_boxes(np.zeros(3), np.array([1.0, 0.0, 0.0]), 5.0, 2.0, 0.5)[0])
     draw_box(viewer["goal"], goal_boxes(np.zeros(3), 20.0)[0])
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]

@@ -1,0 +1,129 @@
+"""Error against cost: one measurement, the Pareto front of many, and their picture."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from kickdyn.core.plot_style import styled
+
+BRIEFEST_TIMING = 0.02
+"""Least time of a mean over repetitions [s]."""
+
+ROUNDS = 3
+"""How often each is timed: the shortest counts, for whatever else runs only adds."""
+
+LOOKS = {
+    "closed form, float64": ("o", "tab:red"),
+    "closed form, float32": ("v", "tab:red"),
+    "closed form": ("o", "tab:red"),
+    "engine": ("s", "tab:blue"),
+    "stacked KKT": ("^", "tab:green"),
+    "Pinocchio ADMM": ("D", "tab:purple"),
+    "Pinocchio PGS": ("d", "tab:pink"),
+    "compliant contact": ("P", "tab:orange"),
+    "MuJoCo": ("X", "tab:gray"),
+    "kd.fly": ("o", "tab:orange"),
+    "kd.fly_many": ("s", "tab:red"),
+    "heyoka": ("D", "tab:gray"),
+    "RK45": ("v", "tab:blue"),
+    "DOP853": ("^", "tab:green"),
+    "LSODA": ("P", "tab:purple"),
+    "Radau": ("X", "tab:brown"),
+}
+"""Marker and colour of each method."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One method at one setting.
+
+    Attributes:
+        scene: what is computed.
+        method: with what.
+        setting: tolerance, stiffness or time step, if it has one.
+        error: of an impulse, relative to 50 digits; of landings, the largest distance [m].
+        seconds: of this process, per evaluation or flight.
+        calls: of the acceleration, per flight; of heyoka, its steps; None of an impact.
+        pareto: whether no other method of the same scene is both faster and more exact.
+    """
+
+    scene: str
+    method: str
+    setting: str
+    error: float
+    seconds: float
+    calls: float | None = None
+    pareto: bool = False
+
+
+def mark_front(rows: Sequence[Measurement]) -> list[Measurement]:
+    """Return the measurements of one scene, those on the Pareto front marked."""
+    return [
+        replace(row, pareto=not any(o.seconds < row.seconds and o.error < row.error for o in rows))
+        for row in rows
+    ]
+
+
+def shortest_time(run: Callable[[], object]) -> float:
+    """Return the shortest mean time of this process that a call takes [s], whatever else runs."""
+    began = time.process_time()
+    run()
+    best = time.process_time() - began
+    repeats = max(1, math.ceil(BRIEFEST_TIMING / max(best, 1e-6)))
+    for _ in range(ROUNDS - (repeats == 1)):
+        began = time.process_time()
+        for _ in range(repeats):
+            run()
+        best = min(best, (time.process_time() - began) / repeats)
+    return best
+
+
+@styled()
+def front_figure(impacts: Sequence[Measurement], flights: Sequence[Measurement]) -> Figure:
+    """Return error against time, a panel for each scene that was measured.
+
+    Args:
+        impacts: as `measure_impacts` returns them, or none.
+        flights: as `measure_flights` returns them, or none.
+    """
+    panels: dict[tuple[str, str], list[Measurement]] = {}
+    for kind, rows in (("impact", impacts), ("flight", flights)):
+        for row in rows:
+            panels.setdefault((kind, row.scene), []).append(row)
+    panels = {title: rows for title, rows in panels.items() if len(rows) > 1}
+    lines = -(-len(panels) // 2)
+    figure = Figure(figsize=(11.5, 3.7 * lines))
+    grid = figure.subplots(lines, 2, squeeze=False).ravel()
+    units: Mapping[str, str] = {
+        "impact": "relative error of the impulse",
+        "flight": "landing error [m]",
+    }
+    for axes, ((kind, scene), rows) in zip(grid, panels.items(), strict=True):
+        _draw_panel(axes, rows)
+        axes.set(title=f"{kind}, {scene}", xlabel="time per evaluation [s]", ylabel=units[kind])
+    return figure
+
+
+def _draw_panel(axes: Any, rows: Sequence[Measurement]) -> None:
+    """Draw the front and every method of one scene."""
+    front = sorted((row.seconds, row.error) for row in rows if row.pareto)
+    seconds, errors = zip(*front, strict=True)
+    axes.loglog(seconds, errors, "-", color="0.8", linewidth=5, zorder=0, label="Pareto front")
+    for method in dict.fromkeys(row.method for row in rows):
+        marker, colour = LOOKS[method]
+        axes.loglog(
+            [row.seconds for row in rows if row.method == method],
+            [row.error for row in rows if row.method == method],
+            marker=marker,
+            linestyle="" if method == "MuJoCo" else ":",  # stiffness and time step vary at once
+            color=colour,
+            markersize=5,
+            label=method,
+        )
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))  # beside: lines are everywhere

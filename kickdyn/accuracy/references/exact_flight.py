@@ -1,0 +1,176 @@
+"""Landing points of the default ball: 20 digits by mpmath, and heyoka's Taylor integrator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from kickdyn.accuracy.references.exact_leg import context
+from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics.spin_decay import smits_smith
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.core.validation import Array
+from kickdyn.flight.forces import downward
+
+mp = context(30)
+"""The arithmetic: a flight needs fewer digits than an impact."""
+
+STEP = 0.2
+"""Time step of the extrapolation [s]."""
+
+ORDER = 12
+"""Midpoint rules that one step extrapolates from, which makes it of order 24."""
+
+
+def landing(state: BallState, ball: Ball, air: Air) -> Array:
+    """Return where a ball comes back to the height of its launch, shape `(3,)` [m], to 20 digits.
+
+    The midpoint rule is extrapolated. The air must be that of `acceleration`; a ball without spin
+    has no lift.
+    """
+    spin = [mp.mpf(float(part)) for part in state.spin]
+    turns = bool(state.spin.any())
+
+    def in_time(y: list[Any]) -> list[Any]:
+        spin_now = [y[6] * part for part in spin] if turns else None
+        rates, decay = acceleration(mp, ball, air, y[3:6], spin_now)
+        return [*y[3:6], *rates, -decay * y[6]]
+
+    def in_height(y: list[Any]) -> list[Any]:
+        rates = in_time(y)
+        return [rate / rates[2] for rate in rates]
+
+    y = [mp.zero] * 3 + [mp.mpf(float(part)) for part in state.velocity] + [mp.one]
+    while True:
+        after = extrapolated(in_time, y, mp.mpf(STEP))
+        if after[2] <= 0:
+            break
+        y = after
+    if y[5] > 0:  # the last step holds apex and landing: up to the first, half a step at a time
+        step = mp.mpf(STEP)
+        while y[5] > 0:
+            after = extrapolated(in_time, y, step)
+            step /= 2
+            y = after if after[2] > 0 else y
+    down = -y[2]
+    for _ in range(4):
+        y = extrapolated(in_height, y, down / 4)
+    return np.asarray(state.position + np.array([float(y[0]), float(y[1]), 0.0]))
+
+
+def extrapolated(rates: Any, y: list[Any], step: Any) -> list[Any]:
+    """Return the states after one step of Gragg, Bulirsch and Stoer.
+
+    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.9.
+    """
+    table: list[list[Any]] = []
+    counts = [2 * (k + 1) for k in range(ORDER)]
+    for k, count in enumerate(counts):
+        h = step / count
+        before, now = y, [a + h * b for a, b in zip(y, rates(y), strict=True)]
+        for _ in range(count - 1):
+            slope = rates(now)
+            before, now = now, [a + 2 * h * b for a, b in zip(before, slope, strict=True)]
+        row = [now]
+        for j in range(1, k + 1):
+            ratio = mp.mpf(counts[k]) ** 2 / counts[k - j] ** 2 - 1
+            finer, coarser = row[j - 1], table[k - 1][j - 1]
+            row.append([a + (a - b) / ratio for a, b in zip(finer, coarser, strict=True)])
+        table.append(row)
+    return list(table[-1][-1])
+
+
+def acceleration(
+    m: Any, ball: Ball, air: Air, velocity: Sequence[Any], spin: Sequence[Any] | None
+) -> tuple[list[Any], Any]:
+    """Return acceleration and rate of spin decay in still air, in any arithmetic.
+
+    They are those of `forces` for the drag `brazuca`, the lift `saturating` and the torque
+    `smits-smith` between Re 7e4 and 5.1e5, where each of these is one analytic formula.
+
+    Args:
+        m: with `sqrt` and `exp`: a module of heyoka or a context of mpmath.
+        ball: what flies.
+        air: still, and with those models.
+        velocity: three numbers, or expressions.
+        spin: likewise; None without any, and then without lift.
+    """
+    vx, vy, vz = velocity
+    speed = m.sqrt(vx * vx + vy * vy + vz * vz)
+    fit = drag.BALLS["brazuca"]
+    v = 2 * ball.radius * air.density / air.viscosity / drag.REYNOLDS_PER_SPEED * speed
+    beyond, slope = v - fit.v_min, (fit.b_max - fit.b_min) / (fit.v_max - fit.v_min)
+    crisis = (fit.a - fit.b_min) / (1.0 + m.exp((v - fit.v_c) / fit.v_s))
+    level = crisis + fit.b_min + slope * beyond / (1.0 + m.exp(-beyond / fit.v_s))
+    pressure = 0.5 * air.density * ball.cross_section / ball.mass
+    if spin is None:
+        pull = pressure * level * speed
+        return [-pull * vx, -pull * vy, -pull * vz - downward(ball, air)], 0.0 * speed
+    wx, wy, wz = spin
+    mx, my, mz = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+    across = m.sqrt(mx * mx + my * my + mz * mz)
+    parameter = ball.radius * across / (speed * speed)
+    part = (parameter / drag.SPIN_DRAG_LIMIT) ** 2.0
+    eighth = m.sqrt(m.sqrt(m.sqrt(1.0 + part * part * part * part)))
+    cd = level + drag.SPIN_DRAG * parameter / eighth
+    gate = (fit.a - level) / (fit.a - lift.LEAST_DRAG)
+    cl = gate * 0.47 * parameter / (0.135 + parameter)
+    pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
+    accelerations = [
+        push * mx - pull * vx,
+        push * my - pull * vy,
+        push * mz - pull * vz - downward(ball, air),
+    ]
+    beta = air.density * ball.cross_section * ball.radius**2 / ball.inertia * smits_smith(1e5, 0.0)
+    creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
+    return accelerations, beta * speed + creep
+
+
+def equations(hy: Any, ball: Ball, air: Air) -> list[tuple[Any, Any]]:
+    """Return the equations of motion in still air as heyoka's expressions: see `acceleration`.
+
+    The states are displacement, velocity and spin over that of the launch, which is `par[0:3]`.
+    """
+    names = hy.make_vars("x", "y", "z", "vx", "vy", "vz", "left")
+    velocity, left = names[3:6], names[6]
+    accelerations, decay = acceleration(
+        hy, ball, air, velocity, [left * hy.par[i] for i in range(3)]
+    )
+    return list(zip(names, [*velocity, *accelerations, -decay * left], strict=True))
+
+
+def heyoka_landings(
+    ball: Ball, air: Air, tol: float
+) -> Callable[[BallState], tuple[Array, int]] | None:
+    """Return a function of many launches: landing points and steps; None without heyoka.
+
+    The flights end at the height of their launch.
+    """
+    try:
+        import heyoka as hy
+    except ImportError:
+        return None
+    z = hy.make_vars("z")
+    event = hy.t_event(z, direction=hy.event_direction.negative)
+    start = [0.0] * 5 + [1.0, 1.0]
+    ta = hy.taylor_adaptive(equations(hy, ball, air), start, tol=tol, t_events=[event])
+
+    def fly(states: BallState) -> tuple[Array, int]:
+        landed = np.empty_like(states.position)
+        begin = np.column_stack([0 * states.position, states.velocity, np.ones(len(landed))])
+        spins = states.spin
+        state, spin, steps = ta.state, ta.pars, 0
+        for i in range(len(begin)):
+            ta.reset_cooldowns()
+            ta.time = 0.0
+            state[:] = begin[i]
+            spin[:] = spins[i]
+            steps += ta.propagate_until(100.0)[3]
+            landed[i] = state[:3]
+        return states.position + landed, steps
+
+    return fly

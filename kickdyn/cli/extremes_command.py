@@ -1,0 +1,120 @@
+"""The command `kickdyn extremes`: every answer is right, as exact as it claims, or refused."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from kickdyn.accuracy.extreme_case import NOT_FINITE, Correctness, ExtremeCase
+from kickdyn.accuracy.extreme_flights import DRAGS, flight_cases, flight_refusals
+from kickdyn.accuracy.extreme_impacts import LONGEST, impact_cases, impact_refusals
+from kickdyn.accuracy.gains import Gain, gains
+from kickdyn.cli.command import busy
+from kickdyn.core.console import empty_table
+from kickdyn.core.files import check_outputs, write_json
+
+
+@click.command("extremes", context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--json", "json_file", metavar="FILE", help="Write the cases; - is stdout.")
+def extremes(json_file: str | None) -> None:
+    """Compare kickdyn at the extremes with 50 digits; exit 1 if an answer is wrong.
+
+    Example: kickdyn extremes --json extremes.json
+    """
+    check_outputs(json_file=json_file)
+    found = []
+    with busy("measuring") as report:
+        for case in extreme_cases():
+            report(f"{case.family}: {case.case}")
+            found.append(case)
+    if json_file is not None:
+        write_json(json_file, [case.as_json() for case in found])
+    if json_file != "-":
+        console = Console(highlight=False)
+        console.print(_case_table(found))
+        console.print(_gain_table(gains()))
+        console.print(summary(found), soft_wrap=True)
+    if any(case.verdict == Correctness.WRONG for case in found):
+        sys.exit(1)
+
+
+def extreme_cases(longest: int = LONGEST, drags: Sequence[str] = DRAGS) -> Iterator[ExtremeCase]:
+    """Yield every case: chains up to `longest` joints, vertical shots with the shipped `drags`."""
+    yield from impact_cases(longest)
+    yield from flight_cases(drags)
+    yield from impact_refusals()
+    yield from flight_refusals()
+
+
+def summary(cases: Sequence[ExtremeCase]) -> str:
+    """Return how many comparisons ended how, and how many arguments that are not finite."""
+    finite = [case.verdict for case in cases if case.family != NOT_FINITE]
+    others = [case.verdict for case in cases if case.family == NOT_FINITE]
+    counts = ", ".join(f"{finite.count(verdict)} {verdict}" for verdict in Correctness)
+    refused, wrong = others.count(Correctness.REFUSED), others.count(Correctness.WRONG)
+    text = f"{len(finite)} cases: {counts}; {refused} of {len(others)} not finite refused"
+    return text + (f", {wrong} wrong" if wrong else "")
+
+
+def cells(case: ExtremeCase) -> list[str]:
+    """Return a case as text: name, worst error, condition, error, digits, allowed, of, verdict."""
+    if case.refusal:
+        return [case.case, *[""] * 6, f"refused: {case.refusal}"]
+    claim = f" ({case.claimed:.1f})" if case.verdict == Correctness.AS_CLAIMED else ""
+    return [
+        case.case,
+        f"{case.worst_error:.1e}",
+        f"{case.condition:.1e}",
+        f"{case.error:.1e}",
+        f"{case.digits:.1f}",
+        f"{case.allowed:.1f}",
+        case.quantity,
+        case.verdict + claim,
+    ]
+
+
+def _case_table(cases: Sequence[ExtremeCase]) -> Table:
+    """Return the table of all cases; those that are not finite are counted."""
+    table = empty_table(
+        "The answer with least digits to spare; reference: 50 digits, 20 of flights at tol"
+    )
+    table.caption_justify = "left"
+    table.caption = "allowed: 15 - log10(condition). as-claimed: fewer, and the answer says so."
+    table.add_column("case", overflow="fold")
+    for head in ("condition", "error", "allowed"):
+        table.add_column(head, justify="right", no_wrap=True)
+    table.add_column("of")
+    table.add_column("verdict", no_wrap=True)
+    family = ""
+    for case in cases:
+        if case.family == NOT_FINITE and case.refusal:
+            continue
+        if case.family != family:
+            family = case.family
+            table.add_section()
+        if case.refusal:
+            table.add_row(f"{case.case}: {case.refusal}", *[""] * 4, "refused")
+            continue
+        name, _, condition, error, _, allowed, quantity, verdict = cells(case)
+        table.add_row(name, condition, error, allowed, quantity, verdict)
+    refused = sum(
+        case.verdict == Correctness.REFUSED for case in cases if case.family == NOT_FINITE
+    )
+    table.add_section()
+    table.add_row("NaN, inf, Reynolds number 0", *[""] * 4, f"{refused} refused")
+    return table
+
+
+def _gain_table(found: Sequence[Gain]) -> Table:
+    """Return the table of formulas that keep digits."""
+    table = empty_table("Formulas that keep digits")
+    for head in ("what", "the plain formula", "error", "kickdyn's", "error"):
+        table.add_column(head, justify="right" if head == "error" else "left")
+    for gain in found:
+        errors = f"{gain.plain_error:.1e}", f"{gain.our_error:.1e}"
+        table.add_row(gain.what, gain.plain, errors[0], gain.ours, errors[1])
+    return table

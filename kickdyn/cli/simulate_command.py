@@ -1,0 +1,72 @@
+"""The command `kickdyn simulate`: where the ball of a scene ends, and how exact that is."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from kickdyn.cli.command import busy
+from kickdyn.core.console import screen_width, wrapped
+from kickdyn.core.files import check_outputs, write_json
+from kickdyn.scene.simulate import simulate as simulate_scene
+from kickdyn.scene.simulation import Simulation
+from kickdyn.scene.toml_reader import load_scene
+
+
+@click.command("simulate", context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("scene_file", metavar="SCENE")
+@click.option("--tolerance", default=0.05, show_default=True, help="On the end's position [m].")
+@click.option("--exact", is_flag=True, help="Model everything, whatever the tolerance.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the numbers; - is stdout.")
+def simulate(scene_file: str, tolerance: float, exact: bool, json_file: str | None) -> None:
+    """Simulate a scene file to a tolerance, and print its error budget.
+
+    SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
+    robocup_carpet, robot_chip, volley, wet_grass_pass.
+
+    Example: kickdyn simulate free_kick --tolerance 0.01
+    """
+    check_outputs(json_file=json_file)
+    scene = load_scene(scene_file)
+    with busy("simulating"):
+        answer = simulate_scene(scene, None if exact else tolerance)
+        document = _document(answer)
+    if json_file is not None:
+        write_json(json_file, document)
+        if json_file == "-":
+            return
+    width = screen_width()
+    click.echo("\n".join(wrapped(line, width, indent=8) for line in str(answer).splitlines()))
+    if json_file is not None:
+        click.echo(f"wrote {json_file}")
+
+
+def _document(answer: Simulation) -> dict[str, Any]:
+    """Return the numbers of the answer; what is not known is null."""
+    return {
+        "scene": answer.scene.name,
+        "tolerance": answer.tolerance,
+        "within_tolerance": answer.within_tolerance,
+        "status": answer.status,
+        "end": answer.end.position.tolist(),
+        "time": float(answer.end.time),
+        "ball_velocity": answer.launch.velocity.tolist(),
+        "ball_spin": answer.launch.spin.tolist(),
+        "error": _finite(answer.error),
+        "model_error": _finite(answer.model_error),
+        "numerical_error": _finite(answer.numerical_error),
+        "end_deviation": _finite(answer.end_deviation),
+        "method": answer.method,
+        "evaluations": answer.evaluations,
+        "effects": [
+            verdict._asdict() | {"bound": _finite(verdict.bound)} for verdict in answer.verdicts
+        ],
+        "warnings": [*answer.scene.notes, *answer.warnings],
+    }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, None where it is not finite."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,159 @@
+"""Several flights in one picture, or several impacts side by side, to be compared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+import meshcat.transformations as tf
+import numpy as np
+
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.follow import Course
+from kickdyn.impact.impact_result import Impact
+from kickdyn.view.camera import camera_for
+from kickdyn.view.caption import panel_of
+from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
+from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
+from kickdyn.view.labels import INK, LabelLayout
+from kickdyn.view.leg_figure import draw_leg
+from kickdyn.view.marks import draw_ball, draw_curve, draw_ground
+
+COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x333333)
+
+MOST = len(COLOURS)
+"""Flights or impacts of one picture."""
+
+GAP = 0.25
+"""Between legs, over the size of the largest."""
+
+LONGEST = 0.45
+"""Length of the longest arrow, over the size of the largest leg."""
+
+X = np.array([1.0, 0.0, 0.0])
+
+
+def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) -> str:
+    """Draw the curves of flights over one lawn, and return their legend as HTML.
+
+    Args:
+        viewer: a `meshcat.Visualizer`.
+        paths: name to flight or course, 1 to 8, all along much the same direction.
+        title: plain text.
+
+    Raises:
+        InvalidInput: no flight, or too many.
+    """
+    _check_count(paths)
+    curves = [
+        path.sample(np.linspace(0, path.duration, POINTS)).position for path in paths.values()
+    ]
+    points = np.vstack(curves)
+    first = next(iter(paths.values()))
+    start = first.launch.position
+    radius = (first.flights[0] if isinstance(first, Course) else first).ball.radius
+    forward = points[np.argmax(np.hypot(*(points - points[0])[:, :2].T))] - points[0]
+    forward[2] = 0.0
+    length = math.hypot(*forward)
+    forward = forward / length if length else X
+    size = max(float(np.ptp(points, axis=0).max()), radius)
+    camera = camera_for(box_corners(start[None], 0.2 * size), box_corners(points, radius), forward)
+    set_stage(viewer, camera)
+    sideways = np.cross(forward, (0.0, 0.0, 1.0))
+    for number, curve in enumerate(curves):
+        width = 1.5 * THIN * camera.distance(curve)
+        draw_curve(viewer[f"curve/{number}"], curve, width, sideways, COLOURS[number])
+    draw_ball(viewer["ball"], max(radius, 0.012 * size))
+    viewer["ball"].set_transform(tf.translation_matrix(start))
+    stripe = stripe_width(size)
+    floor = np.array([*start[:2], points[:, 2].min() - radius])
+    draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
+    rows = [
+        (
+            f'<span class="key" style="background:#{colour:06x}"></span> {escape(name)}',
+            _length(path),
+        )
+        for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
+    ]
+    return panel_of(title, [*rows, ("stripes", f"{stripe:g} m")])
+
+
+def _length(path: Flight | Course) -> str:
+    """Return how far, how high and how long a ball goes."""
+    if isinstance(path, Course):
+        return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
+    return f"{path.range:.4g} m, {path.height:.4g} m high, {path.duration:.3g} s"
+
+
+def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
+    """Draw legs at their impacts side by side along x, and return their numbers as HTML.
+
+    Nothing moves, and all arrows are to one scale: on the ball, and through each joint.
+
+    Args:
+        viewer: a `meshcat.Visualizer`.
+        impacts: name to impact, 1 to 8.
+        title: plain text.
+
+    Raises:
+        InvalidInput: no impact, or too many; or a leg cannot be drawn, as `leg_parts` says.
+    """
+    _check_count(impacts)
+    most = max(largest_impulse(impact) for impact in impacts.values())
+    figures = []
+    for number, impact in enumerate(impacts.values()):
+        leg = draw_leg(viewer[f"{number}/leg"], impact.posture.leg, impact.posture.q)
+        ball, radius = impact.ball_before.position, impact.ball.radius
+        figures.append(np.vstack([leg, ball - radius, ball + radius]))
+    size = max(float(np.ptp(figure, axis=0).max()) for figure in figures)
+    scale = LONGEST * size / most if most > 0 else 0.0
+    tips = [impact.posture.contact_point + scale * impact.impulse for impact in impacts.values()]
+    shifts, left = [], 0.0
+    for figure, tip in zip(figures, tips, strict=True):
+        low, high = figure[:, 0].min(), max(figure[:, 0].max(), tip[0])
+        shifts.append(np.array([left - low, 0.0, 0.0]))
+        left += float(high - low) + GAP * size
+    points = np.vstack([figure + shift for figure, shift in zip(figures, shifts, strict=True)])
+    floor, top = float(points[:, 2].min()), float(points[:, 2].max())
+    heads = [np.array([figure[:, 0].mean(), 0.0, top + 0.1 * size]) for figure in figures]
+    aside = 0.25 * size * X  # space for labels
+    edge = [point + shift + margin
+            for ends, margins in ((heads, (0.0 * X, aside)), (tips, (aside,)))
+            for point, shift in zip(ends, shifts, strict=True) for margin in margins]  # fmt: skip
+    camera = camera_for(points, np.vstack([points, *edge]), X)
+    set_stage(viewer, camera)
+    layout = LabelLayout(camera)
+    for number, (name, head) in enumerate(zip(impacts, heads, strict=True)):
+        label = layout.add(name, int(INK[1:], 16), head + shifts[number])
+        if label is not None:
+            viewer[f"{number}/name"].set_object(label)
+            viewer[f"{number}/name"].set_transform(tf.translation_matrix(head))
+    for number, (impact, shift) in enumerate(zip(impacts.values(), shifts, strict=True)):
+        node = viewer[str(number)]
+        node.set_transform(tf.translation_matrix(shift))
+        draw_ball(node["ball"], impact.ball.radius)
+        node["ball"].set_transform(tf.translation_matrix(impact.ball_before.position))
+        for arrow in impulse_arrows(impact, LEAST * most):
+            draw_impulse(node[arrow.node], arrow, scale, layout, shift)
+    width = float(np.ptp(points[:, 0]))
+    centre = np.array([*points.mean(axis=0)[:2], floor])
+    draw_ground(viewer["ground"], centre, X, stripe_width(width), 8 * width)
+    return panel_of(title, [(escape(name), _numbers(impact)) for name, impact in impacts.items()])
+
+
+def _numbers(impact: Impact) -> str:
+    """Return the impulse on the ball, its speed, and the largest impulse of a joint, as HTML."""
+    joint, worst = impact.worst_joint
+    return (
+        f"{float(np.linalg.norm(impact.impulse)):.4g} N s on the ball, "
+        f"{float(impact.ball_after.speed):.4g} m/s<br>{worst:.4g} N s at {escape(joint)}"
+    )
+
+
+def _check_count(shown: Mapping[str, object]) -> None:
+    """Raise `InvalidInput` unless a picture can show so many."""
+    if not 0 < len(shown) <= MOST:
+        raise InvalidInput(f"there are {len(shown)} to show: one page compares 1 to {MOST}")

@@ -1,0 +1,221 @@
+"""`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kickdyn.air import Air
+from kickdyn.core import validation
+from kickdyn.core.files import replacing
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.fly import fly
+from kickdyn.flight.follow import Course
+from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.passes import Pass
+from kickdyn.planning.swing_result import Swing
+from kickdyn.scene.scene import Scene
+from kickdyn.scene.simulate import simulate_as_instant
+from kickdyn.scene.simulation import Simulation
+from kickdyn.view.caption import kick_panel
+from kickdyn.view.comparison import draw_flights, draw_impacts
+from kickdyn.view.document import recording_viewer, static_document
+from kickdyn.view.kick_scene import draw_kick
+from kickdyn.view.live import LiveServer
+from kickdyn.view.playback import Pace
+from kickdyn.view.screenshot import save_picture
+from kickdyn.view.wall_and_goal import Box, plane_boxes
+
+Path3d = Flight | Course
+Comparable = Impact | Flight | Course | Pass
+Kick = Impact | KickPlan | Swing | Scene | Simulation
+
+BEYOND = 10.0
+"""How far ahead a plane is drawn that the ball does not reach, over the length of its path."""
+
+
+class Page:
+    """A 3-D page, as `page` returns it; in Jupyter it is shown as the result of its cell.
+
+    In a notebook it runs in a frame that can reach neither the notebook nor the network.
+
+    Attributes:
+        viewer: the `meshcat.Visualizer` into which the scene is drawn.
+        title: of the page, plain text.
+        panel: HTML laid over the scene.
+        pace: of the animation; None where nothing moves.
+        height: of the frame in a notebook [px].
+    """
+
+    def __init__(
+        self, viewer: Any, title: str, panel: str, pace: Pace | None = None, height: float = 600.0
+    ) -> None:
+        self.viewer, self.title, self.panel, self.pace = viewer, title, panel, pace
+        self.height = validation.number("height", height, above=0, at_most=1e4, unit="px")
+
+    @property
+    def html(self) -> str:
+        """The page as one file that needs no network."""
+        return static_document(self.viewer, self.title, self.panel)
+
+    def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
+        """Write the page, or a picture of it where the name ends in `.png`.
+
+        Args:
+            file: it is replaced as a whole, or not at all.
+            at: time since the impact that a picture shows [s]; the page of a kick only.
+
+        Raises:
+            InvalidInput: the file cannot be written, or there is no Chromium for a picture.
+            KickdynError: Chromium failed.
+        """
+        if Path(file).suffix.lower() == ".png":
+            at = validation.number("at", at, at_least=0, unit="s")
+            save_picture(self.html, file, self.pace.animation_time(at) if self.pace else 0.0)
+            return
+        with replacing(file) as draft:
+            draft.write_text(self.html, encoding="utf-8")
+
+    def serve(self, port: int = 0) -> LiveServer:
+        """Serve the page to browsers on this machine, which show what `viewer` draws later.
+
+        Args:
+            port: 0 takes a free one.
+
+        Returns:
+            A server that runs until `stop`, or until the end of its `with` block.
+
+        Raises:
+            InvalidInput: there is no such port, or it is not free.
+        """
+        return LiveServer(self.viewer, self.title, self.panel, port)
+
+    def __repr__(self) -> str:
+        """Return the title, for where HTML cannot be shown."""
+        return f"<Page {self.title!r}: save it as .html, or as .png>"
+
+    def _repr_html_(self) -> str:
+        """Return a frame that contains the page."""
+        return (
+            f'<iframe srcdoc="{escape(self.html)}" sandbox="allow-scripts" '
+            f'style="width: 100%; height: {self.height:.0f}px; border: 0"></iframe>'
+        )
+
+
+def page(
+    shown: Kick | Comparable | Iterable[Comparable] | Mapping[str, Comparable],
+    path: Path3d | None = None,
+    *,
+    caption: str = "",
+    scenery: Sequence[Box] = (),
+    height: float = 600.0,
+) -> Page:
+    """Return a 3-D page of a kick, or of several flights or impacts to compare.
+
+    A kick moves: an `Impact` with the ball's path, a `KickPlan`, a `Swing`, a `Scene` or the
+    `Simulation` of one. A scene is shown with its wall or goal, and its contact as an instant.
+    A `Flight`, `Course` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8 impacts
+    stand side by side, their impulses to one scale.
+
+    Args:
+        shown: one of these; or several flights, or several impacts, in a list or by their names.
+        path: of the ball after an `Impact`; without it the ball flies through `Air()`.
+        caption: a line of plain text above the numbers.
+        scenery: boxes beside a kick, as of `wall_boxes` and `goal_boxes`.
+        height: of the page in a notebook [px].
+
+    Raises:
+        InvalidInput: there is nothing of that to show, or too much; a leg cannot be drawn, as a
+            visual of its URDF cannot be read or names a mesh that is missing or lies outside the
+            URDF's folder; or a swing does not reach its impact.
+    """
+    if path is not None and not isinstance(shown, Impact):
+        raise InvalidInput(f"path is named with a {type(shown).__name__}: it belongs to an Impact")
+    swing = None
+    if isinstance(shown, Scene):
+        shown = simulate_as_instant(shown)
+    if isinstance(shown, Swing):
+        if shown.status != "met":
+            raise InvalidInput(f"the swing does not reach this impact: {shown.limit}")
+        swing, shown = shown, shown.plan
+    if isinstance(shown, Simulation):
+        caption, scenery = _scene_caption(shown, caption), [*scenery, *_plane(shown)]
+        impact, path = _instant(shown)
+    elif isinstance(shown, KickPlan):
+        impact, path = shown.hit, shown.path
+    elif isinstance(shown, Impact):
+        impact = shown
+    else:
+        return _comparison(shown, caption, height)
+    name = impact.posture.leg.name or "leg"
+    if path is None:
+        path = fly(impact.ball_after, impact.ball, Air())
+    viewer = recording_viewer()
+    pace, stripe = draw_kick(viewer, impact, path, scenery, swing)
+    title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
+    return Page(viewer, title, kick_panel(impact, path, pace, stripe, caption), pace, height)
+
+
+def _comparison(
+    shown: Comparable | Iterable[Comparable] | Mapping[str, Comparable], title: str, height: float
+) -> Page:
+    """Return the page of several flights, or of several impacts."""
+    if isinstance(shown, Flight | Course | Pass):
+        shown = {type(shown).__name__.lower(): shown}
+    elif not isinstance(shown, Mapping):
+        if not isinstance(shown, Iterable) or isinstance(shown, str):
+            raise InvalidInput(f"a page cannot show a {type(shown).__name__}")
+        shown = {str(number): each for number, each in enumerate(shown, start=1)}
+    each = {name: one.course if isinstance(one, Pass) else one for name, one in shown.items()}
+    impacts = {name: one for name, one in each.items() if isinstance(one, Impact)}
+    paths = {name: one for name, one in each.items() if isinstance(one, Flight | Course)}
+    if len(each) != max(len(impacts), len(paths)):
+        kinds = ", ".join(sorted({type(one).__name__ for one in each.values()}))
+        raise InvalidInput(f"a page compares flights, or impacts: these are {kinds}")
+    viewer = recording_viewer()
+    title = title or ("impacts" if impacts else "flights")
+    panel = draw_impacts(viewer, impacts, title) if impacts else draw_flights(viewer, paths, title)
+    return Page(viewer, title, panel, height=height)
+
+
+def _instant(simulation: Simulation) -> tuple[Impact, Path3d]:
+    """Return the impact and the ball's path of a scene that was simulated as an instant."""
+    if not isinstance(simulation.impact, Impact) or simulation.path is None:
+        raise InvalidInput(
+            "the impact of this Simulation takes time, or it has no path: show its Scene instead"
+        )
+    return simulation.impact, simulation.path
+
+
+def _scene_caption(simulation: Simulation, caption: str) -> str:
+    """Return the name of a scene, and what its picture leaves out."""
+    text = caption or simulation.scene.name
+    if simulation.left_out:
+        moved = simulation.model_error
+        error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
+        text += f", its contact shown as an instant: it ends {error}"
+    if simulation.scene.plane is not None and not _plane(simulation):
+        text += ", its plane out of the picture"
+    return text
+
+
+def _plane(simulation: Simulation) -> list[Box]:
+    """Return the wall or goal of a scene; none where it is behind the kick or far beyond it."""
+    _instant(simulation)
+    plane, ball, end = simulation.scene.plane, simulation.scene.ball, simulation.end.position
+    if plane is None:
+        return []
+    start = simulation.launch.position
+    boxes = plane_boxes(plane, end, min(start[2], end[2]) - ball.radius)
+    ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
+    length = (end - start)[:2]
+    is_near = 0.0 < float(ahead @ length) < BEYOND * float(length @ length)
+    return boxes if simulation.status == "at-plane" or is_near else []

@@ -1,0 +1,90 @@
+"""Landing points to 20 digits: a closed form, kd.fly at its finest, and a finer step."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.accuracy.flight_methods import kicks
+from kickdyn.accuracy.references import exact_flight
+from kickdyn.accuracy.references.exact_flight import (
+    equations,
+    extrapolated,
+    heyoka_landings,
+    landing,
+    mp,
+)
+from kickdyn.flight.forces import forces
+
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+def test_a_step_is_right_to_twenty_digits():
+    after = extrapolated(lambda y: [y[1], -y[0]], [mp.zero, mp.one], mp.mpf("0.2"))
+    assert abs(after[0] - mp.sin(mp.mpf("0.2"))) < mp.mpf(10) ** -25
+    assert abs(after[1] - mp.cos(mp.mpf("0.2"))) < mp.mpf(10) ** -25
+
+
+@pytest.mark.parametrize("state", kicks(2))
+def test_it_is_where_fly_lands_and_does_not_depend_on_the_step(state, monkeypatch):
+    exact = landing(state, BALL, AIR)
+    assert exact == pytest.approx(kd.fly(state, BALL, AIR, tol=1e-13).landing.position, abs=1e-11)
+    monkeypatch.setattr(exact_flight, "STEP", 0.13)
+    assert landing(state, BALL, AIR) == pytest.approx(exact, abs=1e-14)
+
+
+def test_without_spin_there_is_drag_only():
+    state = kd.BallState(velocity=(24, 1, 9))
+    flown = kd.fly(state, BALL, kd.Air(lift=None), tol=1e-13).landing.position
+    assert landing(state, BALL, AIR) == pytest.approx(flown, abs=1e-11)
+
+
+def test_heyoka_lands_there_too():
+    pytest.importorskip("heyoka")
+    state = kicks(1)[0]
+    one = kd.BallState(*(part[None] for part in (state.position, state.velocity, state.spin)), [0])
+    landed, _ = heyoka_landings(BALL, AIR, 1e-15)(one)
+    assert np.abs(landed[0] - landing(state, BALL, AIR)).max() < 1e-13
+
+
+def test_the_rates_are_those_of_forces():
+    hy = pytest.importorskip("heyoka")
+    system = equations(hy, BALL, AIR)
+    rates = hy.cfunc([rate for _, rate in system], [name for name, _ in system])
+    acting = forces(BALL, AIR)
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        velocity = rng.normal(size=3)
+        velocity *= rng.uniform(7, 34) / np.linalg.norm(velocity)
+        spin, left = rng.normal(size=3) * 40, rng.uniform(0.5, 1)
+        found = rates([1.0, 2.0, 3.0, *velocity, left], pars=spin)
+        ax, ay, az, k = acting(3.0, *velocity, *(left * spin))
+        assert found == pytest.approx([*velocity, ax, ay, az, -k * left], rel=1e-11)
+
+
+def test_the_landings_are_those_of_fly():
+    pytest.importorskip("heyoka")
+    states = kicks(5)
+    position, velocity, spin = (
+        np.array([getattr(state, name) for state in states])
+        for name in ("position", "velocity", "spin")
+    )
+    landed, steps = heyoka_landings(BALL, AIR, 1e-14)(
+        kd.BallState(position, velocity, spin, np.zeros(5))
+    )
+    exact = [kd.fly(state, BALL, AIR, tol=1e-13).landing.position for state in states]
+    assert landed == pytest.approx(np.array(exact), abs=1e-9)
+    assert steps > 5
+
+
+def test_without_heyoka_there_is_nothing(monkeypatch):
+    found = builtins.__import__
+
+    def lacking(name, *rest, **named):
+        if name == "heyoka":
+            raise ImportError(name)
+        return found(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", lacking)
+    assert heyoka_landings(BALL, AIR, 1e-9) is None

@@ -1,0 +1,35 @@
+"""Measurements: what is timed, and their picture."""
+
+from types import SimpleNamespace
+
+from kickdyn.accuracy import measurement
+from kickdyn.accuracy.measurement import LOOKS, Measurement, front_figure, shortest_time
+
+
+def test_a_panel_per_scene_with_every_row_and_the_front():
+    impacts = [
+        Measurement("frictionless", "engine", "", 1e-16, 2e-4, pareto=True),
+        Measurement("frictionless", "MuJoCo", "a", 1e-2, 1e-4, pareto=True),
+        Measurement("frictionless", "MuJoCo", "b", 1e-2, 3e-4),
+    ]
+    flights = [Measurement("vacuum", "closed form", "", 1e-15, 1e-4, 0, True)]
+    flights += [Measurement("full", name, "", 1e-3, 1e-3, 9, True) for name in ("RK45", "heyoka")]
+    left, right = front_figure(impacts, flights).axes
+    assert left.get_title() == "impact, frictionless"
+    assert right.get_title() == "flight, full"
+    front, *methods = left.lines
+    assert front.get_xdata().tolist() == [1e-4, 2e-4]
+    assert [line.get_label() for line in methods] == ["engine", "MuJoCo"]
+    assert methods[1].get_xdata().tolist() == [1e-4, 3e-4]
+
+
+def test_no_two_methods_of_one_panel_look_alike():
+    for group in (list(LOOKS)[:2] + list(LOOKS)[3:9], list(LOOKS)[9:]):
+        looks = [LOOKS[name] for name in group]
+        assert len(set(looks)) == len(looks)
+
+
+def test_the_shortest_of_several_timings_counts(monkeypatch):
+    ticks = iter([0.0, 5.0, 5.0, 6.0, 6.0, 9.0])
+    monkeypatch.setattr(measurement, "time", SimpleNamespace(process_time=lambda: next(ticks)))
+    assert shortest_time(lambda: None) == 1.0

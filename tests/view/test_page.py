@@ -1,0 +1,231 @@
+import html
+import json
+import re
+
+import matplotlib.image
+import numpy as np
+import pytest
+import trimesh
+
+import kickdyn as kd
+from kickdyn.view import marks
+from kickdyn.view.camera import LEFT, RIGHT, UP
+
+
+@pytest.fixture(scope="module")
+def page(kick):
+    impact, _, path = kick
+    return kd.page(impact, path, caption="best of 12").html
+
+
+def test_a_page_needs_nothing_else(page):
+    assert not re.findall(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", page)
+    assert "<title>leg_human: ball at 10.12 m/s</title>" in page
+    assert "best of 12" in page
+
+
+def test_names_are_escaped(load, spoil):
+    evil = "&lt;script&gt;alert(1)&lt;/script&gt;"
+    leg = load(spoil(('robot name="leg"', f'robot name="{evil}"'), ('"knee"', f'"{evil}"')))
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    text = kd.page(hit, caption="<script>alert(1)").html
+    assert "<script>alert(1)" not in text
+    assert text.count("&lt;script&gt;alert(1)") == 5  # title, heading, caption, joint, worst joint
+
+
+def test_a_leg_with_a_mesh(leg_looking_like, tmp_path, commands_of):
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
+    leg = leg_looking_like('<visual><geometry><mesh filename="box.stl"/></geometry></visual>')
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    said = commands_of(kd.page(hit).html)
+    (drawn,) = (c for c in said if c["path"] == "/meshcat/leg/1/0" and c["type"] == "set_object")
+    assert drawn["object"]["geometries"][0]["type"] == "BufferGeometry"
+    assert "images" not in drawn["object"]
+
+
+def test_a_leg_with_a_mesh_from_elsewhere(leg_looking_like):
+    leg = leg_looking_like('<visual><geometry><mesh filename="../a.stl"/></geometry></visual>')
+    hit = kd.strike(leg.posture([0.1, 0.2]), [1, 0], kd.Ball(), kd.Contact([1, 0, 0.1], 0.8))
+    with pytest.raises(kd.InvalidInput, match=r"'\.\./a\.stl' is refused"):
+        kd.page(hit)
+
+
+def test_a_page_replaces_a_file_as_a_whole(kick, tmp_path, monkeypatch):
+    file, page = tmp_path / "kick.html", kd.page(kick[0])
+    file.write_text("old")
+    page.save(file)
+    whole = file.read_text(encoding="utf-8")
+    assert whole.startswith("<!DOCTYPE html>")
+    monkeypatch.setattr("pathlib.Path.write_text", disk_full)
+    with pytest.raises(kd.InvalidInput, match=r"cannot be written \(No space left"):
+        page.save(file)
+    assert [(f.name, f.read_bytes()) for f in tmp_path.iterdir()] == [("kick.html", whole.encode())]
+
+
+def disk_full(self, text, **_):
+    self.write_bytes(text[:4].encode())
+    raise OSError(28, "No space left on device")
+
+
+@pytest.mark.parametrize("name", ["missing/kick.html", "folder", "file/kick.html", "/proc/a.html"])
+def test_a_page_that_cannot_be_written(tmp_path, name, kick):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    with pytest.raises(kd.InvalidInput, match=name) as caught:
+        kd.page(kick[0]).save(tmp_path / name)
+    assert "\n" not in str(caught.value)
+    assert {f.name for f in tmp_path.iterdir()} == {"folder", "file"}
+
+
+def test_the_page_in_a_browser(page, chromium, tmp_path):
+    file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
+    file.write_text(page, encoding="utf-8")
+    chromium(file.as_uri(), f"--screenshot={picture}")
+    pixels = 255 * matplotlib.image.imread(picture)[:, 330:, :3].astype(float)  # beside the caption
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+
+    def of(colour):
+        return np.abs(pixels - (colour >> 16, colour >> 8 & 255, colour & 255)).max(axis=-1) < 2
+
+    # Light changes how bright the skin is, not its hue.
+    skin = (np.abs(red / green.clip(1) - 0.85 / 0.64) < 0.06) & (
+        np.abs(green / blue.clip(1) - 0.64 / 0.49) < 0.06
+    )
+    panels = (red > 170) & (np.abs(red - green) < 4) & (red >= blue) & (red - blue < 12)
+    assert (skin & (red > 60)).sum() > 2000
+    assert panels.sum() > 300
+    assert of(marks.CURVE).sum() > 500
+    assert of(marks.GRASS[0]).sum() > 10_000
+
+
+def test_controls_are_shown_when_asked_for(page, chromium, tmp_path):
+    look = """<script>setTimeout(() => {
+      document.title = getComputedStyle(document.querySelector(".dg.main")).display;
+    }, 500);</script></body>"""
+    file = tmp_path / "kick.html"
+    file.write_text(page.replace("</body>", look))
+    for end, display in (("", "none"), ("#controls", "block")):
+        dom = chromium(file.as_uri() + end, "--dump-dom")
+        assert re.search("<title>(.*?)</title>", dom)[1] == display
+
+
+def test_the_page_plays_for_ever(page, chromium, tmp_path):
+    look = """<script>setTimeout(() => {
+      const a = viewer.animator;
+      document.title = JSON.stringify(
+        [a.playing, a.time, a.actions.length, a.actions.every(x => x.repetitions === Infinity),
+         performance.getEntriesByType("resource").length]);
+    }, 1500);</script></body>"""
+    (tmp_path / "kick.html").write_text(page.replace("</body>", look))
+    dom = chromium((tmp_path / "kick.html").as_uri(), "--dump-dom")
+    playing, time, actions, for_ever, fetched = json.loads(
+        re.search("<title>(.*?)</title>", dom)[1]
+    )
+    assert playing
+    assert time > 0.2
+    assert actions == 9
+    assert for_ever
+    assert fetched == 0
+
+
+def test_in_a_narrow_window_the_numbers_stand_below(page, chromium, tmp_path):
+    look = """<script>setTimeout(() => {
+      const box = name => document.querySelector(name).getBoundingClientRect();
+      document.title = JSON.stringify(
+        [box("canvas").height, box("#meshcat-pane").bottom, box("#caption").top, innerHeight]);
+    }, 1500);</script></body>"""
+    (tmp_path / "kick.html").write_text(page.replace("</body>", look))
+    dom = chromium((tmp_path / "kick.html").as_uri(), "--dump-dom", "--window-size=800,600")
+    canvas, bottom, top, window = json.loads(re.search("<title>(.*?)</title>", dom)[1])
+    assert canvas == pytest.approx(bottom, abs=1.0)
+    assert top == pytest.approx(bottom, abs=1.0)
+    assert bottom == pytest.approx(0.66 * window, abs=2.0)
+
+
+@pytest.mark.parametrize("size", ["500,900", "1280,800"])
+def test_every_window_shows_what_the_camera_was_placed_for(size, page, chromium, tmp_path):
+    """Slopes at the edges of the picture, from the lens; where the caption lies over it, beside."""
+    look = """<script>setTimeout(() => {
+      const {elements: m} = viewer.camera.projectionMatrix, box = name =>
+        document.querySelector(name).getBoundingClientRect();
+      const over = box("#caption").top < box("#meshcat-pane").bottom ? box("#caption").right : 0;
+      document.title = JSON.stringify([2 * over / innerWidth - 1, m[0], m[8], m[5]]);
+    }, 1500);</script></body>"""
+    (tmp_path / "kick.html").write_text(page.replace("</body>", look))
+    dom = chromium((tmp_path / "kick.html").as_uri(), "--dump-dom", f"--window-size={size}")
+    start, x, shift, y = json.loads(re.search("<title>(.*?)</title>", dom)[1])
+    assert (start > -1) == size.startswith("1280")
+    assert (start + shift) / x <= -LEFT
+    assert (1 + shift) / x >= RIGHT - 1e-9
+    assert 1 / y >= UP - 1e-9
+
+
+def test_the_page_is_in_a_frame_of_a_notebook_as_it_is(kick):
+    page = kd.page(kick[0], height=300)
+    frame = re.fullmatch(r'<iframe srcdoc="([^"]*)" sandbox="allow-scripts" style="(.*)"></iframe>',
+                         page._repr_html_())  # fmt: skip
+    assert html.unescape(frame[1]) == page.html
+    assert "<" not in frame[1]
+    assert "height: 300px" in frame[2]
+    assert repr(page) == "<Page 'leg_human: ball at 10.12 m/s': save it as .html, or as .png>"
+
+
+@pytest.mark.parametrize("height", [0, -1, float("nan"), "tall"])
+def test_bad_heights(height, kick):
+    with pytest.raises(kd.InvalidInput, match="height is"):
+        kd.page(kick[0], height=height)
+
+
+def test_a_notebook_in_a_browser(kick, chromium, tmp_path):
+    """The kick is drawn above its caption, and its frame sees nothing of the notebook."""
+    spy = "<script>try { parent.document.body.innerHTML = 0; } catch (e) {}</script></body>"
+    page = kd.page(kick[0])._repr_html_()
+    frame = page.replace(html.escape("</body>"), html.escape(spy))
+    assert frame != page
+    file, picture = tmp_path / "notebook.html", tmp_path / "notebook.png"
+    file.write_text(f"<!DOCTYPE html><body style='width: 800px'>{frame}")
+    chromium(file.as_uri(), f"--screenshot={picture}", "--virtual-time-budget=15000")
+    pixels = 255 * matplotlib.image.imread(picture)[:600, :800, :3].astype(float)
+
+    def of(colour, part):
+        wanted = (colour >> 16, colour >> 8 & 255, colour & 255)
+        return int((np.abs(part - wanted).max(axis=-1) < 2).sum())
+
+    above, below = pixels[:396], pixels[410:]
+    assert of(marks.GRASS[0], above) > 10_000
+    assert of(marks.CURVE, above) > 200
+    assert of(marks.GRASS[0], below) == 0
+
+
+def test_a_kick_without_a_path_flies_through_air(kick):
+    impact = kick[0]
+    text = kd.page(impact).html
+    assert f"{kd.fly(impact.ball_after, impact.ball, kd.Air()).range:.4g} m" in text
+    vacuum = kd.page(impact, kd.fly(impact.ball_after, impact.ball)).html
+    assert f"{kd.fly(impact.ball_after, impact.ball).range:.4g} m" in vacuum
+
+
+def test_flights_courses_and_passes_are_curves(commands_of):
+    ball, ground = kd.Ball(), kd.Ground(surface="turf")
+    path = kd.fly(kd.BallState(velocity=(20, 0, 9)), ball)
+    launch = kd.BallState((0, 0, ball.radius), (5.0, 0, 0))
+    course = kd.follow(launch, ball, None, ground)
+    for shown, count in ((path, 1), (course, 1), ([path, course], 2), ({"a": path}, 1)):
+        commands = commands_of(kd.page(shown).html)
+        curves = [c for c in commands if c["path"].startswith("/meshcat/curve")]
+        assert len(curves) == count
+    assert f"{course.distance:.4g} m along the ground" in kd.page(course).html
+
+
+def test_what_a_page_cannot_show(kick):
+    impact, _, path = kick
+    for shown, reason in (
+        (1, "cannot show a int"),
+        ("kick", "cannot show a str"),
+        ([impact, path], "these are Flight, Impact"),
+        ([], "there are 0"),
+    ):
+        with pytest.raises(kd.InvalidInput, match=reason):
+            kd.page(shown)
+    with pytest.raises(kd.InvalidInput, match="path is named with a Flight"):
+        kd.page(path, path)

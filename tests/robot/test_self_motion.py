@@ -3,7 +3,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.self_motion import self_motion
+from kickdyn.robot.self_motion import self_motion
 
 LEG = kd.Leg.human()
 
@@ -86,38 +86,3 @@ def test_a_held_leg_is_refused():
     leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
     with pytest.raises(kd.InvalidInput, match="bolt has supports or loops: only a free leg"):
         self_motion(leg, leg.configuration())
-
-
-@pytest.mark.parametrize(
-    ("leg", "goal", "more"),
-    [
-        (kd.Leg.from_robot("g1", legs_only=True), kd.Goal((4, 1, 0), time=0.8), 1.2),
-        (LEG, kd.Goal(15, time=1), 1.04),
-    ],
-)
-def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
-    ball = kd.Ball()
-    first = kd.plan_kick(leg, goal, ball)
-    there = first.hit.ball_after.position
-    rated = {}
-    for objective in ("joint impulse", "most joint impulse", "foot speed"):
-        plan = kd.plan_kick(leg, goal, ball, objective=objective, ball_at=there)
-        assert plan.status == "met"
-        assert plan.hit.ball_after.position == pytest.approx(there, abs=2e-5)
-        assert plan.hit.ball_after.velocity == pytest.approx(
-            first.hit.ball_after.velocity, abs=1e-9
-        )
-        assert plan.hit.ball_after.spin == pytest.approx(first.hit.ball_after.spin, abs=1e-9)
-        assert max(plan.speed_use, plan.effort_use) <= 1
-        rated[objective] = plan.hit.worst_joint[1], np.linalg.norm(plan.hit.foot_velocity)
-    worst = {name: impulse for name, (impulse, _) in rated.items()}
-    assert worst["most joint impulse"] > more * worst["joint impulse"]
-    slowest = min(speed for _, speed in rated.values())
-    assert rated["foot speed"][1] == pytest.approx(slowest, rel=1e-9)
-
-
-def test_a_ball_beside_the_plane_of_the_foot_is_refused():
-    with pytest.raises(kd.InvalidInput, match=r"is 0.2 m beside the plane that the foot of"):
-        kd.plan_kick(LEG, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0.2, -0.7))
-    with pytest.raises(kd.InvalidInput, match="name one of the two"):
-        kd.plan_kick(LEG, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0, -0.7), ball_height=1)

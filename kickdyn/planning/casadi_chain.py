@@ -11,7 +11,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 
 
-class Chain:
+class CasadiChain:
     """The joints between a fixed base and the foot, each of one degree of freedom.
 
     Args:
@@ -24,7 +24,7 @@ class Chain:
         momentum: of q and v: M(q) v, without gravity [N m s].
         point: of q and v: velocity of the contact point, shape `(3,)` [m/s, world axes].
         place: of q: of the contact point [m, world frame].
-        way: of q and a vector in the last joint's axes: that vector in the world's.
+        direction: of q and a vector in the last joint's axes: that vector in the world's.
         impulse: of q and a force on the contact point: J^T f.
     """
 
@@ -38,7 +38,9 @@ class Chain:
         zero = ca.SX(self.n, 1)
         self.momentum = ca.Function("momentum", [q, v], [self._newton_euler(q, zero, v, False)])
         place = self._place(q, ca.DM(lever))
-        self.way = ca.Function("way", [q, f], [self._place(q, f) - self._place(q, ca.DM(3, 1))])
+        self.direction = ca.Function(
+            "direction", [q, f], [self._place(q, f) - self._place(q, ca.DM(3, 1))]
+        )
         slope = ca.jacobian(place, q)
         self.point = ca.Function("point", [q, v], [slope @ v])
         self.place = ca.Function("place", [q], [place])

@@ -53,20 +53,24 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
 
 
 def _null(posture: Posture) -> Array:
+    """Return the unit vector of joint velocity that does not move the contact point."""
     return np.asarray(np.linalg.svd(posture.jacobian)[2][-1])
 
 
-def _follow(start: Posture, way: Array, step: float, most: int) -> tuple[list[Posture], bool]:
+def _follow(start: Posture, direction: Array, step: float, most: int) -> tuple[list[Posture], bool]:
+    """Return the postures in one direction, and whether they came around to the start."""
     leg, postures, here = start.leg, list[Posture](), start
     model = leg.workspace.model
     for _ in range(most):
         along = _null(here)
-        way = along if along @ way > 0 else -along  # a null vector has no sign of its own
-        there = _corrected(leg, pin.integrate(model, here.q, step * way), start.contact_point)
+        direction = (
+            along if along @ direction > 0 else -along
+        )  # a null vector has no sign of its own
+        there = _corrected(leg, pin.integrate(model, here.q, step * direction), start.contact_point)
         if there is None or not _within(leg, there.q):
             break
         apart = pin.difference(model, start.q, there.q)
-        if len(postures) > 2 and np.linalg.norm(apart) < step / 2 and apart @ way < step / 2:
+        if len(postures) > 2 and np.linalg.norm(apart) < step / 2 and apart @ direction < step / 2:
             return postures, True
         postures.append(there)
         here = there
@@ -87,4 +91,5 @@ def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
 
 
 def _within(leg: Leg, q: Array) -> bool:
+    """Return whether a configuration is within the joints' range."""
     return bool((q >= leg.lower - 1e-9).all() and (q <= leg.upper + 1e-9).all())

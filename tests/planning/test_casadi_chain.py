@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.chain import Chain
-from kickdyn.planning.swing_joints import joints_of
+from kickdyn.planning.casadi_chain import CasadiChain
+from kickdyn.planning.swing_phase import swing_chain
 
 
 def slider():
@@ -34,10 +34,10 @@ def legs():
 
 @pytest.mark.parametrize("leg", list(legs()))
 def test_the_symbols_are_pinocchio_to_rounding(leg):
-    joints = joints_of(leg)
+    joints = swing_chain(leg)
     draw = np.random.default_rng(1)
     joints.model.armature = draw.uniform(0.0, 0.1, joints.model.nv)
-    chain, data = Chain(joints.model, leg.contact_lever), joints.model.createData()
+    chain, data = CasadiChain(joints.model, leg.contact_lever), joints.model.createData()
     for _ in range(5):
         q, v, a = draw.normal(size=(3, chain.n))
         torque = pin.rnea(joints.model, data, q, v, a)

@@ -40,7 +40,7 @@ def named_impulses(
     if projector is None:
         return {}, {}
     supports, loops = projector.constraints.supports, projector.constraints.loops
-    parts = [impulses[block.at] for block in projector.blocks]
+    parts = [impulses[block.rows] for block in projector.blocks]
     by_support = zip((support.frame for support in supports), parts, strict=False)
     return dict(by_support), dict(zip(loops, parts[len(supports) :], strict=True))
 
@@ -74,7 +74,7 @@ def footings(
     if projector is None:
         return {}
     return {
-        support.frame: footing(support, impulses[block.at], block.frame, scale)
+        support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, scale)
         for support, block in zip(projector.constraints.supports, projector.blocks, strict=False)
     }
 

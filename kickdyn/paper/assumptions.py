@@ -70,8 +70,8 @@ def launch_from_contact(speed: float, attack: Array, normal: Array) -> tuple[Bal
     """Return the launch by Eqs. (15)-(21) and whether the contact sticks.
 
     Args:
-        speed: of the ball if the contact sticks [m/s]; a foot of endless mass is made to give it,
-            as no foot speed of the paper's can.
+        speed: of the ball if the contact sticks [m/s]; a foot of infinite mass gives it,
+            as no foot speed of the paper can.
         attack: unit vector of the foot's motion, shape `(3,)`.
         normal: unit vector from foot to ball, shape `(3,)`.
     """

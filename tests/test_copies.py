@@ -52,11 +52,14 @@ PARTS = parts()
 
 
 def arrays(value):
-    """All arrays of an object's attributes, and of mappings among them."""
+    """All arrays of an object's attributes, and of mappings and tuples among them."""
     if isinstance(value, np.ndarray):
         yield value
     elif isinstance(value, dict):
         for part in value.values():
+            yield from arrays(part)
+    elif isinstance(value, tuple):
+        for part in value:
             yield from arrays(part)
 
 
@@ -77,5 +80,6 @@ def test_copies_are_the_same(name, way):
 @pytest.mark.parametrize("name", PARTS)
 def test_public_arrays_cannot_be_written_to(name):
     public = {key: value for key, value in vars(PARTS[name]).items() if key[0] != "_"}
-    for array in arrays(public):
-        assert not array.flags.writeable
+    for key, value in public.items():
+        for array in arrays(value):
+            assert not array.flags.writeable, key

@@ -87,7 +87,7 @@ def kicks(n: int, seed: int = 3) -> None:
             plan = kd.plan_kick(leg, goal, BALL, kd.Air())
             spent.append(time.perf_counter() - began)
             inside = (plan.q >= leg.lower).all() and (plan.q <= leg.upper).all()
-            kept += bool(inside and max(plan.speed_use, plan.effort_use) <= 1.0)
+            kept += bool(inside and max(plan.speed_use, plan.torque_use) <= 1.0)
             if plan.status == "met":
                 met += 1
                 missed.append(plan.landing_error)

@@ -28,21 +28,21 @@ def main() -> None:
         make, beyond, easy = LEGS[name]
         leg = make()
         hardest = [kd.plan_kick(leg, beyond, BALL, AIR, swing=swing) for swing in (False, True)]
-        speeds = [float(plan.hit.ball_after.speed) for plan in hardest]
+        speeds = [float(plan.impact.ball_after.speed) for plan in hardest]
         marks = [time.process_time()]
         for swing in (False, True):
             plan = kd.plan_kick(leg, easy, BALL, AIR, swing=swing)
             marks.append(time.process_time())
         found = {}
-        for objective in ("effort", "time"):
+        for objective in ("torque-squared", "time"):
             found[objective] = kd.plan_swing(leg, plan, objective=objective)
             marks.append(time.process_time())
         spent = [after - before for before, after in pairwise(marks)]
         print(
             f"{name}: hardest ball {speeds[0]:.1f} m/s, with a swing {speeds[1]:.1f} m/s; plan "
             f"{spent[0]:.1f} s, with a swing {spent[1]:.1f} s ({spent[1] / spent[0]:.1f} times); "
-            f"its way of least effort {spent[2]:.1f} s, of least time {spent[3]:.1f} s; "
-            f"{found['effort'].status}, {found['time'].status}"
+            f"its swing of least torque {spent[2]:.1f} s, of least time {spent[3]:.1f} s; "
+            f"{found['torque-squared'].status}, {found['time'].status}"
         )
 
 

@@ -2,6 +2,8 @@
 
 __version__: str
 
+from .accuracy.references.pinocchio_impact import EngineImpact as EngineImpact
+from .accuracy.references.pinocchio_impact import engine_strike as engine_strike
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
@@ -27,25 +29,21 @@ from .impact.impact_result import Impact as Impact
 from .impact.joint_load import JointLoad as JointLoad
 from .impact.joint_load import joint_loads as joint_loads
 from .impact.laws import normal_impulse as normal_impulse
-from .impact.pinocchio_impact import EngineImpact as EngineImpact
-from .impact.pinocchio_impact import engine_strike as engine_strike
 from .impact.sensitivity import Sensitivity as Sensitivity
-from .impact.sensitivity import sensitivity as sensitivity
 from .impact.strike import strike as strike
 from .impact.uncertainty import Uncertainty as Uncertainty
-from .impact.uncertainty import uncertainty as uncertainty
 from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
+from .planning.kick import KickPlan as KickPlan
 from .planning.kick import plan_kick as plan_kick
-from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
 from .planning.passes import Pass as Pass
 from .planning.passes import plan_pass as plan_pass
+from .planning.swing import Swing as Swing
 from .planning.swing import plan_swing as plan_swing
-from .planning.swing_result import Swing as Swing
 from .robot.constraints import Support as Support
 from .robot.leg import Leg as Leg
 from .robot.leg import Posture as Posture
@@ -54,6 +52,6 @@ from .scene.simulate import simulate as simulate
 from .scene.simulation import Simulation as Simulation
 from .scene.toml_reader import load_scene as load_scene
 from .sweeps.kick import Kick as Kick
-from .sweeps.opened import open_sweep as open_sweep
-from .sweeps.run import sweep as sweep
+from .sweeps.store import open_sweep as open_sweep
+from .sweeps.sweep import sweep as sweep
 from .view.page import page as page

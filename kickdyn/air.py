@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -14,6 +13,7 @@ from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
 from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -43,7 +43,7 @@ def standard_atmosphere(altitude: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Air(ReprMixin):
+class Air(ValueEquality, ReprMixin):
     """Still or moving air of one density.
 
     Density and viscosity default to dry air at 20 degC and 101325 Pa; `Air.at` takes altitude,
@@ -96,19 +96,6 @@ class Air(ReprMixin):
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
-
-    def __eq__(self, other: object) -> bool:
-        """Compare all values; functions are equal if they are the same function."""
-        return isinstance(other, Air) and self._values() == other._values()
-
-    def __hash__(self) -> int:
-        return hash(self._values())
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return what two airs that are equal have in common, which can be hashed."""
-        wind = self.wind if callable(self.wind) else tuple(self.wind.tolist())
-        models = self.drag, self.lift, self.torque
-        return self.density, self.viscosity, wind, *models, self.buoyancy
 
     def __repr__(self) -> str:
         """Return every value, and the models by name, in a line."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -90,7 +91,7 @@ class Ball(ReprMixin):
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class BallState:
+class BallState(ValueEquality):
     """Where a ball is and how it moves: one state, or many.
 
     Shapes `(3,)` make one state; where any argument has n rows, there are n states, and what has
@@ -153,7 +154,7 @@ class BallState:
         return state
 
     def __repr__(self) -> str:
-        """Return one state in words, or how many there are."""
+        """Return the values of one state in a line, or the number of states."""
         if np.ndim(self.time):
             times = np.asarray(self.time)
             span = (
@@ -161,8 +162,8 @@ class BallState:
             )
             return f"BallState({times.size} times{span})"
         parts = (("position", "m"), ("velocity", "m/s"), ("spin", "rad/s"), ("time", "s"))
-        said = (f"{name}={format_value(getattr(self, name))} {unit}" for name, unit in parts)
-        return f"BallState({', '.join(said)})"
+        shown = (f"{name}={format_value(getattr(self, name))} {unit}" for name, unit in parts)
+        return f"BallState({', '.join(shown)})"
 
     @property
     def speed(self) -> float | Array:

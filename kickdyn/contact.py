@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Contact(ReprMixin):
+class Contact(ValueEquality, ReprMixin):
     """One point contact, for the instant of the impact.
 
     Args:

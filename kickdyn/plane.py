@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -29,7 +29,7 @@ _RADII = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Plane(ReprMixin):
+class Plane(ValueEquality, ReprMixin):
     """An endless plane that a flight ends at, reached from the side its normal points to.
 
     Args:
@@ -58,18 +58,8 @@ class Plane(ReprMixin):
             self, "reached_by", validation.choice("reached_by", reached_by, ReachedBy)
         )
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Plane) and self._values() == other._values()
-
-    def __hash__(self) -> int:
-        return hash(self._values())
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return what two planes that are equal have in common, which can be hashed."""
-        return *self.point.tolist(), *self.normal.tolist(), self.reached_by
-
     def __repr__(self) -> str:
-        """Name every value, in a line."""
+        """Return every value, in a line."""
         place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
         return f"Plane({place}, reached_by={self.reached_by.value!r})"
 

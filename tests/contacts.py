@@ -1,5 +1,6 @@
 """Random contacts for property tests: any leg, however lopsided, any approach."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,8 +25,13 @@ class BareContact:
     def delassus_in(self, axes):
         return axes.T @ self.matrix @ axes
 
-    def along_normal(self):
-        return -self.normal @ self.velocity, self.normal @ self.matrix @ self.normal
+    @property
+    def approach_speed(self):
+        return -self.normal @ self.velocity
+
+    @property
+    def inverse_mass(self):
+        return self.normal @ self.matrix @ self.normal
 
 
 def random_contact(seed, decades=6, friction=None, restitution=None):
@@ -58,7 +64,7 @@ def random_problem(seed, friction=None):
     velocity -= (1.0 + rng.random()) * max(0.0, velocity @ normal) * normal
     return ContactProblem(
         normal=normal,
-        leg_rows=rows,
+        delassus_factor=rows,
         ball=kd.Ball(mass=10 ** rng.uniform(-2, 1), radius=10 ** rng.uniform(-2, 0)),
         centre_velocity=velocity,
         spin=rng.normal(size=3) * 10 ** rng.uniform(-2, 2),
@@ -71,3 +77,16 @@ def split(problem, vector):
     """Return the part along the normal, and the rest."""
     normal = float(problem.normal @ vector)
     return normal, vector - normal * problem.normal
+
+
+def planar_attack(friction, offset, speed=14.0, e=0.8):
+    """A particle of a leg that attacks along x; the normal leans by `offset` [rad]."""
+    return ContactProblem(
+        normal=np.array([math.cos(offset), 0.0, math.sin(offset)]),
+        delassus_factor=np.eye(3) / np.sqrt(5.0),
+        ball=kd.Ball.paper(),
+        centre_velocity=np.array([-speed, 0.0, 0.0]),
+        spin=np.zeros(3),
+        restitution=e,
+        friction=friction,
+    )

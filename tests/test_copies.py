@@ -52,11 +52,14 @@ PARTS = parts()
 
 
 def arrays(value):
-    """All arrays of an object's attributes, and of mappings among them."""
+    """All arrays of an object's attributes, and of mappings and tuples among them."""
     if isinstance(value, np.ndarray):
         yield value
     elif isinstance(value, dict):
         for part in value.values():
+            yield from arrays(part)
+    elif isinstance(value, tuple):
+        for part in value:
             yield from arrays(part)
 
 

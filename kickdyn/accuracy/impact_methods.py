@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
 from kickdyn.accuracy.references.exact_impact import exact_impact, given
+from kickdyn.accuracy.references.pinocchio_impact import engine_strike
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -20,7 +21,6 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import collide
 from kickdyn.impact.contact_problem import ContactProblem, contact_axes
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.pinocchio_impact import engine_strike
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg, Posture
 
@@ -141,7 +141,7 @@ def in_cone(
     n = contact.normal
     foot = posture.jacobian @ v
     problem = ContactProblem(
-        normal=n, leg_rows=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
+        normal=n, delassus_factor=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
         spin=np.zeros(3), restitution=contact.restitution, friction=contact.friction,
     )  # fmt: skip
     axes = contact_axes(n, problem.velocity)

@@ -1,11 +1,11 @@
-"""From a wished-for flight back to the kick (`kickdyn plan`)."""
+"""From a goal back to the kick (`kickdyn plan`)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import click
 import numpy as np
@@ -19,28 +19,57 @@ from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
-from kickdyn.planning.free_kick import OVER, Wall, scored
+from kickdyn.planning.free_kick import OVER, Wall
 from kickdyn.planning.goal import Arc, Goal
 from kickdyn.planning.kick import plan_kick
-from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick_cost import KickObjective
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.objectives import OBJECTIVES
-from kickdyn.planning.plan_report import (
-    aftermath,
-    as_json,
-    cautions,
-    scattered,
-    swing_said,
-    text,
-    unreachable_json,
-    verdict,
-)
+from kickdyn.planning.plan_report import PlanReport, unreachable_json
 from kickdyn.planning.swing import plan_swing
-from kickdyn.planning.swing_result import Swing
+from kickdyn.robot.leg import Leg
 
 CROUCH = 0.1
-"""By how much lower a robot's hips are when it kicks, over the height of its straight leg: its
+"""Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
 knees are bent, by 52 degrees if it stood on that foot."""
+
+
+def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
+    """Return a callback of click that reads so many numbers."""
+
+    def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
+        if text is None:
+            return None
+        try:
+            values = [float(part) for part in text.split(separator)]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(map(math.isfinite, values)):
+            name = option.opts[0].lstrip("-")
+            raise InvalidInput(
+                f"{name} is {text!r}: it must be {count} numbers, as {option.metavar}"
+            )
+        return values
+
+    return read
+
+
+def _wall(_: click.Context, __: click.Option, text: str | None) -> Wall | None:
+    """Return the wall that an option names."""
+    return None if text is None else Wall.read(text)
+
+
+def _spread(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
+    """Return the standard deviations that an option names, by source."""
+    if text is None:
+        return None
+    pairs = [part.partition("=") for part in text.split(",")]
+    try:
+        return {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError:
+        raise InvalidInput(f"robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
+
+
+PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
@@ -51,15 +80,15 @@ knees are bent, by 52 degrees if it stood on that foot."""
 @click.option("--time", type=float, help="Of the flight to the target [s].")
 @click.option("--apex", type=float, help="Greatest height of the flight above its start [m].")
 @click.option("--launch-speed", type=float, help="Of the ball [m/s].")
-@click.option("--over", metavar="DISTANCE:HEIGHT",
+@click.option("--over", callback=PAIR, metavar="DISTANCE:HEIGHT",
               help="A point on the way for the ball's centre, as over a wall [m].")  # fmt: skip
-@click.option("--beside", metavar="DISTANCE:LEFT",
+@click.option("--beside", callback=PAIR, metavar="DISTANCE:LEFT",
               help="Where a curved way passes, left of the line to the target [m]: the ball gets "
               "the spin for it.")  # fmt: skip
-@click.option("--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
+@click.option("--wall", callback=_wall, metavar="DISTANCE:HEIGHT[:WIDTH]",
               help="A wall across the line to the target, 2.5 m wide if not named [m]. The ball "
               "goes over it, or beside it; with nothing else named, 0.1 m over it.")  # fmt: skip
-@click.option("--goal", "mouth", is_flag=True,
+@click.option("--goal", "goal_mouth", is_flag=True,
               help="Draw a goal 7.32 m wide and 2.44 m high, straight ahead at the target's "
               "distance, and say whether the ball goes in.")  # fmt: skip
 @click.option("--pass", "surface", metavar="SURFACE", type=click.Choice(list(SURFACES)),
@@ -70,26 +99,29 @@ knees are bent, by 52 degrees if it stood on that foot."""
               show_default=True, help="One of ours, a URDF file, or a robot by name, such as g1: "
               "its right leg, on a fixed base.")  # fmt: skip
 @click.option("--frame", metavar="NAME", help="Link or joint whose origin strikes the ball.")
-@click.option("--offset", metavar="X,Y,Z", help="Of the contact from there, in its axes [m].")
+@click.option(
+    "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
+)
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
               "of the foot of the straight leg; of a robot's, with its knees bent. "
               "(Free in Python, where -0.7042 is human's default here.)")  # fmt: skip
-@click.option("--ball-at", metavar="X,Y,Z",
+@click.option("--ball-at", callback=TRIPLE, metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
-@click.option("--objective", default="joint speed", show_default=True,
-              type=click.Choice(list(OBJECTIVES)),
-              help="What is made least, or most where it says so; effort is the leg's kinetic "
-              "energy.")  # fmt: skip
+@click.option("--objective", default="joint-speed", show_default=True,
+              type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
+              help="What is made least, or most where it says so.")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
-@click.option("--spin", metavar="X,Y,Z", help="Of the ball [rad/s]; back spin has Y below 0.")
-@click.option("--wind", metavar="X,Y,Z", help="Of the air [m/s].")
+@click.option(
+    "--spin", callback=TRIPLE, metavar="X,Y,Z", help="Of the ball [rad/s]; back spin has Y below 0."
+)
+@click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Of the air [m/s].")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="20 degC at sea level, the paper's, or none.")  # fmt: skip
-@click.option("--robust", metavar="ERRORS",
+@click.option("--robust", "spread", callback=_spread, metavar="ERRORS",
               help="Make the scatter of the landing least, for standard deviations such as "
               "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
@@ -104,25 +136,25 @@ def plan(
     time: float | None,
     apex: float | None,
     launch_speed: float | None,
-    over: str | None,
-    beside: str | None,
-    wall: str | None,
-    mouth: bool,
+    over: list[float] | None,
+    beside: list[float] | None,
+    wall: Wall | None,
+    goal_mouth: bool,
     surface: str | None,
     arc: str,
     leg_name: str,
     frame: str | None,
-    offset: str | None,
+    offset: list[float] | None,
     ball_height: float | None,
-    ball_at: str | None,
+    ball_at: list[float] | None,
     objective: str,
     no_limits: bool,
     restitution: float,
     friction: float,
-    spin: str | None,
-    wind: str | None,
+    spin: list[float] | None,
+    wind: list[float] | None,
     air: str,
-    robust: str | None,
+    spread: dict[str, float] | None,
     json_file: str | None,
     view: str | None,
     swing: bool,
@@ -133,168 +165,129 @@ def plan(
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     validation.number("distance", distance, above=0, unit="m")
-    players = None if wall is None else Wall.read(wall)
-    way = None if over is None else _pair("over", over)
-    if players is not None:
-        players.check_before(math.hypot(distance, left))
-        if all(named is None for named in (time, apex, launch_speed, way, surface)):
-            way = (players.distance, players.height + OVER)
+    if wall is not None:
+        wall.check_before(math.hypot(distance, left))
+        if all(named is None for named in (time, apex, launch_speed, over, surface)):
+            over = [wall.distance, wall.height + OVER]
     goal = Goal(
         (distance, left, height),
         time=time,
         apex=apex,
         speed=launch_speed,
-        over=way,
-        beside=None if beside is None else _pair("beside", beside),
+        over=None if over is None else (over[0], over[1]),
+        beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg = load_leg(leg_name, frame)
-    ball = Ball()
-    if plot is not None and not swing:
-        raise InvalidInput(f"plot is {plot!r}: what is drawn is the swing, so add --swing")
-    if plot is not None:
-        from kickdyn.sweeps.sweep_plot import check_name
-
-        check_name(plot)
-    check_outputs(view, plot, json_file=json_file)
-    place = None if offset is None else _numbers("offset", offset, ",", 3)
-    ball_position = None if ball_at is None else _numbers("ball-at", ball_at, ",", 3)
-    if ball_height is None and ball_position is None:
-        standing = leg.posture(leg.configuration()).with_contact_offset(place)
-        ball_height = float(standing.contact_point[2]) + ball.radius
-        if leg.contact_normal_cone is not None:  # a robot, whose toe must point ahead
-            ball_height -= CROUCH * float(standing.contact_point[2])
-    around = _blown(AIRS[air], wind)
-    spread = None if robust is None else _spread(robust)
-    if spread is not None:
-        _check_robust(swing)
+    leg, ball = load_leg(leg_name, frame), Ball()
+    _check_files(swing, view, plot, json_file)
+    _check_robust(spread, swing)
+    if ball_height is None and ball_at is None:
+        ball_height = _lying_height(leg, ball, offset)
     kick = partial(
         plan_kick,
         leg,
-        ball=ball,
-        air=around,
-        objective=objective if spread is None else "scatter",
+        goal,
+        ball,
+        _windy(AIRS[air], wind),
+        objective=objective if spread is None else KickObjective.SCATTER,
         spread=spread,
         restitution=restitution,
         friction=friction,
-        spin=(0.0, 0.0, 0.0) if spin is None else _numbers("spin", spin, ",", 3),
-        offset=place,
+        spin=spin or (0.0, 0.0, 0.0),
+        offset=offset,
         ball_height=ball_height,
-        ball_at=ball_position,
+        ball_at=ball_at,
         limits=not no_limits,
         arc=arc,
         surface=surface,
         swing=swing,
     )
     try:
-        with busy("planning the kick") as say:
-            planned = kick(goal)
+        with busy("planning the kick") as show:
+            planned = kick()
             if swing:
-                say("planning the swing")
+                show("planning the swing")
             swung = plan_swing(leg, planned) if swing else None
     except OutOfReach as error:
         if json_file is not None:
             write_json(json_file, unreachable_json(goal, error))
         raise
-    said = [verdict(planned)]
-    if spread is not None:
-        said.append(scattered(planned, spread))
-    if players is not None:
-        said.append(players.passed(planned, kick))
-    if mouth:
-        said.append(scored(planned))
-    if swung is not None:
-        said.append(swing_said(swung))
-    said += aftermath(planned, not no_limits) + cautions(planned)
-    if swung is not None and plot is not None:
-        from kickdyn.sweeps.sweep_plot import save_figure
-        from kickdyn.view.swing_plot import swing_figure
-
-        save_figure(swing_figure(swung), plot)
-    report = as_json(planned, swung, players, mouth, spread)
-    _write(planned, swung, said, players, mouth, report, json_file, view, plot)
+    report = PlanReport(planned, swung, wall, goal_mouth, spread, not no_limits)
+    _write(report, json_file, view, plot)
 
 
-def _blown(air: Air | None, wind: str | None) -> Air | None:
-    if wind is None:
-        return air
-    if air is None:
-        raise InvalidInput(f"wind is {wind!r}: without air there is none")
-    blowing = np.array(_numbers("wind", wind, ",", 3))
-    return replace(air, wind=blowing)
+def _check_files(swing: bool, view: str | None, plot: str | None, json_file: str | None) -> None:
+    """Refuse files that cannot be written before anything is computed."""
+    if plot is not None:
+        if not swing:
+            raise InvalidInput(f"plot is {plot!r}: the swing is drawn, so add --swing")
+        from kickdyn.sweeps.sweep_plot import check_name
+
+        check_name(plot)
+    check_outputs(view, plot, json_file=json_file)
 
 
-def _pair(name: str, text: str) -> tuple[float, float]:
-    first, second = _numbers(name, text, ":", 2)
-    return first, second
-
-
-def _numbers(name: str, text: str, between: str, count: int) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(between)]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(math.isfinite(value) for value in values):
-        raise InvalidInput(f"{name} is {text!r}: it must be {count} numbers, as {_shape(name)}")
-    return values
-
-
-def _spread(text: str) -> dict[str, float]:
-    found = {}
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            raise InvalidInput(
-                f"robust is {text!r}: it must be like speed=0.02,angle=0.01"
-            ) from None
-    return found
-
-
-def _check_robust(swing: bool) -> None:
+def _check_robust(spread: dict[str, float] | None, swing: bool) -> None:
+    """Refuse options that do not go with the least scatter."""
+    if spread is None:
+        return
     given = click.get_current_context().get_parameter_source("objective")
     if given == ParameterSource.COMMANDLINE:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
     if swing:
         raise InvalidInput(
-            "robust and swing are named: a swing goes with objective joint speed or effort"
+            "robust and swing are named: a swing goes with objective joint-speed or kinetic-energy"
         )
 
 
-def _shape(name: str) -> str:
-    return {"over": "DISTANCE:HEIGHT", "beside": "DISTANCE:LEFT"}.get(name, "X,Y,Z")
+def _lying_height(leg: Leg, ball: Ball, offset: list[float] | None) -> float:
+    """Return the height of the centre of a ball that lies where the leg stands [m]."""
+    standing = leg.posture(leg.configuration()).with_contact_offset(offset)
+    foot = float(standing.contact_point[2])
+    crouch = 0.0 if leg.contact_normal_cone is None else CROUCH  # a robot's toe must point ahead
+    return foot + ball.radius - crouch * foot
 
 
-def _write(
-    planned: KickPlan,
-    swung: Swing | None,
-    said: list[str],
-    wall: Wall | None,
-    mouth: bool,
-    report: dict[str, Any],
-    json_file: str | None,
-    view: str | None,
-    plot: str | None,
-) -> None:
+def _windy(air: Air | None, wind: list[float] | None) -> Air | None:
+    """Return the air with a wind."""
+    if wind is None:
+        return air
+    if air is None:
+        raise InvalidInput(f"wind is {wind}: without air there is none")
+    return replace(air, wind=np.array(wind))
+
+
+def _write(report: PlanReport, json_file: str | None, view: str | None, plot: str | None) -> None:
+    """Write a report to the files that are named, and to the screen."""
+    sentences = report.sentences()
+    if plot is not None and report.swing is not None:
+        from kickdyn.sweeps.sweep_plot import save_figure
+        from kickdyn.view.swing_plot import swing_figure
+
+        save_figure(swing_figure(report.swing), plot)
     if view is not None:
-        from kickdyn.view.page import page
-        from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
-
-        ball, goal = planned.hit.ball, planned.goal
-        foot = planned.path.launch.position - np.array([0.0, 0.0, ball.radius])
-        boxes = [] if wall is None else wall_boxes(foot, goal.ahead, *wall)
-        boxes += goal_boxes(foot, float(goal.target[0])) if mouth else []
-        shown = swung if swung is not None and swung.status == "met" else planned
-        page(shown, caption=" ".join(said), scenery=boxes).save(view)
+        _write_page(report, view, " ".join(sentences))
     if json_file is not None:
-        write_json(json_file, report)
+        write_json(json_file, report.to_json())
         if json_file == "-":
             return
     from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
 
     width = screen_width()
-    click.echo("\n".join(wrapped(line, width) for line in said))
-    click.echo("\n".join(wrapped(line, width, indent=8) for line in text(planned)))
+    click.echo("\n".join(wrapped(line, width) for line in sentences))
+    click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
+
+
+def _write_page(report: PlanReport, file: str, caption: str) -> None:
+    """Write a 3-D page of the kick, with wall and goal."""
+    from kickdyn.view.page import page
+    from kickdyn.view.wall_and_goal import goal_boxes, wall_boxes
+
+    plan, swing = report.plan, report.swing
+    foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
+    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *report.wall)
+    boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
+    shown = swing if swing is not None and swing.status == "met" else plan
+    page(shown, caption=caption, scenery=boxes).save(file)

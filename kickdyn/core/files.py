@@ -1,16 +1,17 @@
-"""Files that come with kickdyn, and writing files so that nothing half-written is left behind."""
+"""Reading files safely, and writing them so that nothing half-written is left behind."""
 
 from __future__ import annotations
 
 import json
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import FaultyFile, InvalidInput
 
 
 def shipped(folder: str) -> Path:
@@ -26,6 +27,37 @@ def shipped(folder: str) -> Path:
 def exists(path: str | os.PathLike[str]) -> bool:
     """Return whether a file or folder exists; also False for a name that no file can have."""
     return os.path.exists(path)  # noqa: PTH110 Path.exists raises where a name is too long
+
+
+def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]) -> str:
+    """Return the text of a regular UTF-8 file of limited size.
+
+    Args:
+        path: the file.
+        source: its name in errors.
+        most: largest size [bytes].
+        error: what is raised.
+
+    Raises:
+        FaultyFile: as `error`: no such file, no regular file, too large, not UTF-8, or not
+            readable.
+    """
+    try:
+        status = os.stat(path)  # noqa: PTH116 a path of any kind
+        if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
+            raise error(source, ["is not a regular file"])
+        if status.st_size > most:
+            raise error(source, [f"has {status.st_size} bytes: at most {most} are read"])
+        return Path(path).read_bytes().decode("utf-8-sig")
+    except FaultyFile:  # a ValueError as well
+        raise
+    except FileNotFoundError:
+        raise error(source, ["there is no such file"]) from None
+    except UnicodeDecodeError as fault:
+        line = f"is not UTF-8 text (byte {fault.start}): save it as UTF-8"
+        raise error(source, [line]) from None
+    except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
+        raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
@@ -93,8 +125,12 @@ def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None =
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
     """Return the error for a file that the system does not let be written."""
-    reason = getattr(error, "strerror", None) or str(error)
-    return InvalidInput(f"{path} cannot be written ({reason})")
+    return InvalidInput(f"{path} cannot be written ({_reason(error)})")
+
+
+def _reason(error: Exception) -> str:
+    """Return what the system says of an error."""
+    return getattr(error, "strerror", None) or str(error)
 
 
 def write_json(path: str, document: object) -> None:

@@ -12,7 +12,7 @@ of 100 m has its digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,9 +52,9 @@ class FlightEquations:
         self._spin = tuple(launch.spin.tolist())
         self._brakes = brakes(air, launch.spin)
 
-    def rates(self, _: float, states: Sequence[float]) -> list[float]:
+    def rates(self, _: float, states: Array) -> list[float]:
         """Return the time derivative of the states, nan where a coefficient or the wind raises."""
-        _, _, z, vx, vy, vz, left = (float(part) for part in states)
+        _, _, z, vx, vy, vz, left = states.tolist()
         wx, wy, wz = self._spin
         try:
             acted = self._acting(self._height + z, vx, vy, vz, left * wx, left * wy, left * wz)

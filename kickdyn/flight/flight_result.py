@@ -1,4 +1,4 @@
-"""What `fly` answers: where a ball flew, how exactly, and what to be wary of."""
+"""The result of `fly`: path, apex, landing, error and warnings."""
 
 from __future__ import annotations
 
@@ -29,11 +29,7 @@ SPIN_NODES = 32
 
 
 class FlightStatus(StrEnum):
-    """How a flight or a course ends.
-
-    `fly` gives the first three, `follow` all but `landed` and `failed`, `fly_many` all but those of
-    planes and of the ground.
-    """
+    """How a flight (the first three), a row of `fly_many` or a `Course` ends."""
 
     LANDED = "landed"
     AT_PLANE = "at-plane"

@@ -85,7 +85,7 @@ def fly(
 
 
 class _Ends(NamedTuple):
-    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), so late [s]."""
+    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s]."""
 
     drop: float
     wall: tuple[Array, float] | None
@@ -93,7 +93,7 @@ class _Ends(NamedTuple):
 
 
 class _Solution(NamedTuple):
-    """What is computed of a `Flight`, in the order of its fields."""
+    """The computed fields of a `Flight`, in their order."""
 
     launch: BallState
     apex: BallState
@@ -107,7 +107,7 @@ class _Solution(NamedTuple):
 def check_launch(
     state: BallState, ball: Ball, air: Air | None, ground: Ground | None, plane: Plane | None
 ) -> None:
-    """Raise `InvalidInput` for what is not of the kind a flight needs, or for many launches."""
+    """Raise `InvalidInput` unless these are one launch and the types that a flight takes."""
     check_scene(state, ball, air, ground)
     validation.check_type(Plane, plane=plane, optional=True)
     if state.position.shape != (3,):
@@ -118,7 +118,7 @@ def check_launch(
 
 
 def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
-    """Raise `InvalidInput` for what is not of the kind flights need."""
+    """Raise `InvalidInput` unless these are of the types that flights take."""
     validation.check_type(BallState, launch=state)
     validation.check_type(Ball, ball=ball)
     validation.check_type(Air, air=air, optional=True)
@@ -241,7 +241,7 @@ def _arcs(
     apex = Event(lambda states: float(states[5]))
     floor = _reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
     walls = [] if ends.wall is None else [_reaching(*ends.wall)]
-    rates = np.array(equations.rates(0.0, begin.tolist()))
+    rates = np.array(equations.rates(0.0, begin))
     rises = begin[5] > 0.0 or (begin[5] == 0.0 and rates[5] > 0.0)
     if ends.drop == 0.0 and not rises:
         return [], FlightStatus.LANDED

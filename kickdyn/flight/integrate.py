@@ -22,7 +22,7 @@ METHOD = "DOP853"
 MAX_EVALUATIONS = 250_000
 """Most evaluations of the rates: a ball in syrup would take an explicit method for ever."""
 
-Rates = Callable[[float, Sequence[float]], list[float]]
+Rates = Callable[[float, Array], list[float]]
 
 
 class Event(NamedTuple):
@@ -99,7 +99,7 @@ def fly_until(
         KickdynError: the integrator gave up.
     """
     began, state = start
-    if not np.isfinite(rates(began, state.tolist())).all():  # the step size would become NaN
+    if not np.isfinite(rates(began, state)).all():  # the step size would become NaN
         raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
     crest = None if climb is None else Event(lambda states: float(states[climb]))
     pieces: list[DenseOutput] = []

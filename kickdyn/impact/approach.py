@@ -1,8 +1,9 @@
-"""Foot and ball just before they touch: what they are told, checked, and how fast they meet."""
+"""Leg and ball just before they touch: checked input, and how fast the foot approaches the ball."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,42 +14,88 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.impact.digits import approach_rounding
+from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.robot.leg import Posture
 
+EPS = float(np.finfo(float).eps)
+
 MAX_SPEED = 1e140
-"""[m/s]. Squares of it, times a mass, are energies that a float64 still holds."""
+"""[m/s]. Squares of it, times a mass, are energies that a float64 can still represent."""
 
-FAINT = 1e-9
-"""Share of the speeds at hand below which an approach is looked at more closely."""
+SLOW_APPROACH = 1e-9
+"""Share of the speeds at hand below which an approach is compared with its rounding."""
 
-UNSURE = 4.0
-"""Times its rounding up to which an approach may be none at all."""
+UNCERTAIN_APPROACH = 4.0
+"""An approach up to this many times its own rounding counts as none."""
 
 AT_REST = (0.0, 0.0, 0.0)
 _AT_REST: Array = np.frombuffer(bytes(24))
-"""The same as an array that nobody can write to, so that it need not be checked anew."""
+"""The same as a read-only array, which needs no check."""
 
 
-def approach(
+class Approach(NamedTuple):
+    """Leg and ball just before the impact.
+
+    Attributes:
+        posture: of the leg; its contact point is that of the contact.
+        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball: the ball.
+        contact: normal, restitution and friction.
+        ball_before: motion of the ball; its centre is at `contact point + radius * normal`.
+        foot_velocity: of the contact point, shape `(3,)` [m/s, world frame].
+        speed: of the foot towards the ball along the normal, above 0 [m/s].
+    """
+
+    posture: Posture
+    v: Array
+    ball: Ball
+    contact: Contact
+    ball_before: BallState
+    foot_velocity: Array
+    speed: float
+
+    def contact_problem(self) -> ContactProblem:
+        """Return what an impact law needs to know."""
+        contact, before = self.contact, self.ball_before
+        return ContactProblem(
+            contact.normal,
+            self.posture.delassus_factor(),
+            self.ball,
+            before.velocity - self.foot_velocity,
+            before.spin,
+            contact.restitution,
+            contact.friction,
+        )
+
+    def speed_rounding(self) -> float:
+        r"""Return how much of `speed` can be rounding [m/s].
+
+        The speed is a sum over joints, the ball and three axes, and each term has an error of
+        :math:`\varepsilon` times its own size, whatever is left of their sum.
+        """
+        terms = abs(self.posture.jacobian).dot(abs(self.v)) + abs(self.foot_velocity)
+        terms += abs(self.ball_before.velocity)
+        return EPS * float(abs(self.contact.normal).dot(terms))
+
+
+def find_approach(
     posture: Posture,
     v: ArrayLike,
     ball: Ball,
     contact: Contact,
     ball_velocity: ArrayLike,
     ball_spin: ArrayLike,
-) -> tuple[Posture, Array, Array, BallState, float]:
-    """Return what meets, and how fast; arguments as for `strike`.
+) -> Approach:
+    r"""Check the arguments of `strike` and return the motion just before the impact.
 
-    Returns:
-        The posture, its contact point where the contact has it; a copy of v, shape `(nv,)` [rad/s];
-        the foot's velocity there, shape `(3,)` [m/s, world frame]; the ball as it is struck; and
-        the speed of foot towards ball along the normal [m/s], above 0.
+    The foot's velocity is :math:`J v`, and the speed of approach
+    :math:`n \cdot (J v - v_\mathrm{ball})`.
 
     Raises:
-        NoImpact: they do not, or no faster than the rounding of what their speed is the sum of.
-        InvalidInput: a wrong kind or shape, a velocity that moves what is held, or speeds beyond
-            double precision.
+        NoImpact: the foot does not approach the ball, or by no more than 4 times the rounding of
+            the terms of which the speed is the sum.
+        InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
+            speeds whose energies leave double precision.
     """
     validation.check_type(Posture, posture=posture)
     validation.check_type(Ball, ball=ball)
@@ -57,31 +104,43 @@ def approach(
     if posture.constraint_projector is not None:
         posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)
-    velocity, spin, moves = _AT_REST, _AT_REST, 0.0
+    velocity, spin, ball_speed = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
         velocity = validation.vector("ball velocity", ball_velocity, 3, unit="m/s")
-        moves = largest(velocity)
+        ball_speed = largest(velocity)
     if ball_spin is not AT_REST:
         spin = validation.vector("ball spin", ball_spin, 3, unit="rad/s")
-        moves = max(moves, largest(spin) * ball.radius)
-    before = BallState.computed(
-        posture.contact_point + ball.radius * contact.normal, velocity, spin
-    )
-    # `dot`, for `@` takes twice as long on three numbers
+        ball_speed = max(ball_speed, largest(spin) * ball.radius)
+    position = posture.contact_point + ball.radius * contact.normal
+    before = BallState.computed(position, velocity, spin)
+    # `dot` because `@` takes twice as long on three numbers.
     if math.hypot(*v.tolist()) < MAX_SPEED:
         foot_velocity = posture.jacobian.dot(v)
     else:
-        with np.errstate(over="ignore", invalid="ignore"):  # said by `_speed`
+        with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
             foot_velocity = posture.jacobian.dot(v)
-    speed = _speed(posture, v, foot_velocity, before, contact)
-    if not moves < MAX_SPEED:
-        raise InvalidInput(f"the ball moves at {moves:g} m/s: it must be below {MAX_SPEED:g} m/s")
-    return posture, v, foot_velocity, before, speed
+    for array in (v, foot_velocity):
+        array.setflags(write=False)
+    speed, fastest = _closing_speed(posture, foot_velocity, before, contact)
+    approach = Approach(posture, v, ball, contact, before, foot_velocity, speed)
+    if not ball_speed < MAX_SPEED:
+        raise InvalidInput(
+            f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"
+        )
+    if speed < SLOW_APPROACH * (math.sqrt(np.vdot(v, v)) + fastest):
+        rounding = approach.speed_rounding()
+        if speed <= UNCERTAIN_APPROACH * rounding:
+            raise NoImpact(
+                f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "
+                f"is rounding, of {rounding:.1g} m/s in what cancels there"
+            )
+    return approach
 
 
-def _speed(
-    posture: Posture, v: Array, foot_velocity: Array, before: BallState, contact: Contact
-) -> float:
+def _closing_speed(
+    posture: Posture, foot_velocity: Array, before: BallState, contact: Contact
+) -> tuple[float, float]:
+    """Return the speed of foot towards ball along the normal, and a bound on their speed [m/s]."""
     fx, fy, fz = foot_velocity.tolist()
     bx, by, bz = before.velocity.tolist()
     nx, ny, nz = contact.normal.tolist()
@@ -89,8 +148,8 @@ def _speed(
     if not (abs(ux) < MAX_SPEED and abs(uy) < MAX_SPEED and abs(uz) < MAX_SPEED):  # or NaN
         fastest = float(np.abs([ux, uy, uz]).max())
         raise InvalidInput(
-            f"foot and ball meet at {fastest:g} m/s in {posture!r}: it must be below {MAX_SPEED:g} "
-            "m/s, else energies leave double precision"
+            f"foot and ball collide at {fastest:g} m/s in {posture!r}: it must be below "
+            f"{MAX_SPEED:g} m/s, else energies leave double precision"
         )
     speed = nx * ux + ny * uy + nz * uz
     if speed <= 0.0:
@@ -100,11 +159,4 @@ def _speed(
             if speed < 0
             else f"foot and ball do not approach along the normal in {posture!r}"
         )
-    if speed < FAINT * (math.sqrt(np.vdot(v, v)) + abs(ux) + abs(uy) + abs(uz)):
-        rounding = approach_rounding(posture, v, foot_velocity, before, contact.normal)
-        if speed <= UNSURE * rounding:
-            raise NoImpact(
-                f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "
-                f"is rounding, of {rounding:.1g} m/s in what cancels there"
-            )
-    return float(speed)
+    return speed, abs(ux) + abs(uy) + abs(uz)

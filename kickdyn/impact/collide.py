@@ -1,4 +1,4 @@
-"""The strike that takes its time: leg and ball integrated through a contact that gives way."""
+"""The strike through a compliant contact: leg and ball integrated while they touch."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import NamedTuple
+from inspect import signature
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,29 +19,28 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.impact.approach import AT_REST, approach
-from kickdyn.impact.compliant_contact import CompliantContact
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.approach import AT_REST, Approach, find_approach
+from kickdyn.impact.compliant_contact import CompliantContact, Torque
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.hertz import (
-    BRIEFEST,
+    SHORTEST_CONTACT,
     HertzContact,
     contact_stiffness,
     expected_contact_time,
+    integrate_until,
     matched_damping,
-    until,
 )
-from kickdyn.impact.joint_torque import Torque, acting, check_pickles, own_torque
 from kickdyn.robot.leg import Leg, Posture
 
 CONTACT_TIME = 0.010
 """[s]. 9 to 14 ms were measured in soccer, Australian football and rugby league (review in Ball,
 Ingleton, Peacock & Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
 
-PATIENCE = 50.0
-"""Expected contact times after which a leg that does not let go of the ball is given up."""
+MAX_CONTACT_TIMES = 50.0
+"""Expected contact times after which foot and ball count as not separating."""
 
-SLOWEST = 1e-6
-"""Approach speed below which gravity decides and not the impact [m/s]."""
+MIN_SPEED = 1e-6
+"""Approach speed below which gravity, not the impact, decides the motion [m/s]."""
 
 Sample = Callable[[float], tuple[Array, Array, float]]
 
@@ -61,10 +61,10 @@ class ContactSample(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Collision(ReprMixin):
-    """What a contact of finite stiffness does, from touch to separation.
+    """The result of a contact of finite stiffness, from touch to separation.
 
     Attributes:
-        leg, ball, contact: what met.
+        leg, ball, contact: as in the call.
         hertz: stiffness and damping.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact_time: from touch to separation [s].
@@ -75,8 +75,8 @@ class Collision(ReprMixin):
         ball_before, ball_after: at touch and at separation; times count from the touch.
         q_before, q_after: shape `(nq,)` [rad].
         v_before, v_after: shape `(nv,)` [rad/s].
-        energy_residual: energy that is unaccounted for, relative to what the two bring into the
-            contact along the normal.
+        energy_residual: energy not accounted for, relative to the kinetic energy of the approach
+            along the normal.
         evaluations: of the equations of motion.
         tol: relative tolerance of the integrator.
     """
@@ -117,12 +117,11 @@ class Collision(ReprMixin):
         )
 
     def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
-        """Pickle what it was asked; unpickled, it runs again, to the same digits."""
-        check_pickles(self._again.keywords["torque"])
+        """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
         return (partial(self._again, tol=self.tol), ())
 
     def __copy__(self) -> Collision:
-        """Return itself, for it does not change."""
+        """Return itself, because it does not change."""
         return self
 
     def __deepcopy__(self, memo: dict[int, object]) -> Collision:
@@ -133,12 +132,12 @@ class Collision(ReprMixin):
     def error(self) -> float:
         """Estimate of the impulse's error [N s]: twice what a 100 times tighter run changes.
 
-        Never less than the tolerance's share of it; computed when asked for, by that run. What the
-        model leaves out is not in it.
+        It is never less than the tolerance's share of the impulse, and computed when first read, by
+        that run. Errors of the model are not part of it.
         """
-        finer = self._again(tol=max(self.tol * 1e-2, 1e-13))
+        tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
-        return max(2.0 * math.hypot(*(finer.impulse - self.impulse)), max(self.tol, 1e-12) * size)
+        return max(2.0 * math.hypot(*(tighter.impulse - self.impulse)), max(self.tol, 1e-12) * size)
 
     def sample(self, t: ArrayLike) -> ContactSample:
         """Return the contact at one time or many.
@@ -174,89 +173,139 @@ def collide(
     """Strike a ball through a Hertz contact, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces. The foot
-    is a plane through its contact point that turns with it, the ball a rigid body behind a spring;
-    the force acts along the plane's normal through the ball's centre, and Coulomb's friction across
-    it, against the sliding. For growing stiffness this tends to `strike`, law `newton`, where the
-    contact slips one way all along; where it comes to stick, only if friction does not change the
-    normal velocity (a leg without coupling), for damping is no law of Newton's then.
+    is a plane through its contact point that rotates with it, the ball a rigid body behind a
+    spring; the force of `HertzContact` acts along the plane's normal through the ball's centre, and
+    Coulomb's friction across it, against the sliding. For growing stiffness the result tends to
+    that of `strike`, law `newton`, if the contact slips in one direction throughout; if it sticks,
+    only if friction does not change the normal velocity (a leg without coupling), because damping
+    is not Newton's law then.
 
     Args:
         posture: of the leg at touch, whose contact frame touches the ball.
         v: joint velocity at touch, shape `(nv,)` [rad/s].
-        ball: its centre is at `hertz point + radius * normal` at touch.
-        contact: normal at touch, restitution 0.01 or more, and friction. What sticks creeps, at
+        ball: its centre is at `contact point + radius * normal` at touch.
+        contact: normal at touch, restitution 0.01 or more, and friction. Sticking points creep, at
             about a thousandth of the approach speed.
-        contact_time: for which the stiffness is chosen, exactly so where effective masses are
-            constant and nothing else acts [s]; `CONTACT_TIME`, 10 ms, when neither is named.
-        stiffness: [N/m^1.5], in place of it.
+        contact_time: for which the stiffness is chosen, exactly so if effective masses are
+            constant and no other force acts [s]; `CONTACT_TIME`, 10 ms, by default.
+        stiffness: [N/m^1.5], instead of `contact_time`.
         torque: at the joints, shape `(nv,)` [N m; N], constant or a function of time since touch,
-            q and v; 0 when not named.
+            q and v; 0 by default.
         ball_velocity: of its centre at touch, shape `(3,)` [m/s, world frame].
         ball_spin: at touch, shape `(3,)` [rad/s, world frame].
-        tol: relative tolerance of the motion, 1e-13 to 1e-3; above 1e-6 the energy lost is less
+        tol: relative tolerance of the integrator, 1e-13 to 1e-3; above 1e-6 the energy lost is less
             exact than `error` says of the impulse.
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
         InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness,
-            or a leg that supports or loops hold.
-        KickdynError: foot and ball do not separate, or the integrator gave up.
+            or a leg with supports or loops.
+        KickdynError: foot and ball do not separate, or the integrator failed.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     validation.check_type(Posture, posture=posture)
-    leg = posture.leg
-    check_free(leg, "a contact that takes time is")
-    torque = own_torque(torque, leg.nv)
-    met = approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    posture, v, _, before, speed = met
-    validation.number("approach speed", speed, at_least=SLOWEST, unit="m/s")
-    mass = 1.0 / (1.0 / posture.mass_along(contact.normal) + 1.0 / ball.mass)
-    hertz = _contact(contact_time, stiffness, mass, speed, contact.restitution)
-    expected = expected_contact_time(hertz.stiffness, mass, speed, contact.restitution)
+    check_unconstrained(posture.leg, "a contact that takes time is")
+    torque = _checked_torque(torque, posture.leg.nv)
+    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    validation.number("approach speed", approach.speed, at_least=MIN_SPEED, unit="m/s")
+    mass = 1.0 / approach.contact_problem().inverse_mass
+    hertz = _hertz_contact(approach, mass, contact_time, stiffness)
+    motion = CompliantContact(approach, hertz, torque)
+    solution = _integrate(motion, approach, mass, tol)
+    return _result(motion, approach, mass, solution, tol)
 
-    validation.number("contact time", expected, at_least=BRIEFEST, unit="s")
 
-    squeeze = CompliantContact(posture, ball, contact, hertz, before, speed, acting(torque, leg.nv))
-    start = squeeze.start(v)
-    scale = squeeze.scales(start, expected, speed, mass)
-    step, limit = expected / 20.0, PATIENCE * expected
-    with np.errstate(over="ignore", invalid="ignore"):  # said below
-        found = until(squeeze.gap, squeeze.rates, start, limit, tol, tol * scale, step)
-    if not found.success or not np.isfinite(found.y[:, -1]).all():
-        raise KickdynError(f"the integrator gave up at {found.t[-1]:g} s: {found.message}")
-    if found.status != 1:
-        raise KickdynError(
-            f"foot and ball are still in contact after {limit:g} s, {PATIENCE:g} times the time "
-            "that the two alone would take"
+def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torque:
+    """Return a torque function, or a copy of constant torques, shape `(nv,)` [N m; N].
+
+    Raises:
+        InvalidInput: a wrong shape, or a function that does not take three values.
+    """
+    if torque is None:
+        return np.zeros(nv)
+    if not callable(torque):
+        return validation.vector("torque", torque, nv, unit="N m")
+    try:
+        signature(torque).bind(0.0, torque, torque)
+    except TypeError:
+        raise InvalidInput(f"torque is {torque!r}: it must take three values, t, q, v") from None
+    except ValueError:  # functions written in C have no signature
+        pass
+    return torque
+
+
+def _hertz_contact(
+    approach: Approach, mass: float, contact_time: float | None, stiffness: float | None
+) -> HertzContact:
+    """Return the contact of a stiffness or a contact time; two masses alone would make it last."""
+    if contact_time is not None and stiffness is not None:
+        raise InvalidInput(
+            f"contact_time is {contact_time!r} and stiffness {stiffness!r}: name one of them"
         )
-    end, last = float(found.t[-1]), found.y[:, -1]
+    speed, e = approach.speed, approach.contact.restitution
+    damping = matched_damping(e) / speed
+    if stiffness is None:
+        time = CONTACT_TIME if contact_time is None else contact_time
+        stiffness = contact_stiffness(time, mass, speed, e)
+    return HertzContact(validation.number("stiffness", stiffness, above=0, unit="N/m^1.5"), damping)
+
+
+def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
+    """Return scipy's solution from touch to separation, or raise `KickdynError`."""
+    speed = approach.speed
+    expected = expected_contact_time(
+        motion.hertz.stiffness, mass, speed, approach.contact.restitution
+    )
+    validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
+    start, limit = motion.start(), MAX_CONTACT_TIMES * expected
+    atol = tol * motion.scales(start, expected, speed, mass)
+    with np.errstate(over="ignore", invalid="ignore"):  # reported below
+        solution = integrate_until(
+            motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0
+        )
+    if not solution.success or not np.isfinite(solution.y[:, -1]).all():
+        raise KickdynError(f"the integrator failed at {solution.t[-1]:g} s: {solution.message}")
+    if solution.status != 1:
+        raise KickdynError(
+            f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} times "
+            "the time that the two alone would take"
+        )
+    return solution
+
+
+def _result(
+    motion: CompliantContact, approach: Approach, mass: float, solution: Any, tol: float
+) -> Collision:
+    """Return the collision of a solution."""
+    posture, ball, contact, before = (
+        approach.posture, approach.ball, approach.contact, approach.ball_before,
+    )  # fmt: skip
+    start, end, last = solution.y[:, 0], float(solution.t[-1]), solution.y[:, -1]
 
     def sample(t: float) -> tuple[Array, Array, float]:
-        return squeeze.contact_at(t, found.sol(t))
+        return motion.contact_at(t, solution.sol(t))
 
-    peak_force, deflection = _peaks(sample, found.t)
+    peak_force, deflection = _peaks(sample, solution.t)
     if deflection >= ball.radius * (1.0 - 1e-9):
         raise InvalidInput(
-            f"stiffness is {hertz.stiffness:g} N/m^1.5: too low, the ball would be pressed by "
-            f"{deflection:g} m, beyond its radius of {ball.radius:g} m"
+            f"stiffness is {motion.hertz.stiffness:g} N/m^1.5: too low, the ball would be pressed "
+            f"by {deflection:g} m, beyond its radius of {ball.radius:g} m"
         )
     again = partial(
-        collide, posture, v, ball, contact, stiffness=hertz.stiffness, torque=torque,
-        ball_velocity=before.velocity, ball_spin=before.spin,
+        collide, posture, approach.v, ball, contact, stiffness=motion.hertz.stiffness,
+        torque=motion.torque, ball_velocity=before.velocity, ball_spin=before.spin,
     )  # fmt: skip
-
-    state = squeeze.state(last)
-    energies = squeeze.energy(start) + state.work - state.lost - squeeze.energy(last)
-    after = BallState(before.position + state.moved, state.velocity, state.spin, end)
-    foot = squeeze.foot_at(state) - posture.contact_point
-    impulse = squeeze.impulse(end, last)
-    for array in (impulse, v, state.q, state.v, foot):
+    state = motion.state(last)
+    energies = motion.energy(start) + state.work - state.lost - motion.energy(last)
+    foot = motion.foot_at(state) - posture.contact_point
+    impulse = motion.impulse(end, last)
+    for array in (impulse, state.q, state.v, foot):
         array.setflags(write=False)
     return Collision(
-        leg=leg,
+        leg=posture.leg,
         ball=ball,
         contact=contact,
-        hertz=hertz,
+        hertz=motion.hertz,
         impulse=impulse,
         contact_time=end,
         peak_force=peak_force,
@@ -264,33 +313,17 @@ def collide(
         foot_displacement=foot,
         energy_lost=state.lost,
         ball_before=before,
-        ball_after=after,
+        ball_after=BallState(before.position + state.moved, state.velocity, state.spin, end),
         q_before=posture.q,
         q_after=state.q,
-        v_before=v,
+        v_before=approach.v,
         v_after=state.v,
-        energy_residual=abs(energies) / (0.5 * mass * speed**2),
-        evaluations=int(found.nfev),
+        energy_residual=abs(energies) / (0.5 * mass * approach.speed**2),
+        evaluations=int(solution.nfev),
         tol=tol,
         _sample=sample,
         _again=again,
     )
-
-
-def _contact(
-    contact_time: float | None, stiffness: float | None, mass: float, speed: float, e: float
-) -> HertzContact:
-    if contact_time is not None and stiffness is not None:
-        raise InvalidInput(
-            f"contact_time is {contact_time!r} and stiffness {stiffness!r}: name one of them"
-        )
-    damping = matched_damping(e) / speed
-    if stiffness is not None:
-        return HertzContact(
-            validation.number("stiffness", stiffness, above=0, unit="N/m^1.5"), damping
-        )
-    time = CONTACT_TIME if contact_time is None else contact_time
-    return HertzContact(contact_stiffness(time, mass, speed, e), damping)
 
 
 def _peaks(sample: Sample, steps: Array) -> tuple[float, float]:

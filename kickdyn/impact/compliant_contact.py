@@ -1,4 +1,4 @@
-"""Equations of motion of leg and ball while they press on each other."""
+"""Equations of motion of leg and ball while they touch, with a compliant contact."""
 
 from __future__ import annotations
 
@@ -8,19 +8,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from kickdyn.ball import Ball, BallState
-from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
+from kickdyn.impact.approach import Approach
 from kickdyn.impact.hertz import HertzContact
-from kickdyn.robot.leg import Posture, Workspace
+from kickdyn.robot.leg import Workspace
+
+Torque = Callable[[float, Array, Array], ArrayLike]
+"""Joint torques as a function of time since touch, q and v."""
 
 CREEP = 1e-3
-"""Share of the approach speed at which Coulomb's friction has faded to 1/sqrt(2) of itself: smooth,
-as an integrator needs it, so that what sticks creeps about that fast. For mu above 1, mu times as
-much: sticking asks for a smaller part of it, so that the creep is the same."""
+"""Share of the approach speed at which friction is 1/sqrt(2) of Coulomb's: an integrator needs it
+smooth, so sticking points creep about that fast. For mu above 1 it is mu times as much: sticking
+needs a smaller part of the friction then, so that the creep is the same."""
 
 MAX_EVALUATIONS = 100_000
 
@@ -30,10 +34,10 @@ class State(NamedTuple):
 
     Attributes:
         q, v: of the leg.
-        moved: of the ball's centre since the touch [m].
+        moved: displacement of the ball's centre since the touch [m].
         velocity, spin: of the ball.
-        lost: energy, to damping and friction [J].
-        work: of the joint torques, and of what keeps a particle's spin against friction [J].
+        lost: energy lost to damping and friction [J].
+        work: of the joint torques, and of what maintains a particle's spin against friction [J].
     """
 
     q: Array
@@ -46,7 +50,7 @@ class State(NamedTuple):
 
 
 class ContactKinematics(NamedTuple):
-    """Where ball and foot press.
+    """Kinematics of the contact between ball and foot.
 
     Attributes:
         normal: of the foot's plane, from foot into ball.
@@ -64,53 +68,43 @@ class ContactKinematics(NamedTuple):
 
 
 class CompliantContact:
-    """Leg and ball from touch to separation, as a system of first order.
+    """Leg and ball from touch to separation, as a first-order system.
 
     The columns are the leg's displacement since the touch in the tangent space, its velocity, the
     ball's displacement, velocity and spin, the energy lost, and the work done.
     """
 
-    def __init__(
-        self,
-        posture: Posture,
-        ball: Ball,
-        contact: Contact,
-        hertz: HertzContact,
-        before: BallState,
-        speed: float,
-        torque: Callable[[float, Array, Array], Array],
-    ) -> None:
-        leg, q = posture.leg, posture.q
-        self.model = leg.model  # with gravity, which the leg's workspace leaves out
+    def __init__(self, approach: Approach, hertz: HertzContact, torque: Array | Torque) -> None:
+        posture, contact = approach.posture, approach.contact
+        self.approach, self.hertz, self.torque = approach, hertz, torque
+        self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
+        self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
         self.gravity = np.array(self.model.gravity.linear)
-        self.leg, self.q, self.ball, self.hertz = leg, q, ball, hertz
-        self.before, self.torque = before, torque
-        self.friction, self.creep = contact.friction, CREEP * speed * max(contact.friction, 1.0)
+        self.friction = contact.friction
+        self.creep = CREEP * approach.speed * max(contact.friction, 1.0)
         self.evaluations = 0
-        pin.forwardKinematics(self.model, self.data, q)
-        joint = self.data.oMi[leg.contact_joint]
         self.foot = posture.contact_point
-        self.arm = joint.actInv(posture.contact_point)
-        self.normal = joint.rotation.T @ contact.normal
-        self.lever = ball.radius * contact.normal
+        self.arm = posture.contact_lever
+        self.normal = posture.rotation_world_joint.T @ contact.normal
+        self.lever = self.ball.radius * contact.normal
 
     @property
     def data(self) -> Any:
-        """This thread's `pin.Data`: a contact may be sampled by several."""
+        """The `pin.Data` of this thread: several threads may sample one contact."""
         return self._space.data
 
-    def start(self, v: Array) -> Array:
+    def start(self) -> Array:
         """Return the first column."""
-        still = np.zeros(3)
+        before, v = self.approach.ball_before, self.approach.v
         return np.concatenate(
-            [np.zeros(self.leg.nv), v, still, self.before.velocity, self.before.spin, [0.0, 0.0]]
+            [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
         )
 
     def scales(self, start: Array, time: float, speed: float, mass: float) -> Array:
-        """Return what each entry of a column is large to, for absolute tolerances."""
+        """Return the scale of each entry of a column, for absolute tolerances."""
         fast = float(np.abs(start[self.leg.nv : 2 * self.leg.nv]).max()) or speed
-        spin = float(np.abs(self.before.spin).max()) or speed / self.ball.radius
+        spin = float(np.abs(self.approach.ball_before.spin).max()) or speed / self.ball.radius
         energy = 0.5 * mass * speed * speed
         nv = self.leg.nv
         sizes = [[fast * time] * nv, [fast] * nv, [speed * time] * 3, [speed] * 3, [spin] * 3]
@@ -121,63 +115,56 @@ class CompliantContact:
         nv = self.leg.nv
         q = pin.integrate(self.model, self.q, y[:nv])
         ball = y[2 * nv :]
-        return State(
-            q,
-            y[nv : 2 * nv].copy(),
-            ball[:3],
-            ball[3:6],
-            ball[6:9],
-            float(ball[9]),
-            float(ball[10]),
-        )
+        lost, work = ball[9:].tolist()
+        return State(q, y[nv : 2 * nv].copy(), ball[:3], ball[3:6], ball[6:9], lost, work)
 
-    def touching(self, state: State) -> ContactKinematics:
-        """Return the contact's kinematics; runs the leg's."""
+    def kinematics(self, state: State) -> ContactKinematics:
+        """Return the contact's kinematics; it runs the leg's."""
         model, data = self.model, self.data
         pin.forwardKinematics(model, data, state.q, state.v)
         joint, motion = data.oMi[self.leg.contact_joint], data.v[self.leg.contact_joint]
-        turn = joint.rotation
-        normal, arm, spin = turn @ self.normal, turn @ self.arm, turn @ motion.angular
+        rotation = joint.rotation
+        normal, arm, spin = rotation @ self.normal, rotation @ self.arm, rotation @ motion.angular
         reach = self.lever + state.moved - (joint.translation + arm - self.foot)
         height = float(normal @ reach)
         point = arm + reach - height * normal
-        foot_point = turn @ motion.linear + cross(spin, point)
+        foot_point = rotation @ motion.linear + cross(spin, point)
         apart = state.velocity - height * cross(state.spin, normal) - foot_point
         rate = -float(normal @ apart)
         return ContactKinematics(
             normal, point, self.ball.radius - height, rate, apart + rate * normal
         )
 
-    def rubbing(self, contact: ContactKinematics, size: float) -> Array:
-        """Return the friction on the ball [N], given the normal force: Coulomb's, made smooth."""
+    def friction_force(self, contact: ContactKinematics, normal_force: float) -> Array:
+        """Return the friction on the ball [N] at a normal force: Coulomb's law, made smooth."""
         if self.friction == 0.0:
             return np.zeros(3)
         fast = math.hypot(*contact.sliding, self.creep)
-        return np.asarray(-self.friction / fast * size * contact.sliding)
+        return np.asarray(-self.friction / fast * normal_force * contact.sliding)
 
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
         self.evaluations += 1
         if self.evaluations > MAX_EVALUATIONS:
             raise KickdynError(
-                f"the contact is not over after {MAX_EVALUATIONS} evaluations, at {t:g} s: what "
-                "acts is too stiff to be integrated"
+                f"the contact has not ended after {MAX_EVALUATIONS} evaluations, at {t:g} s: the "
+                "equations of motion are too stiff"
             )
         state, ball = self.state(y), self.ball
-        contact = self.touching(state)
+        contact = self.kinematics(state)
         spring = self.hertz.spring(contact.deflection)
         size = self.hertz.force(contact.deflection, contact.rate)
-        rubbing = self.rubbing(contact, size)
-        push = size * contact.normal + rubbing
-        moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, rubbing)
+        friction = self.friction_force(contact, size)
+        force = size * contact.normal + friction
+        moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, friction)
 
-        turn = self.data.oMi[self.leg.contact_joint].rotation.T
-        moment = turn @ cross(contact.point, -push)
-        self._space.external[self.leg.contact_joint] = pin.Force(turn @ -push, moment)
-        lost = (size - spring) * contact.rate - float(rubbing @ contact.sliding)
-        torque = self.torque(t, state.q, state.v)
+        rotation = self.data.oMi[self.leg.contact_joint].rotation.T
+        moment = rotation @ cross(contact.point, -force)
+        self._space.external[self.leg.contact_joint] = pin.Force(rotation @ -force, moment)
+        lost = (size - spring) * contact.rate - float(friction @ contact.sliding)
+        torque = self._torque_at(t, state)
         power = float(torque @ state.v)
-        if ball.inertia == math.inf:  # an endless store of energy, whose spin it does not change
+        if ball.inertia == math.inf:  # a particle, whose spin stays
             power -= float(moment_on_ball @ state.spin)
         acceleration = pin.aba(
             self.model, self.data, state.q, state.v, torque, self._space.external
@@ -187,44 +174,52 @@ class CompliantContact:
                 self._displacement_rate(state),
                 acceleration,
                 state.velocity,
-                push / ball.mass + self.gravity,
+                force / ball.mass + self.gravity,
                 moment_on_ball / ball.inertia,
                 [lost, power],
             ]
         )
 
+    def _torque_at(self, t: float, state: State) -> Array:
+        """Return the joint torques [N m; N], checked if they are a function's."""
+        if not callable(self.torque):
+            return self.torque
+        value = self.torque(t, state.q, state.v)
+        return validation.vector("torque", value, self.leg.nv, unit="N m")
+
     def _displacement_rate(self, state: State) -> Array:
+        """Return the time derivative of the displacement in the tangent space at q."""
         if self.leg.nq == self.leg.nv:
             return state.v
         slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
         return np.asarray(slope @ state.v)
 
     def gap(self, _: float, y: Array) -> float:
-        """Return what falls through 0 at separation: the deflection, or what the radius spares."""
-        deflection = self.touching(self.state(y)).deflection
+        """Return what falls to 0 at separation: the deflection, or the radius less it."""
+        deflection = self.kinematics(self.state(y)).deflection
         return min(deflection, self.ball.radius - deflection)
 
     def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
-        contact = self.touching(self.state(y))
+        contact = self.kinematics(self.state(y))
         size = self.hertz.force(contact.deflection, contact.rate)
-        push = size * contact.normal + self.rubbing(contact, size)
-        return push, self.impulse(t, y), contact.deflection
+        force = size * contact.normal + self.friction_force(contact, size)
+        return force, self.impulse(t, y), contact.deflection
 
     def foot_at(self, state: State) -> Array:
-        """Return where the contact point of the foot is [m, world frame]."""
+        """Return the position of the foot's contact point [m, world frame]."""
         pin.forwardKinematics(self.model, self.data, state.q)
         return np.array(self.data.oMi[self.leg.contact_joint].act(self.arm))
 
     def impulse(self, t: float, y: Array) -> Array:
-        """Return what the contact gave the ball until t: its momentum, less gravity's share."""
-        gained = self.state(y).velocity - self.before.velocity
+        """Return the contact's impulse on the ball until t: its momentum, less gravity's share."""
+        gained = self.state(y).velocity - self.approach.ball_before.velocity
         return np.asarray(self.ball.mass * (gained - self.gravity * t))
 
     def energy(self, y: Array) -> float:
         """Return kinetic and potential energy of leg, ball and spring [J]."""
         state, ball = self.state(y), self.ball
-        # not computeKineticEnergy, which forgets the rotor of the first joint
+        # Not computeKineticEnergy, which omits the rotor of the first joint.
         inertia = pin.crba(self.model, self.data, state.q)
         leg = 0.5 * float(state.v @ inertia @ state.v)
         leg += float(pin.computePotentialEnergy(self.model, self.data, state.q))
@@ -232,6 +227,6 @@ class CompliantContact:
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        deflection = max(self.touching(state).deflection, 0.0)
+        deflection = max(self.kinematics(state).deflection, 0.0)
         stored = 0.4 * self.hertz.spring(deflection) * deflection
         return leg + moving + height + stored

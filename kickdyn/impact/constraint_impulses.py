@@ -1,48 +1,131 @@
-"""What supports and loops carry in an impact, by name, and how well they constraint_projector."""
+"""What supports and loops transmit in an impact, and whether the ground could supply it."""
 
 from __future__ import annotations
+
+from enum import StrEnum
 
 import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraints import ConstraintProjector
+from kickdyn.robot.constraints import ConstraintProjector, Support
 from kickdyn.robot.leg import Leg
+
+ROUNDING = 1e-12
+"""Share of the impulse on the ball that counts as none."""
+
+LEVEL = 0.01
+"""Height differences of a sole's corners, over their distance, up to which it counts as level."""
+
+
+class Footing(StrEnum):
+    """What ground that can push but not pull lets a support do in an impact.
+
+    The foot lifts off where the ground would have to pull, slips where the impulse lies outside the
+    friction cone, and tips where it acts outside the sole; a sole that is not level is tilted, so
+    that nobody knows what it stands on.
+    """
+
+    STANDS = "stands"
+    LIFTS_OFF = "lifts-off"
+    SLIPS = "slips"
+    TIPS = "tips"
+    TILTED = "tilted"
 
 
 def named_impulses(
-    constraint_projector: ConstraintProjector | None, impulses: Array
+    projector: ConstraintProjector | None, impulses: Array
 ) -> tuple[dict[str, Array], dict[tuple[str, str], Array]]:
     """Return the stacked impulses by support and by loop."""
-    if constraint_projector is None:
+    if projector is None:
         return {}, {}
-    constraints = constraint_projector.constraints
-    supports, loops = constraints.supports, constraints.loops
-    parts = [impulses[block.at] for block in constraint_projector.blocks]
-    by_support = {
-        support.frame: part for support, part in zip(supports, parts[: len(supports)], strict=True)
-    }
-    return by_support, dict(zip(loops, parts[len(supports) :], strict=True))
+    supports, loops = projector.constraints.supports, projector.constraints.loops
+    parts = [impulses[block.rows] for block in projector.blocks]
+    by_support = zip((support.frame for support in supports), parts, strict=False)
+    return dict(by_support), dict(zip(loops, parts[len(supports) :], strict=True))
 
 
-def residuals(constraint_projector: ConstraintProjector | None, v: Array) -> tuple[float, float]:
+def constraint_residuals(projector: ConstraintProjector | None, v: Array) -> tuple[float, float]:
     """Return the largest velocity of a support [m/s, rad/s] and of a loop [m/s]."""
-    if constraint_projector is None:
+    if projector is None:
         return 0.0, 0.0
-    speeds = np.abs(constraint_projector.rows @ v)
-    split = sum(support.size for support in constraint_projector.constraints.supports)
+    speeds = np.abs(projector.rows @ v)
+    split = sum(support.size for support in projector.constraints.supports)
     return float(speeds[:split].max(initial=0.0)), float(speeds[split:].max(initial=0.0))
 
 
-def check_free(leg: Leg, what: str) -> None:
-    """Refuse a leg that is held by more than its joints; raise `InvalidInput`.
+def check_unconstrained(leg: Leg, what: str) -> None:
+    """Raise `InvalidInput` for a leg with supports or loops.
 
     Args:
         leg: the leg.
-        what: for the message: what is derived for legs that nothing else holds.
+        what: for the message: what is derived for legs without them.
     """
     if leg.constraints is not None:
         raise InvalidInput(
-            f"{leg.name} is held by more than its joints: {what} for legs without supports and "
-            "loops only"
+            f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
         )
+
+
+def footings(
+    projector: ConstraintProjector | None, impulses: Array, scale: float
+) -> dict[str, Footing]:
+    """Return `footing` of every support by name, from the stacked constraint impulses."""
+    if projector is None:
+        return {}
+    return {
+        support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, scale)
+        for support, block in zip(projector.constraints.supports, projector.blocks, strict=False)
+    }
+
+
+def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
+    """Return what the ground would let a support do that the impact takes for fixed.
+
+    An impact is too short for weight to press the foot down, so nothing but the impulse itself
+    does. Friction's moment about the normal is not judged.
+
+    Args:
+        support: with friction and sole, or those of the two that are to be judged.
+        impulse: on the robot at the support's frame, shape `(3,)` or `(6,)` [N s, N m s, world
+            axes]; the ground's normal is z.
+        rotation: from the frame's axes to the world's, shape `(3, 3)`.
+        scale: size of the impulse on the ball [N s].
+    """
+    none = ROUNDING * scale
+    normal = float(impulse[2])
+    if normal < -none:
+        return Footing.LIFTS_OFF
+    tangential = float(np.hypot(impulse[0], impulse[1]))
+    if support.friction is not None and tangential > support.friction * normal + none:
+        return Footing.SLIPS
+    if support.sole is None:
+        return Footing.STANDS
+    corners = support.sole @ rotation.T
+    if not is_level(corners):
+        return Footing.TILTED
+    height = corners[:, 2].mean()
+    # The centre of pressure is where the impulse has no moment about x and y.
+    moment = impulse[3:] - np.cross([0.0, 0.0, height], impulse[:3])
+    if normal <= none:
+        stands = np.abs(moment[:2]).max() <= none * np.abs(corners).max()
+    else:
+        stands = _is_inside(corners[:, :2], np.array([-moment[1], moment[0]]) / normal)
+    return Footing.STANDS if stands else Footing.TIPS
+
+
+def is_level(corners: Array) -> bool:
+    """Return whether the corners of a sole, shape `(k, 3)` [m, world axes], are level."""
+    return bool(np.ptp(corners[:, 2]) <= LEVEL * np.ptp(corners[:, :2], axis=0).max())
+
+
+def _is_inside(corners: Array, point: Array) -> bool:
+    """Return whether a point is inside the convex hull of corners, both shape `(..., 2)` [m].
+
+    It is unless all corners are on one side of it, in a direction across some edge.
+    """
+    offsets = corners - point
+    edges = (corners[:, None] - corners[None]).reshape(-1, 2)
+    normals = np.column_stack([-edges[:, 1], edges[:, 0]])
+    size = np.abs(edges).max()
+    return bool(((normals @ offsets.T).min(axis=1) <= 1e-9 * size * size).all())

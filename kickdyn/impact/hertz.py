@@ -1,4 +1,4 @@
-"""A contact that gives way: Hertz's spring with the damping of Hunt and Crossley."""
+"""A compliant contact: Hertz's spring with the damping of Hunt and Crossley."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from scipy.optimize import brentq
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 
-BRIEFEST = 1e-9
+SHORTEST_CONTACT = 1e-9
 """Contact time below which the deflection has too few digits beside the leg's size [s]."""
 
 
 @dataclass(frozen=True)
 class HertzContact:
-    """Contact force `k d^(3/2) (1 + c d')` at the deflection d (Hunt & Crossley 1975).
+    r"""Contact force :math:`k\, d^{3/2} (1 + c\, \dot d)` at the deflection d, never below 0.
 
-    It never pulls. The damping is matched to restitution for two masses that nothing else acts on,
-    exactly: `matched_damping`.
+    From Hunt & Crossley 1975. `matched_damping` gives the damping for a restitution, exactly for
+    two masses on which no other force acts.
 
     Attributes:
         stiffness: k [N/m^1.5]; of two elastic bodies, 4/3 E* sqrt(R) (Johnson 1985, Eq. 4.23).
@@ -46,14 +46,17 @@ class HertzContact:
 
 
 def matched_damping(restitution: float) -> float:
-    """Return s = c times the approach speed, at which two masses part with restitution e.
+    r"""Return s = c times the approach speed, for which two masses separate with restitution e.
 
-    From m w dw = -k d^(3/2) (1 + c w) dd, integrated in and out: (1 + e) s = ln((1 + s)/(1 - e s)),
+    Integrating :math:`m w\, dw = -k d^{3/2} (1 + c w)\, dd` over compression and restitution gives
+
+    .. math:: (1 + e)\, s = \ln \frac{1 + s}{1 - e s},
+
     whatever the masses, the stiffness and the exponent (Gonthier et al. 2004).
 
     Args:
         restitution: coefficient e, 0.01 to 1. The damping grows as 1/e, and so does a peak of force
-            at the touch that no ball shows: the law is meant for e well above that.
+            at the touch that no ball has: the law is meant for e well above 0.01.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -74,10 +77,10 @@ def matched_damping(restitution: float) -> float:
 def contact_stiffness(
     contact_time: float, mass: float, approach_speed: float, restitution: float = 1.0
 ) -> float:
-    """Return the stiffness at which two masses touch for a given time [N/m^1.5].
+    """Return the stiffness at which two masses stay in contact for a given time [N/m^1.5].
 
     Args:
-        contact_time: wished for [s], above 0.
+        contact_time: desired [s], above 0.
         mass: 1 / (1/m1 + 1/m2) [kg], above 0.
         approach_speed: [m/s], above 0. Hertz's contact time falls with its fifth root.
         restitution: coefficient e, 0.01 to 1.
@@ -99,7 +102,7 @@ def contact_stiffness(
 def expected_contact_time(
     stiffness: float, mass: float, approach_speed: float, restitution: float = 1.0
 ) -> float:
-    """Return for how long two masses touch [s]: the inverse of `contact_stiffness`."""
+    """Return for how long two masses stay in contact [s]: the inverse of `contact_stiffness`."""
     k = validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
@@ -115,13 +118,13 @@ def _unit_contact_time(restitution: float) -> float:
         deflection, rate = y
         return [rate, -contact.force(deflection, rate)]
 
-    def apart(_: float, y: Array) -> float:
+    def deflection_of(_: float, y: Array) -> float:
         return float(y[0])
 
-    return float(until(apart, rates, [0.0, 1.0], 1e3, 1e-12, 1e-13, 0.1).t[-1])
+    return float(integrate_until(deflection_of, rates, [0.0, 1.0], 1e3, 1e-12, 1e-13, 0.1).t[-1])
 
 
-def until(
+def integrate_until(
     event: Any, rates: Any, start: ArrayLike, limit: float, rtol: float, atol: Any, step: float
 ) -> Any:
     """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns."""

@@ -1,4 +1,4 @@
-"""What an impact asks of each joint: carried by its structure, along its axis, and the peak."""
+"""The load of each joint in an impact: on its structure, along its axis, and its peak."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.hertz import BRIEFEST
+from kickdyn.impact.hertz import SHORTEST_CONTACT
 from kickdyn.impact.impact_result import Impact
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JointLoad(ReprMixin):
-    """Of one joint; impulses by the parent on the child, about its origin and in its axes.
+    """The load of one joint; impulses by the parent on the child, about its origin in its axes.
 
     Attributes:
         joint: its name.
-        structure: what bearings and links carry, linear then angular, shape `(6,)` [N s, N m s].
-        axis: what acts along the joint's freedom, shape `(6,)` [N s, N m s]: nothing in a joint
-            that gives way, but for the inertia of its rotor.
+        structure: on bearings and links, linear then angular, shape `(6,)` [N s, N m s].
+        axis: along the joint's degrees of freedom, shape `(6,)` [N s, N m s]: 0 in a passive joint
+            but for the inertia of its rotor.
         peak_force: of the linear part of both [N]; None without a contact time.
         peak_moment: of the angular part of both [N m]; None without a contact time.
-        ratio: peak force over the limit given; None without one.
+        ratio: peak force over the force limit; None without one.
     """
 
     joint: str
@@ -39,20 +39,20 @@ class JointLoad(ReprMixin):
     ratio: float | None
 
     def __repr__(self) -> str:
-        """Say the load in a line."""
+        """Return the load in a line."""
         return f"JointLoad({self.joint}: {self.line()})"
 
     def line(self) -> str:
-        """Return sizes of what is linear: carried, along the axis if there is any, and the peak."""
-        carried, along = (float(np.linalg.norm(part[:3])) for part in (self.structure, self.axis))
-        said = [f"{format_value(carried)} N s"]
-        if along > ROUNDING * carried:
-            said.append(f"{format_value(along)} N s along the axis")
+        """Return the sizes of the linear parts: on the structure, along the axis, and the peak."""
+        structure, along = (float(np.linalg.norm(part[:3])) for part in (self.structure, self.axis))
+        parts = [f"{format_value(structure)} N s"]
+        if along > ROUNDING * structure:
+            parts.append(f"{format_value(along)} N s along the axis")
         if self.peak_force is not None:
-            said.append(f"peak {format_value(self.peak_force)} N")
+            parts.append(f"peak {format_value(self.peak_force)} N")
         if self.ratio is not None:
-            said.append(f"{100 * self.ratio:.3g} % of the limit")
-        return ", ".join(said)
+            parts.append(f"{100 * self.ratio:.3g} % of the limit")
+        return ", ".join(parts)
 
     def _rows(self) -> Iterable[Row]:
         whole = float(np.linalg.norm(self.structure + self.axis))
@@ -71,7 +71,7 @@ class JointLoad(ReprMixin):
 
 
 class JointLoads(ReprMixin, dict[str, JointLoad]):
-    """The loads of all joints by name, in the model's order: a dictionary that shows itself."""
+    """The loads of all joints by name, in the model's order: a dictionary with a table."""
 
     def _rows(self) -> Iterable[Row]:
         for name, load in self.items():
@@ -79,28 +79,28 @@ class JointLoads(ReprMixin, dict[str, JointLoad]):
 
 
 def joint_loads(
-    hit: Impact,
+    impact: Impact,
     contact_time: float | None = None,
     force_limits: Mapping[str, float] | None = None,
 ) -> JointLoads:
-    """Return the load of every joint by name, in the model's order.
+    r"""Return the load of every joint by name, in the model's order.
 
     Args:
-        hit: any strike.
-        contact_time: how long foot and ball touch [s]; with it, peaks are estimated as those of a
-            half-sine pulse, pi/2 times impulse over time. That takes all joints to feel the pulse
-            at once, as rigid bodies do, and the contact's force to rise and fall like a spring's.
-        force_limits: joint name to the largest force it bears [N], above 0.
+        impact: of any law.
+        contact_time: T [s]; with it, the peak of a half-sine pulse is estimated for each joint,
+            :math:`\frac{\pi}{2} p / T`. This assumes that all joints feel the pulse at once, as
+            rigid bodies do, and that the contact force rises and falls like a spring's.
+        force_limits: joint name to the largest permissible force [N], above 0.
 
     Raises:
         InvalidInput: a contact time below 1e-9 s, a limit that is not above 0, limits without a
             contact time, or no such joint.
     """
-    validation.check_type(Impact, hit=hit)
-    leg, sharpness = hit.posture.leg, None
+    validation.check_type(Impact, impact=impact)
+    leg, sharpness = impact.posture.leg, None
     limits = validation.mapping("force limits", force_limits)
     if contact_time is not None:
-        time = validation.number("contact time", contact_time, at_least=BRIEFEST, unit="s")
+        time = validation.number("contact time", contact_time, at_least=SHORTEST_CONTACT, unit="s")
         sharpness = math.pi / 2 / time
     elif limits:
         raise InvalidInput("force limits need a contact time: without one there is no force")
@@ -110,9 +110,9 @@ def joint_loads(
             raise InvalidInput(f"joint {name!r} is unknown: {leg.name} has {known}")
         limits[name] = validation.number(f"force limit of {name}", limit, above=0, unit="N")
     space, loads = leg.workspace, JointLoads()
-    pin.forwardKinematics(space.model, space.data, hit.posture.q)  # a freedom may depend on q
+    pin.forwardKinematics(space.model, space.data, impact.posture.q)  # joint axes may depend on q
     for number, (name, impulse) in enumerate(
-        zip(leg.joint_names, hit.joint_impulses, strict=True), start=1
+        zip(leg.joint_names, impact.joint_impulses, strict=True), start=1
     ):
         freedom = np.array(space.data.joints[number].S).reshape(6, -1)
         axis = freedom @ np.linalg.lstsq(freedom, impulse, rcond=None)[0]

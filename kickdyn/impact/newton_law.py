@@ -9,73 +9,83 @@ from scipy.linalg import lapack
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
+from kickdyn.impact.contact_problem import (
+    ContactProblem,
+    Solution,
+    contact_axes,
+    solve_frictionless,
+)
 
 
-def newton(problem: ContactProblem) -> Solution:
-    """Newton's restitution along the normal, Coulomb's cone across it, solved exactly.
+def solve_newton(problem: ContactProblem) -> Solution:
+    r"""Return the impulse with Newton's restitution along the normal and Coulomb's cone across it.
 
-    The normal velocity after is -e times that before. The contact points stick if the impulse that
-    stops them from sliding lies inside the cone; else the impulse lies on the cone, against the
-    direction of the sliding that remains.
+    The relative velocity :math:`u^+ = u + G p` after the impact satisfies
 
-    There is always a solution, for the Delassus matrix is positive definite (Acary & Cadoux 2013);
-    under strong friction a lopsided leg can have up to three. Sticking then comes first, else
-    what loses most energy. With friction, an eccentric impact can gain energy by this law: the
-    negative `energy_lost` says so.
+    .. math:: u_n^+ = -e\, u_n, \qquad |p_t| \le \mu\, p_n, \qquad
+              p_t = -\mu\, p_n\, u_t^+ / |u_t^+| \;\text{ if }\; u_t^+ \ne 0 .
+
+    The contact points stick if the impulse that stops their sliding lies inside the cone; else the
+    impulse lies on the cone. A solution always exists, because G is positive definite (Acary &
+    Cadoux 2013); with strong friction and an eccentric leg there can be three. Sticking then comes
+    first, else the solution that loses most energy. With friction, an eccentric impact can gain
+    energy by this law, which a negative `energy_lost` shows.
     """
     if problem.friction == 0.0:
-        return frictionless(problem)
+        return solve_frictionless(problem)
     n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
-    approach, _ = problem.along_normal()  # not from u: a fast spin would cost its digits
+    approach = problem.approach_speed  # not from u: a fast spin would cost its digits
     axes = contact_axes(n, u)
     g_matrix = problem.delassus_in(axes)
     before = u.dot(axes)
     before[2] = -approach
     free = before.copy()
-    free[2] -= e * approach  # what an impulse must bring to rest
+    free[2] -= e * approach  # to be stopped by the impulse
     _, stick, singular = lapack.dposv(g_matrix, -free)
-    if singular:  # but for rounding
+    if singular:  # to rounding
         stick = -np.linalg.solve(g_matrix, free)
-    p1, p2, pressing = stick.tolist()
-    if math.hypot(p1, p2) <= mu * pressing:
-        lost = _lost(stick, before, (0.0, 0.0), e)
+    p1, p2, p3 = stick.tolist()
+    if math.hypot(p1, p2) <= mu * p3:
+        lost = _energy_lost(stick, before, (0.0, 0.0), e)
         return Solution(axes.dot(stick), True, lost, axes[:, :2].dot(stick[:2]))
 
-    best: tuple[Array, float] | None = None
+    slip, most = None, -math.inf
     for angle in slip_angles(g_matrix, free, mu):
-        along = np.array([mu * math.cos(angle), mu * math.sin(angle), 1.0])
-        resistance = float(g_matrix[2].dot(along))
+        direction = np.array([mu * math.cos(angle), mu * math.sin(angle), 1.0])
+        resistance = float(g_matrix[2].dot(direction))
         if resistance <= 0.0:
             continue
-        slip = -free[2] / resistance * along
-        x, y, _ = (g_matrix.dot(slip) + free).tolist()
-        if x * along[0] + y * along[1] > 0.0:  # friction would push, not resist
+        impulse = -free[2] / resistance * direction
+        x, y, _ = (g_matrix.dot(impulse) + free).tolist()
+        if x * direction[0] + y * direction[1] > 0.0:  # friction would drive the sliding
             continue
-        lost = _lost(slip, before, (x, y), e)
-        if best is None or lost > best[1]:
-            best = slip, lost
-    if best is None:
+        lost = _energy_lost(impulse, before, (x, y), e)
+        if slip is None or lost > most:
+            slip, most = impulse, lost
+    if slip is None:
         raise KickdynError(
             f"no impulse found on the friction cone (mu = {mu:g}, e = {e:g}, "
             f"relative velocity {u.tolist()} m/s)"
         )
-    return Solution(axes.dot(best[0]), False, best[1], axes[:, :2].dot(best[0][:2]))
+    return Solution(axes.dot(slip), False, most, axes[:, :2].dot(slip[:2]))
 
 
-def _lost(impulse: Array, before: Array, sliding: tuple[float, float], e: float) -> float:
-    """Return the energy lost: minus the impulse times the mean velocity at the contact."""
-    p1, p2, pressing = impulse.tolist()
+def _energy_lost(
+    impulse: Array, before: Array, sliding_after: tuple[float, float], e: float
+) -> float:
+    """Return minus the impulse times the mean velocity at the contact [J], in contact axes."""
+    p1, p2, p3 = impulse.tolist()
     u1, u2, u3 = before.tolist()
-    across = p1 * (u1 + sliding[0]) + p2 * (u2 + sliding[1])
-    return 0.5 * float(-pressing * u3 * (1.0 - e) - across)
+    tangential = p1 * (u1 + sliding_after[0]) + p2 * (u2 + sliding_after[1])
+    return 0.5 * float(-p3 * u3 * (1.0 - e) - tangential)
 
 
 def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:
-    """Return every direction in which friction and sliding can be opposite.
+    r"""Return every direction in which friction and sliding can be parallel.
 
-    With the impulse p (mu cos, mu sin, 1) and p from the normal row, "sliding is parallel to
-    friction" is a trigonometric polynomial of degree 2, thus a quartic in exp(i angle).
+    With the impulse :math:`p\, (\mu \cos\alpha, \mu \sin\alpha, 1)`, and p from the normal row,
+    "sliding is parallel to friction" is a trigonometric polynomial of degree 2 in
+    :math:`\alpha`, thus a quartic in :math:`\exp(i \alpha)`.
     """
     g, free = g_matrix.tolist(), velocity.tolist()
     x, y = (
@@ -90,17 +100,10 @@ def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:
     cos2, sin2 = -(x[1] + y[0]) / 2, (x[0] - y[1]) / 2
     if max(abs(mean), abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
         return [math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)]  # mu too small to turn sliding
-    roots = np.roots(
-        [
-            complex(cos2, -sin2) / 2,
-            complex(cos1, -sin1) / 2,
-            mean,
-            complex(cos1, sin1) / 2,
-            complex(cos2, sin2) / 2,
-        ]
-    ).tolist()
+    first, second = complex(cos1, sin1) / 2, complex(cos2, sin2) / 2
+    quartic = [second.conjugate(), first.conjugate(), mean, first, second]
     angles = []
-    for root in roots:
+    for root in np.roots(quartic).tolist():
         if not abs(abs(root) - 1.0) < 1e-4:
             continue
         angle = math.atan2(root.imag, root.real)

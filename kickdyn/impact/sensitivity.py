@@ -1,38 +1,83 @@
-"""How a strike answers to small changes: its derivatives, by implicit differentiation."""
+"""Derivatives of an impact by everything it depends on, by implicit differentiation."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from enum import StrEnum
 
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.ball import BallState
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.contact_problem import ball_delassus
-from kickdyn.impact.leg_derivatives import inertia_slopes, leg_slopes, per_mass, response
-from kickdyn.impact.uncertainty_sources import LINK_INERTIA, OF_LEG, UNITS, columns
-
-if TYPE_CHECKING:
-    from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.approach import Approach
+from kickdyn.impact.contact_problem import Solution
+from kickdyn.impact.leg_derivatives import (
+    constrained_inverse_inertia,
+    inertia_derivatives,
+    leg_derivatives,
+    mass_to_inertia,
+)
+from kickdyn.impact.leg_response import LegResponse
+from kickdyn.robot.leg import Leg
 
 AT_BOUNDARY = 1e-9
-"""Share of the friction cone, or of the approach, below which stick and slip meet."""
+"""Share of the friction cone, or of the approach speed, below which stick and slip meet."""
+
+UNITS = {
+    "q": "rad",
+    "v": "rad/s",
+    "restitution": "1",
+    "friction": "1",
+    "normal": "rad",
+    "ball_mass": "kg",
+    "ball_radius": "m",
+    "ball_velocity": "m/s",
+    "ball_spin": "rad/s",
+    "link_mass": "kg",
+    "link_inertia": "",
+}
+"""Every source, what an impact depends on, and its unit; of prismatic joints, q is in m and v m/s.
+
+Of a leg with supports or loops, v and q count as far as these allow: v without what would move
+them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
+of angles is subtracted), whereas supports are fixed wherever q puts them.
+`normal` is the direction of the contact normal as a unit vector: its component along the normal has
+no effect. `ball_mass` scales the ball's inertia, too. `link_mass` scales a link as a whole: centre
+of mass and radii of gyration stay; massless links do not count. `link_inertia` holds ten numbers
+per link in Pinocchio's order: mass [kg], mass times centre of mass [kg m], and xx, xy, yy, xz, yz,
+zz of the inertia about the joint's origin [kg m2], in the joint's axes.
+Links count as in `leg.joint_names`; all else is in the world frame.
+"""
+
+LINK_INERTIA = {"mass": ("kg", (0,)), "mass times centre": ("kg m", (1, 2, 3)),
+                "moments": ("kg m2", tuple(range(4, 10)))}  # fmt: skip
+"""Which of a link's ten numbers have which unit."""
+
+OF_LEG = ("q", "v", "link_mass", "link_inertia")
+"""Sources that change the leg; the others cost a fraction."""
 
 Jacobians = Mapping[str, Array]
 
 
+class Branch(StrEnum):
+    """Which equations hold at the contact: without friction, sticking, or slipping."""
+
+    FRICTIONLESS = "frictionless"
+    STICK = "stick"
+    SLIP = "slip"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivity(ReprMixin):
-    """Derivatives of a strike's results, one Jacobian per source.
+    """Derivatives of an impact's results, one Jacobian per source.
 
-    Each attribute of type `Jacobians` maps the name of a source to an array of shape `(k, n)`: k is
-    the size of the result, n that of the source. `kickdyn.impact.uncertainty_sources` says what
-    each source is; q counts in the tangent space, like v.
+    Each attribute of type `Jacobians` maps the name of a source, see `UNITS`, to an array of shape
+    `(k, n)`: k is the size of the result, n that of the source; q counts in the tangent space.
 
     Attributes:
         impulse: of the impulse on the ball, k = 3 [N s per unit of the source, world frame].
@@ -40,10 +85,10 @@ class Sensitivity(ReprMixin):
         spin: of the ball's spin just after, k = 3 [rad/s per unit].
         v_after: of the joint velocity just after, k = nv [rad/s per unit].
         branch: `frictionless`, `stick` or `slip`.
-        margin: distance to the other branch: in stick, the friction still to spare [N s]; in slip,
-            the speed of sliding that is left [m/s]; inf without friction.
+        margin: distance to the other branch: in stick, the friction to spare [N s]; in slip, the
+            speed of sliding that remains [m/s]; inf without friction.
         margin_slope: of the margin, k = 1.
-        at_boundary: whether the margin is gone to rounding. Stick and slip have different
+        at_boundary: whether the margin is 0 to rounding. Stick and slip have different
             derivatives; these then hold to one side only.
     """
 
@@ -51,19 +96,19 @@ class Sensitivity(ReprMixin):
     velocity: Jacobians
     spin: Jacobians
     v_after: Jacobians
-    branch: str
+    branch: Branch
     margin: float
     margin_slope: Jacobians
     at_boundary: bool
 
     def _rows(self) -> Iterable[Row]:
-        yield "branch", self.branch, "at its end" if self.at_boundary else ""
+        yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
             if source == "link_inertia":
                 for name, (unit, which) in LINK_INERTIA.items():
-                    each = rows.reshape(3, -1, 10)[:, :, which].reshape(3, -1)
-                    gain = float(np.linalg.norm(each, 2))
+                    part = rows.reshape(3, -1, 10)[:, :, which].reshape(3, -1)
+                    gain = float(np.linalg.norm(part, 2))
                     yield f"impulse by {source}, {name}", gain, _per(unit)
             else:
                 gain = float(np.linalg.norm(rows, 2))
@@ -71,47 +116,63 @@ class Sensitivity(ReprMixin):
 
 
 def _per(unit: str) -> str:
+    """Return the unit of an impulse per unit of a source."""
     return f"N s per ({unit})" if set("/ ") & set(unit) else f"N s per {unit}"
 
 
-def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
-    """Differentiate a strike by law `newton`, analytically.
+def sensitivity(
+    approach: Approach,
+    solution: Solution,
+    ball_after: BallState,
+    response: LegResponse,
+    *,
+    of_leg: bool = True,
+) -> Sensitivity:
+    r"""Differentiate an impact by law `newton`, analytically.
 
-    The impulse p solves R(p, x) = 0: restitution and no sliding, or restitution and Coulomb's cone
-    against the sliding; so dp = -R_p^-1 R_x dx. What x does to the leg comes from Pinocchio's
-    derivatives of Newton-Euler and of kinematics, and from its regressor; supports and loops bound
-    it (`kickdyn.impact.leg_derivatives`).
+    The impulse p solves :math:`R(p, x) = 0` (restitution and no sliding, or restitution and
+    Coulomb's cone against the sliding), so
+
+    .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
+              \frac{\partial R}{\partial x} .
+
+    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics,
+    and from its regressor, projected on what supports and loops allow
+    (`kickdyn.impact.leg_derivatives`).
 
     Args:
-        hit: from `strike` or `strike_at`.
-        of_leg: whether those by `sources.OF_LEG` are among them.
+        approach: leg and ball just before.
+        solution: of the contact problem, by law `newton`.
+        ball_after: motion of the ball just after.
+        response: of the leg.
+        of_leg: whether to include the sources in `OF_LEG`.
 
     Raises:
-        InvalidInput: another law, a support that moves, after `unilateral_strike`, or a joint
-            whose axes depend on its own angles (universal, composite, Euler angles).
+        InvalidInput: a support moves after the impact, or the axes of a joint depend on its own
+            angles.
     """
-    if hit.law != "newton":
-        raise InvalidInput(f"impact law {hit.law!r} has no sensitivities: choose newton")
-    _check_stays(hit)
+    _check_supports(approach, response)
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
-    at = columns(hit.posture.leg, names)
-    answer = _at_fixed_impulse(hit, at)
-    residual_p, residual_x, tangent = _residual(hit, answer, at)
+    at = _columns(approach.posture.leg, names)
+    ball, posture, n = approach.ball, approach.posture, approach.contact.normal
+    delassus = approach.contact_problem().delassus()
+    fixed = _at_fixed_impulse(approach, solution, ball_after, response, at)
+    residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, at)
     impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
-    smooth = hit.contact.friction == 0.0
-    if smooth:  # how it turns does not matter: what stands here is rounding
+    frictionless = approach.contact.friction == 0.0
+    if frictionless:  # the ball's rotation has no effect: these columns are rounding
         impulse[:, at["ball_radius"]] = impulse[:, at["ball_spin"]] = 0.0
 
-    ball, posture = hit.ball, hit.posture
-    velocity = answer.velocity + impulse / ball.mass
-    spin = answer.spin - ball.radius / ball.inertia * pin.skew(hit.contact.normal) @ impulse
-    if smooth:  # it goes on turning as it did; only friction that sets in would turn it
-        setting_in = spin[:, at["friction"]].copy()
+    velocity = fixed.velocity + impulse / ball.mass
+    spin = fixed.spin - ball.radius / ball.inertia * pin.skew(n) @ impulse
+    if frictionless:  # the spin stays; only friction, were there any, would change it
+        by_friction = spin[:, at["friction"]].copy()
         spin[:] = 0.0
-        spin[:, at["ball_spin"]], spin[:, at["friction"]] = np.eye(3), setting_in
-    v_after = answer.v_after - response(posture) @ posture.jacobian.T @ impulse
-    sliding = answer.after + _give(hit) @ impulse
-    branch, margin, slope, scale = _margin(hit, answer, impulse, sliding, tangent, at)
+        spin[:, at["ball_spin"]], spin[:, at["friction"]] = np.eye(3), by_friction
+    v_after = fixed.v_after
+    v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
+    sliding = fixed.after + delassus @ impulse
+    branch, margin, slope, scale = _margin(approach, solution, fixed, impulse, sliding, tangent, at)
 
     def named(rows: Array) -> Jacobians:
         rows.setflags(write=False)
@@ -129,25 +190,40 @@ def sensitivity(hit: Impact, *, of_leg: bool = True) -> Sensitivity:
     )
 
 
-def _check_stays(hit: Impact) -> None:
-    """Raise `InvalidInput` if what the supports hold moves after the impact."""
-    hold = hit.posture.constraint_projector
-    if hold is not None and hold.find_violation(hit.v_after) is not None:
+def _check_supports(approach: Approach, response: LegResponse) -> None:
+    """Raise `InvalidInput` if a support moves after the impact."""
+    projector = approach.posture.constraint_projector
+    moved = None if projector is None else projector.find_violation(response.v_after)
+    if moved is not None:
+        name, speed, unit = moved
         raise InvalidInput(
-            f"a support moves at {hit.support_residual:.3g} after the impact (footing "
-            f"{hit.footing}): sensitivities are for supports that hold"
+            f"a support moves at {speed:.3g} {unit} after the impact ({name}): sensitivities are "
+            "for supports that stay"
         )
 
 
+def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
+    """Return the columns of each source when the sources are written side by side."""
+    links = len(leg.joint_names)
+    sizes = {"q": leg.nv, "v": leg.nv, "normal": 3, "ball_velocity": 3, "ball_spin": 3}
+    sizes |= {"link_mass": links, "link_inertia": 10 * links}
+    columns, start = {}, 0
+    for name in names:
+        stop = start + sizes.get(name, 1)
+        columns[name] = slice(start, stop)
+        start = stop
+    return columns
+
+
 @dataclass(frozen=True)
-class _Answer:
-    """Derivatives while the impulse is held, one column per component of every source.
+class _FixedImpulse:
+    """Derivatives at a fixed impulse, one column per component of every source.
 
     Attributes:
         velocity, spin, v_after: of the results.
         before, after: of the contact points' relative velocity.
         normal: of the normal, which stays a unit vector.
-        u_before, u_after: those velocities [m/s].
+        u_before, u_after: the relative velocities themselves [m/s].
     """
 
     velocity: Array
@@ -160,119 +236,131 @@ class _Answer:
     u_after: Array
 
 
-def _at_fixed_impulse(hit: Impact, at: Mapping[str, slice]) -> _Answer:
-    posture, ball, n, p = hit.posture, hit.ball, hit.contact.normal, hit.impulse
-    kic, turned = posture.jacobian, pin.skew(n)
+def _at_fixed_impulse(
+    approach: Approach,
+    solution: Solution,
+    ball_after: BallState,
+    response: LegResponse,
+    at: Mapping[str, slice],
+) -> _FixedImpulse:
+    """Return the derivatives of the results while the impulse on the ball is fixed."""
+    posture, ball, ball_before = approach.posture, approach.ball, approach.ball_before
+    n, p, jacobian, v_before = (
+        approach.contact.normal,
+        solution.impulse,
+        posture.jacobian,
+        approach.v,
+    )
+    cross_n, projector = pin.skew(n), np.eye(3) - np.outer(n, n)
     r, gain = ball.radius, ball.radius / ball.inertia  # of a shell, 3 / (2 m r)
     width = max(place.stop for place in at.values())
-    across = np.eye(3) - np.outer(n, n)
 
     velocity, spin, before = np.zeros((3, width)), np.zeros((3, width)), np.zeros((3, width))
     v_after, normal = np.zeros((posture.leg.nv, width)), np.zeros((3, width))
-    normal[:, at["normal"]] = across
+    normal[:, at["normal"]] = projector
 
     velocity[:, at["ball_velocity"]] = np.eye(3)
     velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass**2
-    moment = gain * (turned @ p)[:, None]
+    moment = gain * (cross_n @ p)[:, None]
     spin[:, at["ball_spin"]] = np.eye(3)
     spin[:, at["ball_mass"]] = moment / ball.mass
     spin[:, at["ball_radius"]] = moment / r
-    spin[:, at["normal"]] = gain * pin.skew(p) @ across
+    spin[:, at["normal"]] = gain * pin.skew(p) @ projector
 
-    omega, omega_after = hit.ball_before.spin, hit.ball_after.spin
     before[:, at["ball_velocity"]] = np.eye(3)
-    before[:, at["ball_spin"]] = r * turned
-    before[:, at["ball_radius"]] = (turned @ omega)[:, None]
-    before[:, at["normal"]] = -r * pin.skew(omega) @ across
+    before[:, at["ball_spin"]] = r * cross_n
+    before[:, at["ball_radius"]] = (cross_n @ ball_before.spin)[:, None]
+    before[:, at["normal"]] = -r * pin.skew(ball_before.spin) @ projector
 
-    after = velocity + r * turned @ spin
+    after = velocity + r * cross_n @ spin
     if "q" in at:
-        leg = leg_slopes(posture, hit.v_before, hit.v_after, p, hit.constraint_impulses)
-        by_inertia = inertia_slopes(posture, hit.v_after - hit.v_before)
-        v_after[:, at["v"]] = leg.let
+        leg = leg_derivatives(posture, v_before, response.v_after, p, response.constraint_impulses)
+        by_inertia = inertia_derivatives(posture, response.v_after - v_before)
+        v_after[:, at["v"]] = leg.admissible
         v_after[:, at["q"]] = leg.v_after_q
         v_after[:, at["link_inertia"]] = by_inertia
-        v_after[:, at["link_mass"]] = by_inertia @ per_mass(posture)
-        before[:, at["v"]] = -kic @ leg.let
+        v_after[:, at["link_mass"]] = by_inertia @ mass_to_inertia(posture)
+        before[:, at["v"]] = -jacobian @ leg.admissible
         before[:, at["q"]] = -leg.foot_q
-        after -= kic @ v_after
+        after -= jacobian @ v_after
         after[:, at["q"]] -= leg.foot_q_after
     after[:, at["ball_radius"]] = before[:, at["ball_radius"]]  # what the impulse adds has no r
-    after[:, at["normal"]] -= r * pin.skew(omega_after) @ across
+    after[:, at["normal"]] -= r * pin.skew(ball_after.spin) @ projector
 
-    u_before = hit.ball_before.velocity - kic @ hit.v_before + r * turned @ omega
-    u_after = hit.ball_after.velocity - kic @ hit.v_after + r * turned @ omega_after
-    return _Answer(velocity, spin, v_after, before, after, normal, u_before, u_after)
+    u_before = ball_before.velocity - jacobian @ v_before + r * cross_n @ ball_before.spin
+    u_after = ball_after.velocity - jacobian @ response.v_after + r * cross_n @ ball_after.spin
+    return _FixedImpulse(velocity, spin, v_after, before, after, normal, u_before, u_after)
 
 
-def _residual(hit: Impact, answer: _Answer, at: Mapping[str, slice]) -> tuple[Array, Array, Array]:
+def _residual(
+    approach: Approach,
+    solution: Solution,
+    delassus: Array,
+    fixed: _FixedImpulse,
+    at: Mapping[str, slice],
+) -> tuple[Array, Array, Array]:
     """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
-    n, p, e, mu = hit.contact.normal, hit.impulse, hit.contact.restitution, hit.contact.friction
-    u_before, u_after, give = answer.u_before, answer.u_after, _give(hit)
-    if hit.sticking:  # R = u+ + e n (n . u-)
-        by_x = answer.after + e * np.outer(n, n @ answer.before + u_before @ answer.normal)
-        by_x += e * float(n @ u_before) * answer.normal
+    n, e, mu = approach.contact.normal, approach.contact.restitution, approach.contact.friction
+    p, u_before, u_after = solution.impulse, fixed.u_before, fixed.u_after
+    if solution.sticking:  # R = u+ + e n (n . u-)
+        by_x = fixed.after + e * np.outer(n, n @ fixed.before + u_before @ fixed.normal)
+        by_x += e * float(n @ u_before) * fixed.normal
         by_x[:, at["restitution"]] += (n * float(n @ u_before))[:, None]
-        return give, by_x, np.zeros(3)
+        return delassus, by_x, np.zeros(3)
 
-    # R = (p across n) + mu (n . p) t + n mass n . (u+ + e u-), t along the sliding
-    across = np.eye(3) - np.outer(n, n)
-    pressing, mass = float(n @ p), 1.0 / float(n @ give @ n)
-    tangent, speed = _slide(n, p, across @ u_after, mu, math.hypot(*u_before))
-    aside = pin.skew(n) @ tangent
-    # The row along `aside`, times speed / (speed + mu p / mass): finite where the sliding dies out.
-    firm = speed + mu * pressing / mass
-    bend = mu * pressing / firm * np.outer(aside, aside) if mu else np.zeros((3, 3))
-    keep = np.eye(3) - mu * pressing / mass / firm * np.outer(aside, aside) if mu else np.eye(3)
+    # R = p_t + mu (n . p) t + n mass n . (u+ + e u-), with t along the sliding
+    projector = np.eye(3) - np.outer(n, n)
+    normal_impulse, mass = float(n @ p), 1.0 / float(n @ delassus @ n)
+    tangent, speed = _sliding(n, p, projector @ u_after, mu, math.hypot(*u_before))
+    binormal = pin.skew(n) @ tangent
+    # The row along the binormal, times speed / stiff: finite where the sliding ends.
+    stiff = speed + mu * normal_impulse / mass
+    turn = np.outer(binormal, binormal) * (mu * normal_impulse / stiff if mu else 0.0)
+    keep = np.eye(3) - turn / mass
 
-    slide_x = across @ answer.after - float(n @ u_after) * answer.normal
-    along_n = n @ (answer.after + e * answer.before) + (u_after + e * u_before) @ answer.normal
-    tilt = np.outer(mu * tangent - n, p) - mu * pressing * np.outer(n, tangent)
-    tilt -= pressing * np.eye(3)
-    by_x = keep @ (tilt @ answer.normal) + bend @ slide_x + mass * np.outer(n, along_n)
-    by_x[:, at["friction"]] += (pressing * tangent)[:, None]
+    sliding_x = projector @ fixed.after - float(n @ u_after) * fixed.normal
+    along_n = n @ (fixed.after + e * fixed.before) + (u_after + e * u_before) @ fixed.normal
+    tilt = np.outer(mu * tangent - n, p) - mu * normal_impulse * np.outer(n, tangent)
+    tilt -= normal_impulse * np.eye(3)
+    by_x = keep @ (tilt @ fixed.normal) + turn @ sliding_x + mass * np.outer(n, along_n)
+    by_x[:, at["friction"]] += (normal_impulse * tangent)[:, None]
     by_x[:, at["restitution"]] += (mass * float(n @ u_before) * n)[:, None]
-    by_p = keep @ across + mu * np.outer(tangent, n) + bend @ across @ give
-    by_p += mass * np.outer(n, n @ give)
+    by_p = keep @ projector + mu * np.outer(tangent, n) + turn @ projector @ delassus
+    by_p += mass * np.outer(n, n @ delassus)
     return by_p, by_x, tangent
 
 
-def _slide(n: Array, p: Array, slide: Array, mu: float, scale: float) -> tuple[Array, float]:
-    """Return direction and speed of the sliding; friction, where there is any, knows it better."""
+def _sliding(n: Array, p: Array, sliding: Array, mu: float, scale: float) -> tuple[Array, float]:
+    """Return direction and speed of the sliding; friction, if any, has more digits of it."""
     if mu > 0.0:
-        rubbing = float(n @ p) * n - p
-        tangent = rubbing / math.hypot(*rubbing)
-        return tangent, float(tangent @ slide)
-    speed = math.hypot(*slide)
-    return (slide / speed, speed) if speed > AT_BOUNDARY * scale else (np.zeros(3), 0.0)
+        against = float(n @ p) * n - p
+        tangent = against / math.hypot(*against)
+        return tangent, float(tangent @ sliding)
+    speed = math.hypot(*sliding)
+    return (sliding / speed, speed) if speed > AT_BOUNDARY * scale else (np.zeros(3), 0.0)
 
 
 def _margin(
-    hit: Impact,
-    answer: _Answer,
-    impulse: Array,
-    sliding: Array,
+    approach: Approach,
+    solution: Solution,
+    fixed: _FixedImpulse,
+    impulse_x: Array,
+    sliding_x: Array,
     tangent: Array,
     at: Mapping[str, slice],
-) -> tuple[str, float, Array, float]:
+) -> tuple[Branch, float, Array, float]:
     """Return the branch, its margin, the margin's derivative, and what the margin is small to."""
-    n, p, mu = hit.contact.normal, hit.impulse, hit.contact.friction
+    n, p, mu = approach.contact.normal, solution.impulse, approach.contact.friction
     if mu == 0.0:
-        return "frictionless", math.inf, np.zeros(impulse.shape[1]), 1.0
-    pressing = float(n @ p)
-    if not hit.sticking:
-        speed = float(tangent @ answer.u_after)
-        slope = tangent @ sliding - float(n @ answer.u_after) * (tangent @ answer.normal)
-        return "slip", speed, slope, math.hypot(*answer.u_before)
-    rubbing = p - pressing * n
-    size = math.hypot(*rubbing)
-    along = rubbing / size if size else rubbing
-    pressing_x = n @ impulse + p @ answer.normal
-    slope = mu * pressing_x - along @ (impulse - pressing * answer.normal)
-    slope[at["friction"]] += pressing
-    return "stick", mu * pressing - size, slope, mu * pressing
-
-
-def _give(hit: Impact) -> Array:
-    """Return the Delassus matrix of leg and ball, shape `(3, 3)` [1/kg]."""
-    return hit.posture.delassus() + ball_delassus(hit.ball, hit.contact.normal)
+        return Branch.FRICTIONLESS, math.inf, np.zeros(impulse_x.shape[1]), 1.0
+    normal_impulse = float(n @ p)
+    if not solution.sticking:
+        slope = tangent @ sliding_x - float(n @ fixed.u_after) * (tangent @ fixed.normal)
+        return Branch.SLIP, float(tangent @ fixed.u_after), slope, math.hypot(*fixed.u_before)
+    tangential = p - normal_impulse * n
+    size = math.hypot(*tangential)
+    along = tangential / size if size else tangential
+    slope = mu * (n @ impulse_x + p @ fixed.normal)
+    slope -= along @ (impulse_x - normal_impulse * fixed.normal)
+    slope[at["friction"]] += normal_impulse
+    return Branch.STICK, mu * normal_impulse - size, slope, mu * normal_impulse

@@ -1,8 +1,6 @@
-"""The strike: everything about the instant when foot meets ball."""
+"""The strike: everything about the instant when the foot hits the ball."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,12 +8,12 @@ from numpy.typing import ArrayLike
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
 from kickdyn.core import validation
-from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross3
-from kickdyn.errors import EnergyCreated, InvalidInput, KickdynError
-from kickdyn.impact.approach import AT_REST, approach
+from kickdyn.errors import EnergyCreated
+from kickdyn.impact.approach import AT_REST, Approach, find_approach
+from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.laws import LAWS, ContactProblem
+from kickdyn.impact.laws import ImpactLaw, solve_contact
 from kickdyn.robot.leg import Posture
 
 
@@ -30,88 +28,61 @@ def strike(
     ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> Impact:
-    """Strike a ball, in closed form (Eqs. 1-11 and 15-21).
+    r"""Strike a ball, in closed form (Eqs. 1-11 and 15-21).
+
+    The relative velocity of the contact points before the impact and the Delassus matrix of leg and
+    ball make a `ContactProblem`; an impact law solves it for the impulse p on the ball. Then
+
+    .. math:: v^+ = v - M^{-1} J^T p, \qquad
+              v_b^+ = v_b + p / m, \qquad \omega_b^+ = \omega_b - \frac{r}{I_b}\, n \times p .
 
     Args:
         posture: of the leg, whose contact frame touches the ball.
-        v: joint velocity just before, shape `(nv,)` [rad/s].
+        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: its centre is at `contact point + radius * normal`.
         contact: normal, restitution and friction, and where on the foot.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
             the sliding followed through the contact) or `paper`.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: just before, shape `(3,)` [rad/s, world frame].
-        strict: refuse a result that creates energy.
+        strict: whether to refuse a result that creates energy.
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal, or by no more than 4
             times the rounding of terms that cancel.
-        EnergyCreated: `strict`, and the law gains energy here.
+        EnergyCreated: `strict` is true and the law creates energy.
         InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
     """
+    law = validation.choice("impact law", law, ImpactLaw)
     validation.flag("strict", strict)
-    if not isinstance(law, str) or law not in LAWS:
-        raise InvalidInput(f"impact law {law!r} is unknown: choose {', '.join(LAWS)}")
-    met = approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    posture, v, foot_velocity, before, approach_speed = met
-    try:
-        impulse, sticking, energy_lost, tangential_impulse = LAWS[law](
-            ContactProblem(
-                normal=contact.normal,
-                leg_rows=posture.delassus_factor(),
-                ball=ball,
-                centre_velocity=before.velocity - foot_velocity,
-                spin=before.spin,
-                restitution=contact.restitution,
-                friction=contact.friction,
-            )
-        )
-    except np.linalg.LinAlgError:  # leg and ball too unlike for one matrix
-        energy_lost = math.nan
-    if not math.isfinite(energy_lost):
-        raise KickdynError(
-            f"law {law!r} finds no impulse in {posture!r} (restitution {contact.restitution:g}, "
-            f"friction {contact.friction:g})"
-        )
-    for array in (impulse, v, foot_velocity):
-        array.setflags(write=False)
-    hit = Impact.known(
-        posture=posture,
-        ball=ball,
-        contact=contact,
-        law=law,
-        impulse=impulse,
-        foot_velocity=foot_velocity,
-        approach_speed=approach_speed,
-        ball_before=before,
-        ball_after=_kicked(ball, before, contact.normal, impulse, tangential_impulse),
-        v_before=v,
-        energy_lost=energy_lost,
-        sticking=sticking,
-    )
+    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    problem = approach.contact_problem()
+    solution = solve_contact(problem, law)
+    impact = Impact(approach, law, solution, ball_after(approach, solution))
     if strict:
-        check_energy(hit)
-    return hit
+        check_energy(impact)
+    return impact
 
 
-def check_energy(hit: Impact) -> None:
-    """Raise `EnergyCreated` if the law gained energy."""
-    if hit.creates_energy:
+def check_energy(impact: Impact) -> None:
+    """Raise `EnergyCreated` if the law created energy."""
+    if impact.creates_energy:
+        contact = impact.contact
         raise EnergyCreated(
-            f"law {hit.law!r} creates {-hit.energy_lost:.3g} J in {hit.posture!r} (restitution "
-            f"{hit.contact.restitution:g}, friction {hit.contact.friction:g}): law 'stronge' "
+            f"law {impact.law.value!r} creates {-impact.energy_lost:.3g} J in {impact.posture!r} "
+            f"(restitution {contact.restitution:g}, friction {contact.friction:g}): law 'stronge' "
             "never does"
         )
 
 
-def _kicked(
-    ball: Ball, before: BallState, normal: Array, impulse: Array, tangential_impulse: Array
-) -> BallState:
-    """Return the ball just after an impulse at the foot's end of the normal; only rub turns it."""
-    px, py, pz = impulse.tolist()
+def ball_after(approach: Approach, solution: Solution) -> BallState:
+    """Return the ball just after the impulse; only its tangential part turns the ball."""
+    ball, before = approach.ball, approach.ball_before
+    px, py, pz = solution.impulse.tolist()
     vx, vy, vz = before.velocity.tolist()
     wx, wy, wz = before.spin.tolist()
-    tx, ty, tz = cross3(normal.tolist(), tangential_impulse.tolist())
+    normal, tangential = approach.contact.normal.tolist(), solution.tangential_impulse.tolist()
+    tx, ty, tz = cross3(normal, tangential)
     mass, gain = ball.mass, ball.radius / ball.inertia
     return BallState.computed(
         before.position,

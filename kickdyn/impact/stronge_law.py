@@ -1,19 +1,4 @@
-"""Stronge's law: energetic restitution, the sliding followed through the contact.
-
-Darboux and Keller: while the foot presses on the ball by dp, and the points slide along the unit
-vector r, the relative velocity changes by du = G (-mu r, 1) dp. In d tau = dp / |slip| this is
-smooth up to the end of the sliding, which it reaches as tau goes to infinity:
-
-    slip' = |slip| b - mu A slip,   A and b the tangential block and column of G.
-
-Its Taylor series about any point is cheap; steps of order 24 lose nothing to truncation. For mu
-above 1 they are in mu tau, so that coefficients do not grow with friction. Once the direction has
-settled, what is left is a straight line, in closed form, and so is all that follows
-the end of the sliding.
-
-Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4; Batlle
-1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017 (3-D).
-"""
+"""Stronge's law: energetic restitution, with the sliding followed through the contact."""
 
 from __future__ import annotations
 
@@ -26,37 +11,58 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
+from kickdyn.impact.contact_problem import (
+    ContactProblem,
+    Solution,
+    contact_axes,
+    solve_frictionless,
+)
 
 ORDER = 24
 TRUNCATION = 1e-17
 MAX_STEPS = 2000
-ENDLESS = 1e50
-"""Friction above which no digit of the answer changes; work per mu would leave the floats."""
+MAX_FRICTION = 1e50
+"""Friction above which no digit of the impulse changes; work per mu would leave the floats."""
 
 
-def stronge(problem: ContactProblem) -> Solution:
-    """Restitution returns e^2 of the work that compression took; friction acts all the while.
+def solve_stronge(problem: ContactProblem) -> Solution:
+    r"""Return the impulse of which restitution returns e^2 of the work of compression.
 
-    Sliding may turn, stop, stick, set off again the other way, or never start. Where the foot's
-    inertia turns sliding into pressing (jamming), the speed of approach grows at first; compression
-    still ends, for kinetic energy cannot grow. Should the points press anew before e^2 of the work
-    is back, the work of that compression adds to what restitution draws on. The energy lost is
-    (1 - e^2) of the work of compression and what friction took: never negative, for any inertia.
+    While the normal impulse grows by :math:`dp` and the points slide along the unit vector
+    :math:`r`, the relative velocity changes by :math:`du = G\,(-\mu r, 1)\,dp` (Darboux, Keller).
+    In the variable :math:`\tau` with :math:`d\tau = dp / |s|` the sliding velocity :math:`s`
+    follows
+
+    .. math:: s' = |s|\, b - \mu A s,
+
+    with A and b the tangential block and column of G. This is smooth up to the end of the sliding,
+    at :math:`\tau \to \infty`. Its Taylor series about any point is cheap, and steps of order 24
+    lose nothing to truncation; for mu above 1 they are in :math:`\mu \tau`, so that coefficients
+    do not grow with friction. Once the direction of sliding has settled, what follows is a straight
+    line in closed form, and so is all that comes after the end of the sliding.
+
+    Sliding may turn, stop, stick, start again in the opposite direction, or never start. Where the
+    foot's inertia turns sliding into compression (jamming), the speed of approach grows at first;
+    compression still ends, because kinetic energy cannot grow. If a second compression begins
+    during restitution, its work is added to what restitution returns. The energy lost is (1 - e^2)
+    of the work of compression plus the work of friction: never negative, for any inertia.
+
+    Sources: Keller 1986, J Appl Mech 53:1; Stronge, Impact Mechanics, 2000, chapters 3 and 4;
+    Batlle 1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017.
     """
     if problem.friction == 0.0:
-        return frictionless(problem)
+        return solve_frictionless(problem)
     axes = contact_axes(problem.normal, problem.velocity)
     before = axes.T @ problem.velocity
-    before[2] = -problem.along_normal()[0]  # a fast spin would cost its digits
+    before[2] = -problem.approach_speed  # a fast spin would cost its digits
     speed = float(np.abs(before).max())
-    g = problem.delassus_in(axes)
-    give = float(g.diagonal().max())
-    mu = min(problem.friction, ENDLESS)
-    course = _Course(g / give, mu, problem.restitution, before / speed)
+    g_matrix = problem.delassus_in(axes)
+    mobility = float(g_matrix.diagonal().max())
+    mu = min(problem.friction, MAX_FRICTION)
+    course = _Course(g_matrix / mobility, mu, problem.restitution, before / speed)
     sticking = course.run()
-    scale = speed / give
-    lost = (1.0 - problem.restitution**2) * course.stored + course.rubbed
+    scale = speed / mobility
+    lost = (1.0 - problem.restitution**2) * course.compression_work + course.friction_work
     if not math.isfinite(lost):
         raise KickdynError(f"the sliding cannot be followed (mu = {problem.friction:g})")
     impulse = scale * course.impulse
@@ -64,15 +70,14 @@ def stronge(problem: ContactProblem) -> Solution:
 
 
 class _Course:
-    """An impact under way, in contact axes, the normal last; velocities and G of order 1.
+    """An impact in progress, in contact axes with the normal last; velocities and G of order 1.
 
     Attributes:
-        pace: of tau against the series' time.
-        slip, x, y: size and direction of the sliding.
+        pace: factor from the series' variable to tau.
+        slip, x, y: speed and direction of the sliding.
         normal: velocity along the normal; negative while the points approach.
         impulse: so far, shape `(3,)`.
-        stored, returned: work of compression and of restitution so far.
-        rubbed: work that friction took.
+        compression_work, restitution_work, friction_work: so far.
     """
 
     def __init__(self, g: Array, mu: float, e: float, before: Array) -> None:
@@ -83,10 +88,10 @@ class _Course:
         self.x: float = u1 / self.slip if self.slip else 1.0
         self.y: float = u2 / self.slip if self.slip else 0.0
         self.impulse = np.zeros(3)
-        self.stored = self.returned = self.rubbed = 0.0
+        self.compression_work = self.restitution_work = self.friction_work = 0.0
 
     def run(self) -> bool:
-        """Go through compression and restitution; return whether the points stick as they part."""
+        """Run compression and restitution; return whether the points stick as they separate."""
         for _ in range(MAX_STEPS):
             if self.slip == 0.0:
                 return self._after_sliding()
@@ -102,31 +107,31 @@ class _Course:
         raise KickdynError(f"the sliding did not end in {MAX_STEPS} steps (mu = {self.mu:g})")
 
     def _turning(self) -> tuple[float, float]:
-        """Return how fast the slip turns, 0 where that no longer matters, and how fast it grows."""
+        """Return how fast the slip turns, 0 where that no longer matters, and its growth rate."""
         x, y, mu = self.x, self.y, self.mu
         f1 = self.b1 - mu * (self.a11 * x + self.a12 * y)
         f2 = self.b2 - mu * (self.a12 * x + self.a22 * y)
         turning, gain = x * f2 - y * f1, x * f1 + y * f2
         rounding = abs(self.b1) + abs(self.b2) + mu * (self.a11 + self.a22)
         settled = abs(turning) <= 1e-15 * rounding
-        spent = gain < 0.0 and self.slip * abs(turning) <= -1e-17 * gain
-        return (0.0 if settled or spent else turning), gain
+        ending = gain < 0.0 and self.slip * abs(turning) <= -1e-17 * gain
+        return (0.0 if settled or ending else turning), gain
 
     def _after_sliding(self) -> bool:
-        """Stick to the end if friction can hold, else slide off in the one direction left."""
-        hold1, hold2 = _solve(self.a11, self.a12, self.a22, -self.b1, -self.b2)
-        sticks, gain = math.hypot(hold1, hold2) <= self.mu, 0.0
+        """Stick to the end if friction suffices, else slide in the one possible direction."""
+        stick1, stick2 = _solve(self.a11, self.a12, self.a22, -self.b1, -self.b2)
+        sticks, gain = math.hypot(stick1, stick2) <= self.mu, 0.0
         if not sticks:
-            self.x, self.y, gain = self._way_off()
-            hold1, hold2 = -self.mu * self.x, -self.mu * self.y
-        self._line(hold1, hold2, gain, math.inf)
+            self.x, self.y, gain = self._slip_direction()
+            stick1, stick2 = -self.mu * self.x, -self.mu * self.y
+        self._line(stick1, stick2, gain, math.inf)
         return sticks
 
-    def _way_off(self) -> tuple[float, float, float]:
+    def _slip_direction(self) -> tuple[float, float, float]:
         """Return the direction r in which a slip can start, and its gain: (gain + mu A) r = b.
 
-        |r| falls as the gain grows, from above 1 where friction cannot hold, so there is one gain
-        that makes it 1; Newton's method for 1 / |r| comes to it from below.
+        |r| falls as the gain grows, from above 1 where friction does not suffice, so there is one
+        gain that makes it 1; Newton's method for 1 / |r| approaches it from below.
         """
         mu = self.mu
         gain = max(0.0, math.hypot(self.b1, self.b2) - mu * (self.a11 + self.a22))
@@ -141,34 +146,34 @@ class _Course:
             gain += step
 
     def _line(self, f1: float, f2: float, gain: float, end: float) -> bool:
-        """Press with friction in a constant ratio; return whether the impact ended before `end`."""
+        """Advance with constant friction; return whether the impact ended before impulse `end`."""
         rate = self.g33 + self.b1 * f1 + self.b2 * f2
         while True:
             compressing = self.normal < 0.0 or (self.normal == 0.0 and rate < 0.0)
-            due = 0.0 if compressing else self._due()
+            due = 0.0 if compressing else self._work_due()
             square = self.normal**2 + 2.0 * rate * due
-            back = not compressing and square >= 0.0  # all the work that is due
-            if back:
+            complete = not compressing and square >= 0.0  # restitution returns all work due
+            if complete:
                 stop = 2.0 * due / (self.normal + math.sqrt(square)) if due else 0.0
             else:
                 stop = -self.normal / rate if rate * self.normal < 0.0 else math.inf
             p = min(stop, end)
             work = p * (self.normal + 0.5 * rate * p)
             if compressing:
-                self.stored -= work
+                self.compression_work -= work
             else:
-                self.returned += work
+                self.restitution_work += work
             self.impulse += (f1 * p, f2 * p, p)
-            self.rubbed += self.mu * p * (self.slip + 0.5 * gain * p)
+            self.friction_work += self.mu * p * (self.slip + 0.5 * gain * p)
             self.slip += gain * p
-            self.normal = self.normal + rate * p if back or stop > end else 0.0
-            if back or stop > end:
+            self.normal = self.normal + rate * p if complete or stop > end else 0.0
+            if complete or stop > end:
                 return stop <= end
             end -= p
 
-    def _due(self) -> float:
-        """Return the work that restitution has yet to give back."""
-        return max(0.0, self.share * self.stored - self.returned)
+    def _work_due(self) -> float:
+        """Return the work that restitution has not returned yet."""
+        return max(0.0, self.share * self.compression_work - self.restitution_work)
 
     def _curve(self) -> bool:
         """Take one step while the slip turns; return whether the impact ended in it."""
@@ -192,27 +197,27 @@ class _Course:
         work = _integral(np.convolve(ss, normal).tolist(), slip * self.pace)
         friction = _integral(np.convolve(ss, ss).tolist(), mu * slip * slip)
         if self.normal < 0.0 or last < 0.0:
-            self.stored -= _value(work, h)
+            self.compression_work -= _value(work, h)
             ended = last == 0.0 and self.share == 0.0
         else:
-            due = self._due()
+            due = self._work_due()
             if _value(work, h) >= due:
                 h = _root(lambda t: _value(work, t) - due, h)
                 last, ended = _value(normal, h), True
-            self.returned += _value(work, h)
+            self.restitution_work += _value(work, h)
         self.impulse += (
             -mu * _value(_integral(xs, slip), h),
             -mu * _value(_integral(ys, slip), h),
             _value(_integral(ss, slip * self.pace), h),
         )
-        self.rubbed += _value(friction, h)
+        self.friction_work += _value(friction, h)
         x, y = _value(xs, h), _value(ys, h)
         size = math.hypot(x, y)
         self.x, self.y, self.slip, self.normal = x / size, y / size, slip * size, last
         return ended
 
     def _series(self) -> tuple[list[float], list[float], list[float]]:
-        """Return Taylor coefficients in tau of the slip and of its size, over its size now."""
+        """Return Taylor coefficients of the slip (x, y) and of its speed, over the speed now."""
         mu, b1, b2 = self.mu * self.pace, self.b1 * self.pace, self.b2 * self.pace
         m11, m12, m22 = mu * self.a11, mu * self.a12, mu * self.a22
         xs, ys, ss = [self.x], [self.y], [1.0]
@@ -224,15 +229,15 @@ class _Course:
         return xs, ys, ss
 
     def _monotone(self, h: float, xs: list[float], ys: list[float], rates: list[float]) -> float:
-        """Return the step, cut where the normal velocity may turn round, if it can at all."""
+        """Return the step, cut where the normal acceleration may change sign, if it can at all."""
         steepest = math.hypot(self.b1, self.b2)
         if self.g33 > self.mu * steepest:
             return h
-        across = [(self.b1 * y - self.b2 * x) / steepest for x, y in zip(xs, ys, strict=True)]
-        for turn in (across, rates):
+        crossing = [(self.b1 * y - self.b2 * x) / steepest for x, y in zip(xs, ys, strict=True)]
+        for series in (crossing, rates):
             begin = 1e-6 * h  # where the last step was cut, the sign is rounding
-            if _value(turn, begin) * _value(turn, h) < 0.0:
-                h = _root(partial(_value, turn), h, begin)
+            if _value(series, begin) * _value(series, h) < 0.0:
+                h = _root(partial(_value, series), h, begin)
         return h
 
 
@@ -244,10 +249,12 @@ def _square(series: list[float]) -> float:
 
 
 def _integral(series: Sequence[float], factor: float, start: float = 0.0) -> list[float]:
+    """Return the coefficients of a series' integral times a factor."""
     return [start, *(factor * c / k for k, c in enumerate(series, 1))]
 
 
 def _value(series: Sequence[float], t: float) -> float:
+    """Return the value of a series at t, by Horner's rule."""
     total = 0.0
     for c in reversed(series):
         total = total * t + c

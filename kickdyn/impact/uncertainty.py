@@ -1,11 +1,10 @@
-"""How sure a strike is: what is not known exactly before it, carried to what comes after."""
+"""Uncertainty of an impact: covariances of its sources, propagated to its results."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,11 +13,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.sensitivity import Sensitivity, sensitivity
-from kickdyn.impact.uncertainty_sources import UNITS, columns
-
-if TYPE_CHECKING:
-    from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.sensitivity import UNITS, Branch, Sensitivity
 
 MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""
@@ -26,7 +21,7 @@ MAX_SPREAD = 1e100
 RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
 
 SIZES = {"impulse_size": "impulse", "speed": "velocity"}
-"""What has a size of its own, and the vector it is the size of."""
+"""Results that are the size of a vector, and the vector."""
 
 COLUMNS = {
     "impulse_size": "impulse size",
@@ -34,25 +29,27 @@ COLUMNS = {
     "velocity": "velocity vector",
     "spin": "spin vector",
 }
-"""What the table shows, and what it calls it."""
+"""Results in the table, and their titles."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Printed):
-    """Covariances of a strike's results, and the budget: which source makes which part.
+    r"""Covariances of an impact's results, and the budget: which source makes which part.
 
-    `print` shows the budget as a table.
+    To first order, :math:`\Sigma_y = \sum_x J_x \Sigma_x J_x^T` over independent sources x (JCGM
+    100:2008, 5.1 and 5.2). `print` shows the budget as a table.
 
     Attributes:
         impulse: covariance of the impulse on the ball, shape `(3, 3)` [N2 s2, world frame].
         velocity: of the ball's velocity just after, shape `(3, 3)` [m2/s2].
         spin: of the ball's spin just after, shape `(3, 3)` [rad2/s2].
         impulse_size: standard deviation of the impulse's size [N s].
-        speed: of the ball's speed just after [m/s]. Both leave out what only turns the vector: the
-            root of a covariance's trace is more. Of a ball brought to rest it is that root.
-        ways: unit vectors of the impulse (`impulse_size`) and of the ball's velocity (`speed`).
-        by_source: for each source named, what `impulse`, `velocity` and `spin` would be if it were
-            the only one; they add up to these.
+        speed: of the ball's speed just after [m/s]. Both leave out what only rotates the vector, so
+            the root of a covariance's trace is larger; of a ball brought to rest it is that root.
+        directions: unit vectors of the impulse (`impulse_size`) and of the ball's velocity
+            (`speed`).
+        by_source: for each source, what `impulse`, `velocity` and `spin` would be if it were the
+            only one; they add up to these.
         branch: `frictionless`, `stick` or `slip`.
         branch_sigmas: how many standard deviations the other branch is away. First order holds on
             one branch only: below about 2, read the covariances as rough.
@@ -63,9 +60,9 @@ class Uncertainty(Printed):
     spin: Array
     impulse_size: float
     speed: float
-    ways: Mapping[str, Array]
+    directions: Mapping[str, Array]
     by_source: Mapping[str, Mapping[str, Array]]
-    branch: str
+    branch: Branch
     branch_sigmas: float
 
     def share(self, result: str) -> dict[str, float]:
@@ -88,8 +85,9 @@ class Uncertainty(Printed):
         return {source: part / total if total else 0.0 for source, part in parts.items()}
 
     def _variance(self, result: str, of: Mapping[str, Array]) -> float:
+        """Return the variance of a result, of the covariances of all or of one source."""
         if result in SIZES:
-            return _along(self.ways[result], of[SIZES[result]])
+            return _variance_along(self.directions[result], of[SIZES[result]])
         return float(np.trace(of[result]))
 
     def __str__(self) -> str:
@@ -114,100 +112,101 @@ class Uncertainty(Printed):
         whole = "".join(f"{math.sqrt(total):9.3g}{'':7}" for total in totals.values())
         lines.append(f"{'all':13}{whole}".rstrip())
         lines.append("standard deviations; a vector's is the root of its covariance's trace")
-        if self.branch != "frictionless":
-            other = "slip" if self.branch == "stick" else "stick"
+        if self.branch is not Branch.FRICTIONLESS:
+            other = Branch.SLIP if self.branch is Branch.STICK else Branch.STICK
             lines.append(
                 f"{self.branch}; {other} is {self.branch_sigmas:.2g} standard deviations away"
             )
         return "\n".join(lines)
 
 
-def uncertainty(hit: Impact, **spread: ArrayLike) -> Uncertainty:
-    """Carry uncertainties through a strike, to first order (JCGM 100:2008, 5.1 and 5.2).
+def uncertainty(
+    slopes: Sensitivity, impulse: Array, velocity: Array, spread: Mapping[str, ArrayLike]
+) -> Uncertainty:
+    """Propagate uncertainties through an impact, to first order; see `Uncertainty`.
 
     Args:
-        hit: from `strike` or `strike_at`, law `newton`.
-        **spread: by the name of a source (`kickdyn.impact.uncertainty_sources.UNITS`), its standard
-            deviation: one for all its components, or one for each, shape `(n,)`, independent
-            of each other; or their covariance, shape `(n, n)`. Sources are independent. For a
-            direction, `normal`, it is the angle that it tilts by to each side [rad].
+        slopes: derivatives of the impact.
+        impulse: on the ball, shape `(3,)` [N s].
+        velocity: of the ball just after, shape `(3,)` [m/s].
+        spread: standard deviations or covariances by source, as for `Impact.uncertainty`.
 
     Raises:
-        InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite deviation,
-            a covariance that is not symmetric and positive semidefinite, or another law.
+        InvalidInput: no source or an unknown one, or a spread that is none.
     """
     if not spread:
         raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
     unknown = [name for name in spread if name not in UNITS]
     if unknown:
         raise InvalidInput(f"source {unknown[0]!r} is unknown: choose among {', '.join(UNITS)}")
-    slopes = sensitivity(hit)
-    places = columns(hit.posture.leg)
     by_source: dict[str, Mapping[str, Array]] = {}
-    margin = 0.0
+    margin_variance = 0.0
     for name, value in spread.items():
-        size = places[name].stop - places[name].start
-        covariance = _covariance(name, value, size)
-        parts = {result: _carried(getattr(slopes, result)[name], covariance) for result in RESULTS}
-        by_source[name] = parts
-        margin += float(_carried(slopes.margin_slope[name], covariance)[0, 0])
-    impulse, velocity, spin = (
-        np.sum([parts[result] for parts in by_source.values()], axis=0) for result in RESULTS
-    )
-    for array in (impulse, velocity, spin):
+        margin_slope = slopes.margin_slope[name]
+        covariance = _covariance(name, value, margin_slope.shape[1])
+        by_source[name] = {
+            result: _propagated(getattr(slopes, result)[name], covariance) for result in RESULTS
+        }
+        margin_variance += float(_propagated(margin_slope, covariance)[0, 0])
+    totals = {
+        result: np.sum([parts[result] for parts in by_source.values()], axis=0)
+        for result in RESULTS
+    }
+    for array in totals.values():
         array.setflags(write=False)
-    ways = {"impulse_size": _way(hit.impulse), "speed": _way(hit.ball_after.velocity)}
+    directions = {"impulse_size": _direction(impulse), "speed": _direction(velocity)}
     return Uncertainty(
-        impulse=impulse,
-        velocity=velocity,
-        spin=spin,
-        impulse_size=math.sqrt(_along(ways["impulse_size"], impulse)),
-        speed=math.sqrt(_along(ways["speed"], velocity)),
-        ways=ways,
+        **totals,
+        impulse_size=math.sqrt(_variance_along(directions["impulse_size"], totals["impulse"])),
+        speed=math.sqrt(_variance_along(directions["speed"], totals["velocity"])),
+        directions=directions,
         by_source=by_source,
         branch=slopes.branch,
-        branch_sigmas=_sigmas(slopes, margin),
+        branch_sigmas=_sigmas(slopes, margin_variance),
     )
 
 
-def _way(vector: Array) -> Array:
-    """Return the unit vector along a vector; 0 of 0, which has no direction."""
+def _direction(vector: Array) -> Array:
+    """Return the unit vector along a vector, read-only; 0 of 0, which has no direction."""
     size = math.hypot(*vector)
-    way: Array = vector / size if size else np.zeros(3)
-    way.setflags(write=False)
-    return way
+    direction: Array = vector / size if size else np.zeros(3)
+    direction.setflags(write=False)
+    return direction
 
 
-def _along(way: Array, covariance: Array) -> float:
-    """Return the variance of the size of a vector that points this way."""
-    if not way.any():
+def _variance_along(direction: Array, covariance: Array) -> float:
+    """Return the variance of the size of a vector with this direction."""
+    if not direction.any():
         return float(np.trace(covariance))
-    return max(float(way @ covariance @ way), 0.0)
+    return max(float(direction @ covariance @ direction), 0.0)
 
 
 def _sigmas(slopes: Sensitivity, variance: float) -> float:
+    """Return how many standard deviations of the margin the other branch is away."""
     if slopes.at_boundary:
         return 0.0
     return math.inf if variance <= 0.0 else slopes.margin / math.sqrt(variance)
 
 
-def _carried(jacobian: Array, covariance: Array) -> Array:
-    carried: Array = jacobian @ covariance @ jacobian.T
-    carried.setflags(write=False)
-    return carried
+def _propagated(jacobian: Array, covariance: Array) -> Array:
+    """Return the covariance of a result by one source, read-only."""
+    result: Array = jacobian @ covariance @ jacobian.T
+    result.setflags(write=False)
+    return result
 
 
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:
+    """Return a source's covariance, shape `(size, size)`, or raise `InvalidInput`."""
     array = validation.floats(f"spread of {name}", value, unit=UNITS[name])
     if np.abs(array).max(initial=0.0) > MAX_SPREAD:
         raise InvalidInput(f"spread of {name} is {array.tolist()}: at most {MAX_SPREAD:g}")
     if array.shape == (size, size) and size > 1:
         lowest = float(np.linalg.eigvalsh(array)[0])
         largest = float(np.abs(array).max())
-        aslant = float(np.abs(array - array.T).max())
-        if aslant > 1e-9 * largest:
+        asymmetry = float(np.abs(array - array.T).max())
+        if asymmetry > 1e-9 * largest:
             raise InvalidInput(
-                f"covariance of {name} differs from its transpose by {aslant:.3g}: it must be "
+                f"covariance of {name} differs from its transpose by {asymmetry:.3g}: it must be "
                 "symmetric and positive semidefinite"
             )
         if lowest < -1e-9 * largest:

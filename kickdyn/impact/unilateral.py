@@ -1,81 +1,91 @@
-"""A strike on ground that only pushes: feet may lift off, slip or tip."""
+"""A strike from ground that can push but not pull: feet may lift off, slip or tip."""
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from kickdyn.ball import Ball, BallState
+from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.impact.approach import AT_REST
+from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.cone_solver import solve_cones
-from kickdyn.impact.footing import LIFTS, SLIPS, STANDS, TIPS, level
+from kickdyn.impact.constraint_impulses import Footing, is_level
+from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.joint_impulses import joint_impulses
-from kickdyn.impact.laws import ContactProblem
-from kickdyn.impact.strike import check_energy, strike
+from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.leg_response import LegResponse, as_response, joint_impulses
+from kickdyn.impact.strike import ball_after, check_energy
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg, Posture
 
 MAX_RESIDUAL = 1e-9
-WHY_NOT = {
-    "paper": "it needs one effective mass of the leg",
-    "stronge": "it follows one impulse as it grows, and here several grow at once",
-}
-"""What keeps the other laws from many contacts."""
 
-STILL = 1e-9
+UNSUITABLE = {
+    ImpactLaw.PAPER: "it needs one effective mass of the leg",
+    ImpactLaw.STRONGE: "it follows one impulse as it grows, and here several grow at once",
+}
+"""Why the other laws do not apply to several contacts."""
+
+AT_REST_SPEED = 1e-9
 """Share of the approach speed below which a point of the sole counts as at rest."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class UnilateralImpact(Impact):
-    """An `Impact` in which supports rest on points that can push and rub, but not pull.
+    """An `Impact` in which supports rest on points that can push and have friction, but not pull.
 
-    `support_impulses` are the points' together, `support_residual` is how fast the foot leaves, and
-    `effective_mass` is the leg's with no support held.
+    `support_impulses` are the sums over a support's points, `support_residual` is how fast the foot
+    leaves, and `effective_mass` is that of the leg without supports.
 
     Attributes:
+        response: of the leg.
         point_impulses: by support, on the robot at each corner of the sole, or at the point foot,
-            shape `(k, 3)` [N s, world axes]. More than three corners of a stiff sole leave their
-            split open: sum and moment are certain, and the split is one of many.
+            shape `(k, 3)` [N s, world axes]. With more than three corners of a rigid sole, sum and
+            moment are unique but not the distribution, of which this is one.
         point_velocities: of the same points just after, shape `(k, 3)` [m/s, world axes].
-        cone_residual: how far the contact laws are missed, relative to the largest impulse or
-            velocity.
+        cone_residual: of the contact laws, relative to the largest impulse or velocity.
     """
 
+    response: LegResponse
     point_impulses: dict[str, Array]
     point_velocities: dict[str, Array]
     cone_residual: float
 
     @property
-    def footing(self) -> dict[str, str]:
-        """What each support does: `stands`, `slips`, `tips` on an edge, or `lifts off`."""
-        still = STILL * self.approach_speed
-        found = {}
-        for name, velocities in self.point_velocities.items():
-            up = velocities[:, 2] > still
-            slides = np.hypot(velocities[:, 0], velocities[:, 1])[~up] > still
-            found[name] = LIFTS if up.all() else TIPS if up.any() else SLIPS
-            if not up.any() and not slides.any():
-                found[name] = STANDS
-        return found
+    def leg_response(self) -> LegResponse:
+        """What the impulses do to the leg."""
+        return self.response
+
+    @cached_property
+    def effective_mass(self) -> float:
+        """Mass of the leg along the normal without its supports [kg]."""
+        return _without_supports(self.approach).effective_mass(self.contact.normal)
+
+    @property
+    def footing(self) -> dict[str, Footing]:
+        """What each support does: it stands, slips, tips on an edge, or lifts off."""
+        threshold = AT_REST_SPEED * self.approach_speed
+        return {
+            name: _footing(velocities, threshold)
+            for name, velocities in self.point_velocities.items()
+        }
 
 
-class _Foot(NamedTuple):
-    """Points of a support: from its frame to each, shape `(k, 3)`, and their rows of J."""
-
-    levers: Array
-    rows: Array
+def _footing(velocities: Array, threshold: float) -> Footing:
+    """Return what a support does, from the velocities of its points, shape `(k, 3)` [m/s]."""
+    up = velocities[:, 2] > threshold
+    if up.any():
+        return Footing.LIFTS_OFF if up.all() else Footing.TIPS
+    slides = np.hypot(velocities[:, 0], velocities[:, 1]) > threshold
+    return Footing.SLIPS if slides.any() else Footing.STANDS
 
 
 def unilateral_strike(
@@ -89,128 +99,71 @@ def unilateral_strike(
     ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> UnilateralImpact:
-    """Strike a ball from supports that are not held, but stand on points of the ground.
+    """Strike a ball from supports that are not fixed, but stand on points of the ground.
 
     Newton's restitution at the ball, none at the ground, where all is at rest, and Coulomb's cone
-    at every point: one nonlinear complementarity problem. Law `newton` is the only one: law `paper`
-    finds the impulse along the attack direction from the leg's effective mass there, and feet that
-    may let go leave the leg none; law `stronge` follows the impulse as it grows at one point, but
-    of several that press at once, nobody knows which grows how fast unless their stiffness is
-    named. Arguments and errors as for `strike`, and
+    at every point: one nonlinear complementarity problem, see `solve_cones`. Law `newton` is the
+    only one: law `paper` finds the impulse from the leg's effective mass along the attack
+    direction, which feet that may lift off leave undefined; law `stronge` follows the impulse as it
+    grows at one point, and how fast each of several grows depends on their unknown stiffness.
+    Arguments are those of `strike`; the posture is that of a leg with supports.
 
     Raises:
-        EnergyCreated: `strict`, and Newton's law gains energy here.
-        InvalidInput: another law, the leg has no supports, one lacks its friction, a flat one its
-            sole, or a sole is not level.
-        KickdynError: no solution was found; the message says how far the best misses the laws.
+        NoImpact: as for `strike`.
+        EnergyCreated: `strict` is true and Newton's law creates energy.
+        InvalidInput: as for `strike`; another law, a leg without supports, a support without
+            friction, a flat one without sole, or a sole that is not level.
+        KickdynError: no solution was found; the message has the residual of the best.
     """
-    if isinstance(law, str) and law in WHY_NOT:
+    law = validation.choice("impact law", law, ImpactLaw)
+    if law in UNSUITABLE:
         raise InvalidInput(
-            f"impact law {law!r} is no law for feet that may let go: {WHY_NOT[law]}; choose newton"
+            f"impact law is {law.value!r}: {UNSUITABLE[law]}; feet that may lift off need 'newton'"
         )
-    if law != "newton":
-        raise InvalidInput(f"impact law {law!r} is unknown: choose newton")
     validation.flag("strict", strict)
-    held = strike(posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin)
-    leg = posture.leg
-    supports = _checked(leg)
-    free = leg.with_supports().posture(held.posture.q).with_contact_offset(contact.offset)
-    feet = _feet(held, supports)
-    contacts = _contacts(held, free, feet)
-    bounced = contacts.before.copy()
-    bounced[2] *= 1.0 + contact.restitution
-    frictions = [contact.friction]
-    for support, foot in zip(supports, feet, strict=True):
-        frictions += [support.friction or 0.0] * len(foot.levers)
-    impulses, residual = solve_cones(contacts.delassus, bounced, np.array(frictions))
-    if not residual <= MAX_RESIDUAL:
-        raise KickdynError(
-            f"no impulses found for the supports: the best miss the contact laws by {residual:.1g} "
-            f"(at most {MAX_RESIDUAL:g}; friction up to {max(frictions):g}) in {held.posture!r}"
-        )
-    hit = _outcome(held, ball, free, supports, feet, contacts, impulses, residual)
+    approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    supports = _checked_supports(approach.posture.leg)
+    feet = _feet(approach.posture, supports)
+    contacts = _contacts(approach, feet, supports)
+    impulses, residual = _solve(contacts, approach)
+    impact = _result(approach, supports, feet, contacts, impulses, residual)
     if strict:
-        check_energy(hit)
-    return hit
+        check_energy(impact)
+    return impact
+
+
+class _Foot(NamedTuple):
+    """Points of a support: from its frame to each, shape `(k, 3)` [m], and their rows of J."""
+
+    levers: Array
+    rows: Array
 
 
 class _Contacts(NamedTuple):
-    """Ball first, then the points of the feet.
+    """The contact problem, three rows for the ball first, then for each point of the feet.
 
-    `axes` has the ball's normal for its third column; `jacobian`, `delassus` and the velocities
-    `before` are those of the contact problem, three rows each, normal last.
+    Attributes:
+        axes: contact axes of the ball, the normal last.
+        free: the leg without its supports.
+        jacobian: shape `(3 k, nv)`; of all contacts, tangential axes first and normal last.
+        delassus: of leg and ball, shape `(3 k, 3 k)` [1/kg].
+        before: velocities, shape `(3 k,)` [m/s].
+        frictions: shape `(k,)`.
     """
 
     axes: Array
+    free: Posture
     jacobian: Array
     delassus: Array
     before: Array
+    frictions: Array
 
 
-def _contacts(held: Impact, free: Posture, feet: list[_Foot]) -> _Contacts:
-    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), held.contact.normal).matrix()
-    jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
-    delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
-    alone = ContactProblem.of(held)._replace(leg_rows=np.zeros((3, 0)))
-    delassus[:3, :3] += alone.delassus_in(axes)
-    before = np.concatenate([axes.T @ alone.velocity, np.zeros(len(jacobian) - 3)])
-    before[2] = -alone.along_normal()[0]  # a fast spin would cost its digits
-    return _Contacts(axes, jacobian, (delassus + delassus.T) / 2, before)
-
-
-def _outcome(
-    held: Impact,
-    ball: Ball,
-    free: Posture,
-    supports: tuple[Support, ...],
-    feet: list[_Foot],
-    contacts: _Contacts,
-    impulses: Array,
-    residual: float,
-) -> UnilateralImpact:
-    impulse, before, normal = contacts.axes @ impulses[:3], held.ball_before, held.contact.normal
-    jump, loops = free.respond(contacts.jacobian.T @ impulses)
-    after = contacts.before + contacts.delassus @ impulses
-    ends = np.cumsum([3, *(len(foot.rows) for foot in feet)])[:-1]
-    shares = [part.reshape(-1, 3) for part in np.split(impulses, ends)[1:]]
-    velocities = [part.reshape(-1, 3) for part in np.split(after, ends)[1:]]
-    wrenches = [
-        np.concatenate([share.sum(axis=0), np.cross(foot.levers, share).sum(axis=0)])[: s.size]
-        for s, foot, share in zip(supports, feet, shares, strict=True)
-    ]
-    stacked, v_after = np.concatenate([*wrenches, loops]), held.v_before + jump
-    transmitted, left_over = joint_impulses(held.posture, jump, -impulse, stacked)
-    for array in (impulse, v_after, transmitted, stacked, *shares, *velocities):
-        array.setflags(write=False)
-    names = [support.frame for support in supports]
-    lever = float(np.linalg.norm(free.jacobian) * np.linalg.norm(impulse))
-    tangential_impulse = contacts.axes[:, :2] @ impulses[:2]
-    spin = before.spin - cross(normal, tangential_impulse) * (ball.radius / ball.inertia)
-    same = {field.name: getattr(held, field.name) for field in dataclasses.fields(Impact)}
-    changed = {
-        "impulse": impulse,
-        "effective_mass": free.effective_mass(normal),
-        "ball_after": BallState(before.position, before.velocity + impulse / ball.mass, spin),
-        "v_after": v_after,
-        "joint_impulses": transmitted,
-        "constraint_impulses": stacked,
-        "energy_lost": -0.5 * float(impulses @ (contacts.before + after)),
-        "sticking": bool(np.hypot(after[0], after[1]) <= STILL * held.approach_speed),
-        "restitution_residual": abs(
-            float(after[2]) / held.approach_speed - held.contact.restitution
-        ),
-        "momentum_residual": float(np.abs(left_over).max()) / lever,
-        "point_impulses": dict(zip(names, shares, strict=True)),
-        "point_velocities": dict(zip(names, velocities, strict=True)),
-        "cone_residual": residual,
-    }
-    return UnilateralImpact(**(same | changed))
-
-
-def _checked(leg: Leg) -> tuple[Support, ...]:
+def _checked_supports(leg: Leg) -> tuple[Support, ...]:
+    """Return the supports of a leg, or raise `InvalidInput` where they do not suffice."""
     supports = leg.constraints.supports if leg.constraints else ()
     if not supports:
-        raise InvalidInput(f"{leg.name} has no supports: Leg.standing_on names them")
+        raise InvalidInput(f"{leg.name} has no supports: Leg.with_supports adds them")
     for support in supports:
         if support.friction is None:
             raise InvalidInput(f"support {support.frame} has no friction: name its coefficient")
@@ -219,19 +172,103 @@ def _checked(leg: Leg) -> tuple[Support, ...]:
     return supports
 
 
-def _feet(held: Impact, supports: tuple[Support, ...]) -> list[_Foot]:
-    feet, hold = [], held.posture.constraint_projector
-    for support, block in zip(supports, hold.blocks if hold else (), strict=False):
-        rows = hold.rows[block.at] if hold else np.zeros((0, 0))
+def _feet(posture: Posture, supports: tuple[Support, ...]) -> list[_Foot]:
+    """Return the points on which each support stands; raise `InvalidInput` for a tilted sole."""
+    feet, projector = [], posture.constraint_projector
+    assert projector is not None
+    for support, block in zip(supports, projector.blocks, strict=False):
+        rows = projector.rows[block.rows]
         if support.sole is None:
             feet.append(_Foot(np.zeros((1, 3)), rows))
             continue
-        levers = support.sole @ block.frame.T
-        if not level(levers):
+        levers = support.sole @ block.rotation_world_frame.T
+        if not is_level(levers):
             raise InvalidInput(
-                f"the sole of {support.frame} is tilted in {held.posture!r}: corners' heights "
+                f"the sole of {support.frame} is tilted in {posture!r}: corners' heights "
                 f"differ by {np.ptp(levers[:, 2]):.3g} m, but the ground is level"
             )
         at_points = [rows[:3] - pin.skew(lever) @ rows[3:] for lever in levers]
         feet.append(_Foot(levers, np.vstack(at_points)))
     return feet
+
+
+def _without_supports(approach: Approach) -> Posture:
+    """Return the posture of the same leg without supports."""
+    posture = approach.posture
+    return (
+        posture.leg.with_supports().posture(posture.q).with_contact_offset(approach.contact.offset)
+    )
+
+
+def _contacts(approach: Approach, feet: list[_Foot], supports: tuple[Support, ...]) -> _Contacts:
+    """Return the contact problem of ball and feet."""
+    normal = approach.contact.normal
+    axes = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
+    free = _without_supports(approach)
+    jacobian = np.vstack([-axes.T @ free.jacobian, *(foot.rows for foot in feet)])
+    delassus = jacobian @ np.column_stack([free.solve(row) for row in jacobian])
+    ball_only = approach.contact_problem()._replace(delassus_factor=np.zeros((3, 0)))
+    delassus[:3, :3] += ball_only.delassus_in(axes)
+    before = np.concatenate([axes.T @ ball_only.velocity, np.zeros(len(jacobian) - 3)])
+    before[2] = -ball_only.approach_speed  # a fast spin would cost its digits
+    frictions = [approach.contact.friction]
+    for support, foot in zip(supports, feet, strict=True):
+        frictions += [support.friction or 0.0] * len(foot.levers)
+    symmetric = (delassus + delassus.T) / 2
+    return _Contacts(axes, free, jacobian, symmetric, before, np.array(frictions))
+
+
+def _solve(contacts: _Contacts, approach: Approach) -> tuple[Array, float]:
+    """Return the impulses of all contacts and their residual, or raise `KickdynError`."""
+    free = contacts.before.copy()
+    free[2] *= 1.0 + approach.contact.restitution
+    impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
+    if not residual <= MAX_RESIDUAL:
+        raise KickdynError(
+            f"no impulses found for the supports: the best have a residual of {residual:.1g} "
+            f"(at most {MAX_RESIDUAL:g}; friction up to {contacts.frictions.max():g}) in "
+            f"{approach.posture!r}"
+        )
+    return impulses, residual
+
+
+def _result(
+    approach: Approach,
+    supports: tuple[Support, ...],
+    feet: list[_Foot],
+    contacts: _Contacts,
+    impulses: Array,
+    residual: float,
+) -> UnilateralImpact:
+    """Return the impact with these impulses."""
+    axes, after = contacts.axes, contacts.before + contacts.delassus @ impulses
+    solution = Solution(
+        axes @ impulses[:3],
+        bool(np.hypot(after[0], after[1]) <= AT_REST_SPEED * approach.speed),
+        -0.5 * float(impulses @ (contacts.before + after)),
+        axes[:, :2] @ impulses[:2],
+    )
+    ends = np.cumsum([3, *(len(foot.rows) for foot in feet)])[:-1]
+    shares = [part.reshape(-1, 3) for part in np.split(impulses, ends)[1:]]
+    velocities = [part.reshape(-1, 3) for part in np.split(after, ends)[1:]]
+    wrenches = [
+        np.concatenate([share.sum(axis=0), np.cross(foot.levers, share).sum(axis=0)])[: s.size]
+        for s, foot, share in zip(supports, feet, shares, strict=True)
+    ]
+    jump, loops = contacts.free.respond(contacts.jacobian.T @ impulses)
+    stacked = np.concatenate([*wrenches, loops])
+    posture, impulse = approach.posture, solution.impulse
+    transmitted, unbalanced = joint_impulses(posture, jump, -impulse, stacked)
+    for array in (impulse, *shares, *velocities):
+        array.setflags(write=False)
+    names = [support.frame for support in supports]
+    return UnilateralImpact(
+        approach=approach,
+        law=ImpactLaw.NEWTON,
+        solution=solution,
+        ball_after=ball_after(approach, solution),
+        response=as_response(posture, impulse, approach.v + jump, transmitted, stacked, unbalanced),
+        point_impulses=dict(zip(names, shares, strict=True)),
+        point_velocities=dict(zip(names, velocities, strict=True)),
+        cone_residual=residual,
+    )

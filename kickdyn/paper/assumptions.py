@@ -13,7 +13,8 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
-from kickdyn.impact.laws import ContactProblem, paper
+from kickdyn.impact.contact_problem import ContactProblem
+from kickdyn.impact.paper_law import solve_paper
 from kickdyn.paper.item import Item
 
 BALL = Ball.paper()
@@ -69,20 +70,20 @@ def launch_from_contact(speed: float, attack: Array, normal: Array) -> tuple[Bal
     """Return the launch by Eqs. (15)-(21) and whether the contact sticks.
 
     Args:
-        speed: of the ball if the contact sticks [m/s]; a foot of endless mass is made to give it,
-            as no foot speed of the paper's can.
+        speed: of the ball if the contact sticks [m/s]; a foot of infinite mass gives it,
+            as no foot speed of the paper can.
         attack: unit vector of the foot's motion, shape `(3,)`.
         normal: unit vector from foot to ball, shape `(3,)`.
     """
     heavy = ContactProblem(
         normal=normal,
-        leg_rows=np.zeros((3, 0)),
+        delassus_factor=np.zeros((3, 0)),
         ball=BALL,
         centre_velocity=-speed / (1 + RESTITUTION) * attack,
         spin=np.zeros(3),
         restitution=RESTITUTION,
         friction=FRICTION,
     )
-    impulse, sticking, _, _ = paper(heavy)
+    impulse, sticking, _, _ = solve_paper(heavy)
     spin = np.cross(-BALL.radius * normal, impulse) / BALL.inertia
     return BallState(velocity=impulse / BALL.mass, spin=spin), sticking

@@ -10,8 +10,8 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
 from kickdyn.paper.item import Item, shape
-from kickdyn.planning.self_motion import self_motion
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.robot.self_motion import self_motion
 
 NAME = "Fig. 1"
 START_DEG = (25.0, 40.0, 10.0)
@@ -22,30 +22,23 @@ ATTACK_DEG, SPEED = 30.0, 1.0
 
 def items() -> list[Item]:
     """Return the largest and the smallest impulse that self-motion gives."""
-    hits = kicks()
-    sizes = [float(np.linalg.norm(hit.impulse)) for hit in hits]
+    impacts = kicks()
+    sizes = [float(np.linalg.norm(impact.impulse)) for impact in impacts]
     ratio = max(sizes) / min(sizes)
+    source = "Eq. (10) along the null space of the KIC, contact point and foot velocity fixed"
     result = []
     for label, index in (("most", int(np.argmax(sizes))), ("least", int(np.argmin(sizes)))):
-        leg = hits[index].posture.leg
-        angles = leg.angles_deg(hits[index].posture.q)
-        said = ", ".join(f"{name} {angle:.1f}" for name, angle in angles.items())
-        result.append(
-            Item(
-                f"{NAME} {label} impulse",
-                None,
-                sizes[index],
-                "N s",
-                shape(ratio > 1.05),
-                f"at {said} deg; self-motion changes the impulse {ratio:.2f}-fold",
-                "Eq. (10) along the null space of the KIC, contact point and foot velocity fixed",
-            )
-        )
+        posture = impacts[index].posture
+        angles = posture.leg.angles_deg(posture.q)
+        where = ", ".join(f"{name} {angle:.1f}" for name, angle in angles.items())
+        why = f"at {where} deg; self-motion changes the impulse {ratio:.2f}-fold"
+        name, verdict = f"{NAME} {label} impulse", shape(ratio > 1.05)
+        result.append(Item(name, None, sizes[index], "N s", verdict, why, source))
     return result
 
 
 def kicks() -> list[Impact]:
-    """Return the same kick from every posture of the self-motion, in order."""
+    """Return the impacts of the same kick from every posture of the self-motion, in order."""
     leg, attack = Leg.human(), direction(ATTACK_DEG)
     contact = Contact(attack, RESTITUTION)
 
@@ -58,23 +51,19 @@ def kicks() -> list[Impact]:
 def draw(figure: Figure) -> None:
     """Draw postures that share a contact point, and the impulse along the way."""
     left, right = figure.subplots(1, 2)
-    hits = kicks()
-    sizes = [float(np.linalg.norm(hit.impulse)) for hit in hits]
+    impacts = kicks()
+    sizes = [float(np.linalg.norm(impact.impulse)) for impact in impacts]
     for label, index, colour in (
         ("most", int(np.argmax(sizes)), "tab:red"),
         ("least", int(np.argmin(sizes)), "tab:blue"),
     ):
-        posture = hits[index].posture
+        posture = impacts[index].posture
         x, z = np.array([*joints(posture), posture.contact_point])[:, [0, 2]].T
         left.plot(x, z, "o-", color=colour, label=f"{label}: {sizes[index]:.3f} N s")
-    left.set(
-        xlabel="X [m]",
-        ylabel="Y [m]",
-        title="two postures, one contact point",
-    )
+    left.set(xlabel="X [m]", ylabel="Y [m]", title="two postures, one contact point")
     left.set_aspect("equal", adjustable="datalim")
     left.legend(loc="upper right")
-    right.plot(np.degrees([hit.posture.q[1] for hit in hits]), sizes)
+    right.plot(np.degrees([impact.posture.q[1] for impact in impacts]), sizes)
     right.set(xlabel="knee along the self-motion [deg]", ylabel="impulse on the ball [N s]")
 
 

@@ -52,22 +52,15 @@ def curve(path: Flight) -> float:
 def items() -> list[Item]:
     """Return the curves to the side and the tilt of the spin axes."""
     result = _items(DEFAULT)
+    why = "from the axis of pure back spin; up on the side the ball curves to"
+    source = "Eq. (21): the torque impulse r x F_f"
     for name, path in flights(DEFAULT).items():
         if name in AXES:
             _, y, z = path.launch.spin
             tilt = math.degrees(math.atan2(z, -y))
-            right_way = tilt * CONTACTS[name] > 0
-            result.append(
-                Item(
-                    f"{NAME} {name} tilt of spin axis {AXES[name]}",
-                    None,
-                    tilt,
-                    "deg",
-                    shape(right_way),
-                    "from the axis of pure back spin; up on the side the ball curves to",
-                    "Eq. (21): the torque impulse r x F_f",
-                )
-            )
+            verdict = shape(tilt * CONTACTS[name] > 0)
+            title = f"{NAME} {name} tilt of spin axis {AXES[name]}"
+            result.append(Item(title, None, tilt, "deg", verdict, why, source))
     return result
 
 
@@ -77,24 +70,20 @@ def sensitivity() -> list[Item]:
 
 
 def _items(choice: Coefficients) -> list[Item]:
+    """Return the curve of every flight with a choice of coefficients."""
+    source = f"Eqs. (13), (15)-(21) in 3-D, {choice.name}; attack of Fig. 9 assumed"
     result = []
     for name, path in flights(choice).items():
         left, side = curve(path), CONTACTS[name]
-        right_way = abs(left) < 1e-9 if side == 0 else left * side > 0
-        way = "straight" if side == 0 else f"to the {'left' if side > 0 else 'right'}"
-        result.append(
-            Item(
-                f"{NAME} {name} curve to the left",
-                None,
-                left,
-                "m",
-                shape(right_way),
-                f"{'curves' if right_way and side else 'flies'} {way} of its launch; "
-                f"{float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
-                f"{OFFSET_DEG:g} deg low{'' if side == 0 else f' and {OFFSET_DEG:g} deg beside'}",
-                f"Eqs. (13), (15)-(21) in 3-D, {choice.name}; attack of Fig. 9 assumed",
-            )
+        correct = abs(left) < 1e-9 if side == 0 else left * side > 0
+        course = "straight" if side == 0 else f"to the {'left' if side > 0 else 'right'}"
+        why = (
+            f"{'curves' if correct and side else 'flies'} {course} of its launch; "
+            f"{float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
+            f"{OFFSET_DEG:g} deg low{'' if side == 0 else f' and {OFFSET_DEG:g} deg beside'}"
         )
+        title = f"{NAME} {name} curve to the left"
+        result.append(Item(title, None, left, "m", shape(correct), why, source))
     return result
 
 

@@ -14,7 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, Coefficients
-from kickdyn.paper.item import Item, Verdict
+from kickdyn.paper.item import Item, Verdict, shape
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
 
@@ -105,25 +105,19 @@ def _round(path: Flight, distance: float, time: float) -> Round:
 def items() -> list[Item]:
     """Return rounds and errors of both methods."""
     result, air = _learned(DEFAULT), DEFAULT.air(lift=False)
+    source = f"Newton on the flight's derivatives, from Eqs. (24)-(25), {DEFAULT.name}, no lift"
     for distance, time, _ in GOALS:
         launch = plan_launch(Goal(distance, time=time), BALL, air)
         last = newton_rounds(launch)[-1]
-        goal = f"{NAME} {distance:g} m, {time:g} s planner"
-        met: Verdict = "ours" if launch.status == "met" else "not reachable"
-        source = f"Newton on the flight's derivatives, from Eqs. (24)-(25), {DEFAULT.name}, no lift"
         why = (
             f"ours, beside the paper's loop: {launch.speed:.4f} m/s at "
             f"{math.degrees(launch.angle):.4f} deg after {launch.iterations} steps, errors "
             f"{last.distance_error:.0e} m, {last.time_error:.0e} s"
         )
         why += "".join(f"; {warning}" for warning in launch.flight.warnings)
-        result += [
-            Item(f"{goal} steps", None, launch.iterations, "1", met, why, source),
-            Item(f"{goal} distance", distance, distance - last.distance_error, "m",
-                 met, why, source),
-            Item(f"{goal} time", time, time - last.time_error, "s",
-                 met, why, source),
-        ]  # fmt: skip
+        verdict = Verdict.OURS if launch.status == "met" else Verdict.NOT_REACHABLE
+        steps = ("planner", "steps", None, launch.iterations)
+        result += _goal_items(distance, time, steps, last, verdict, why, source)
     return result
 
 
@@ -144,24 +138,39 @@ def _learned(choice: Coefficients) -> list[Item]:
     found = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
     counts = [len(rounds) - 1 for rounds in found]
     harder = counts == sorted(counts)
+    source = f"Figs. 13-14: command += error, from Eqs. (24)-(25), {choice.name}, no lift"
     result = []
     for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
-        goal = f"{NAME} {distance:g} m, {time:g} s learning loop"
         first, last = rounds[0], rounds[-1]
-        met: Verdict = "shape reproduced" if last.is_met and harder else "not reachable"
         why = (
             f"met to {DISTANCE_ACCURACY:g} m and {TIME_ACCURACY:g} s, "
             f"{'more' if harder else 'not more'} rounds for farther goals; first errors "
             f"{first.distance_error:.2f} m, {first.time_error:.3f} s"
         )
-        source = f"Figs. 13-14: command += error, from Eqs. (24)-(25), {choice.name}, no lift"
-        result += [
-            Item(f"{goal} rounds", printed, len(rounds) - 1, "1", met, why, source),
-            Item(f"{goal} distance", distance, distance - last.distance_error, "m",
-                 met, why, source),
-            Item(f"{goal} time", time, time - last.time_error, "s", met, why, source),
-        ]  # fmt: skip
+        count = ("learning loop", "rounds", printed, len(rounds) - 1)
+        verdict = shape(last.is_met and harder)
+        result += _goal_items(distance, time, count, last, verdict, why, source)
     return result
+
+
+def _goal_items(
+    distance: float,
+    time: float,
+    count: tuple[str, str, float | None, int],
+    last: Round,
+    verdict: Verdict,
+    why: str,
+    source: str,
+) -> list[Item]:
+    """Return a method's count of rounds, and distance and time of its last one."""
+    method, what, printed, number = count
+    goal = f"{NAME} {distance:g} m, {time:g} s {method}"
+    reached = distance - last.distance_error, time - last.time_error
+    return [
+        Item(f"{goal} {what}", printed, number, "1", verdict, why, source),
+        Item(f"{goal} distance", distance, reached[0], "m", verdict, why, source),
+        Item(f"{goal} time", time, reached[1], "s", verdict, why, source),
+    ]
 
 
 def draw(figure: Figure) -> None:

@@ -20,14 +20,15 @@ def flights(choice: Coefficients) -> dict[str, Flight]:
     """Return the four flights, in the paper's order."""
     velocity = SPEED * direction(ELEVATION_DEG)
 
-    def flown(spin: float) -> BallState:
-        return BallState(velocity=velocity, spin=(0.0, spin, 0.0))
-
+    kicks = {
+        "vacuum": (0.0, None),
+        "drag": (0.0, choice.air(lift=False)),
+        "back spin": (-SPIN, choice.air()),
+        "top spin": (SPIN, choice.air()),
+    }
     return {
-        "vacuum": fly(flown(0.0), BALL),
-        "drag": fly(flown(0.0), BALL, choice.air(lift=False)),
-        "back spin": fly(flown(-SPIN), BALL, choice.air()),
-        "top spin": fly(flown(SPIN), BALL, choice.air()),
+        name: fly(BallState(velocity=velocity, spin=(0.0, spin, 0.0)), BALL, air)
+        for name, (spin, air) in kicks.items()
     }
 
 
@@ -42,6 +43,7 @@ def sensitivity() -> list[Item]:
 
 
 def _items(choice: Coefficients) -> list[Item]:
+    """Return range and apex of every curve with a choice of coefficients."""
     paths = flights(choice)
     heights = {name: path.height for name, path in paths.items()}
     ranges = {name: path.range for name, path in paths.items()}
@@ -54,25 +56,14 @@ def _items(choice: Coefficients) -> list[Item]:
         f"{'shortest' if shortest else 'not shortest'}"
     )
     source = f"Eqs. (12)-(13), (22)-(23), {choice.name}"
-    result = []
+    verdict = shape(highest and lowest and shortest)
+    vacuum = paths.pop("vacuum").range
+    near_verdict = near(vacuum, VACUUM_RANGE, COMPUTED)
+    name, closed = f"{NAME} vacuum range", ("closed form", "Eqs. (24)-(25)")
+    result = [Item(name, VACUUM_RANGE, vacuum, "m", near_verdict, *closed)]
     for name, path in paths.items():
-        exact = name == "vacuum"
-        verdict = shape(highest and lowest and shortest)
-        result.append(
-            Item(
-                f"{NAME} {name} range",
-                VACUUM_RANGE if exact else None,
-                path.range,
-                "m",
-                near(path.range, VACUUM_RANGE, COMPUTED) if exact else verdict,
-                "closed form" if exact else order,
-                "Eqs. (24)-(25)" if exact else source,
-            )
-        )
-        if not exact:
-            result.append(
-                Item(f"{NAME} {name} apex", None, path.height, "m", verdict, order, source)
-            )
+        for what, ours in (("range", path.range), ("apex", path.height)):
+            result.append(Item(f"{NAME} {name} {what}", None, ours, "m", verdict, order, source))
     return result
 
 

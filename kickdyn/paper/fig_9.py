@@ -17,7 +17,7 @@ from kickdyn.paper.assumptions import (
     launch_from_contact,
     with_others,
 )
-from kickdyn.paper.item import FITTED, Item, near, shape
+from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
 
 NAME = "Fig. 9"
 FOOT_SPEED = 1.2
@@ -28,45 +28,33 @@ printed: the round number that the printed spin gives back within 0.05 deg."""
 
 def flights(choice: Coefficients) -> list[Flight]:
     """Return the three flights from the printed launches, with the spin of Eqs. (15)-(21)."""
-    return [
-        fly(launch_from_contact(speed, direction(launch), direction(contact))[0], BALL, air)
-        for air in (choice.air(),)
+    launches = (
+        launch_from_contact(speed, direction(launch), direction(contact))[0]
         for speed, _, launch, contact in CASES
-    ]
+    )
+    return [fly(launch, BALL, choice.air()) for launch in launches]
 
 
 def items() -> list[Item]:
     """Return the spins, the speeds' bound, and the flights."""
     result = []
+    source = "Eqs. (15)-(21), from the printed launch"
     for number, (speed, spin, launch, contact) in enumerate(CASES, 1):
         state, sticking = launch_from_contact(speed, direction(launch), direction(contact))
         ours = float(np.linalg.norm(state.spin))
-        held = "sticks" if sticking else "slips"
-        result.append(
-            Item(
-                f"{NAME} case {number} spin",
-                spin,
-                ours,
-                "rad/s",
-                near(ours, spin, FITTED, "fitted"),
-                f"contact at {contact:g} deg {held}: the round number that fits, as the paper "
-                "prints no height",
-                "Eqs. (15)-(21), from the printed launch",
-            )
+        why = (
+            f"contact at {contact:g} deg {'sticks' if sticking else 'slips'}: the round number "
+            "that fits, as the paper prints no height"
         )
+        verdict = near(ours, spin, FITTED, Verdict.FITTED)
+        result.append(Item(f"{NAME} case {number} spin", spin, ours, "rad/s", verdict, why, source))
     bound = normal_impulse(FOOT_SPEED, 1.0, np.inf, BALL.mass) / BALL.mass
+    why = f"a foot at {FOOT_SPEED} m/s gives at most (1 + e) v = {bound:.3g} m/s, at e = 1"
+    source = "Eq. (10), the leg of infinite mass"
     for number, (speed, *_) in enumerate(CASES, 1):
-        result.append(
-            Item(
-                f"{NAME} case {number} ball speed",
-                speed,
-                bound,
-                "m/s",
-                "reproduced" if speed <= bound else "not reachable",
-                f"a foot at {FOOT_SPEED} m/s gives at most (1 + e) v = {bound:.3g} m/s, at e = 1",
-                "Eq. (10), the leg endlessly heavy",
-            )
-        )
+        verdict = Verdict.REPRODUCED if speed <= bound else Verdict.NOT_REACHABLE
+        name = f"{NAME} case {number} ball speed"
+        result.append(Item(name, speed, bound, "m/s", verdict, why, source))
     return result + _flown(DEFAULT)
 
 
@@ -76,6 +64,7 @@ def sensitivity() -> list[Item]:
 
 
 def _flown(choice: Coefficients) -> list[Item]:
+    """Return distance and apex of the three flights."""
     paths = flights(choice)
     ranges, heights = [path.range for path in paths], [path.height for path in paths]
     ordered = ranges == sorted(ranges) and heights == sorted(heights)
@@ -91,30 +80,18 @@ def _flown(choice: Coefficients) -> list[Item]:
     )
     if not ordered:
         why += f", with {LIFT_WITHOUT_CRISIS.name}, which has no crisis, case 3 is first"
-    result = []
-    for number, path in enumerate(paths, 1):
-        for what, ours in (("distance", path.range), ("apex", path.height)):
-            result.append(
-                Item(
-                    f"{NAME} case {number} {what}",
-                    None,
-                    ours,
-                    "m",
-                    shape(ordered),
-                    why,
-                    f"Eqs. (12)-(13), (22)-(23), {choice.name}; from the printed launch",
-                )
-            )
-    return result
+    source = f"Eqs. (12)-(13), (22)-(23), {choice.name}; from the printed launch"
+    return [
+        Item(f"{NAME} case {number} {what}", None, ours, "m", shape(ordered), why, source)
+        for number, path in enumerate(paths, 1)
+        for what, ours in (("distance", path.range), ("apex", path.height))
+    ]
 
 
 def draw(figure: Figure) -> None:
     """Draw the three flights, with the default lift and with one that has no crisis."""
-    for axes, choice in zip(
-        figure.subplots(2, 1, sharex=True),
-        (DEFAULT, LIFT_WITHOUT_CRISIS),
-        strict=True,
-    ):
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, choice in zip(panels, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
         for number, path in enumerate(flights(choice), 1):
             position = path.sample(np.linspace(0, path.duration, 200)).position
             axes.plot(position[:, 0], position[:, 2], label=f"case {number}")

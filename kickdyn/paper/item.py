@@ -4,41 +4,50 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
-
-Verdict = Literal["reproduced", "shape reproduced", "fitted", "ours", "not reachable"]
+from enum import StrEnum
 
 COMPUTED = 0.003
-"""How near to a number that the paper computed ours must be, relative."""
+"""How near our number must be to one that the paper computed, relative."""
 
 MEASURED = 0.1
-"""Likewise to a number of the test bed, or of its simulation."""
+"""The same for a number of the test bed, or of its simulation."""
 
 FITTED = 0.005
-"""Likewise where what the paper leaves out is fitted to it."""
+"""The same where what the paper does not give is fitted to the number."""
 
-MEANINGS: dict[str, str] = {
-    "reproduced": f"within {100 * COMPUTED:g} % of the paper's number in Fig. 8, within "
+
+class Verdict(StrEnum):
+    """How our number compares with the paper's."""
+
+    REPRODUCED = "reproduced"
+    SHAPE_REPRODUCED = "shape-reproduced"
+    FITTED = "fitted"
+    OURS = "ours"
+    NOT_REACHABLE = "not-reachable"
+
+
+MEANINGS = {
+    Verdict.REPRODUCED: f"within {100 * COMPUTED:g} % of the paper's number in Fig. 8, within "
     f"{100 * MEASURED:g} % in Tables 4-5, which are of the test bed",
-    "shape reproduced": "the paper gives a curve or an order only, and ours has it",
-    "fitted": "what the paper leaves out is chosen so that its number comes out, in Table 2 and "
-    f"Fig. 9 within {100 * FITTED:g} %: no confirmation",
-    "ours": "the paper has no number to compare with, or the goal only",
-    "not reachable": "excluded by what the run computes, with the assumptions named",
+    Verdict.SHAPE_REPRODUCED: "the paper gives a curve or an order only, and ours has it",
+    Verdict.FITTED: "what the paper does not give is chosen so that its number results, in Table 2 "
+    f"and Fig. 9 within {100 * FITTED:g} %: no confirmation",
+    Verdict.OURS: "the paper has no number to compare with, or the goal only",
+    Verdict.NOT_REACHABLE: "excluded by what the run computes, with the assumptions named",
 }
 """Every verdict in words."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """A number of the paper, ours, and what to think of the difference.
+    """A number of the paper, ours, and a verdict on the difference.
 
     Attributes:
         item: where it stands, such as `Table 2 a total`.
         paper: what the paper prints; None where it gives only a curve.
         ours: what kickdyn computes.
         unit: of both.
-        verdict: one of `MEANINGS`.
+        verdict: see `MEANINGS`.
         why: in one line.
         source: equation or assumption used.
         variant: other coefficients than the default ones, where they are used.
@@ -55,7 +64,7 @@ class Item:
 
     @property
     def relative_error(self) -> float | None:
-        """Ours over the paper's, less 1; None where the paper prints no number, or 0."""
+        """Our number over the paper's, less 1; None where the paper prints none, or 0."""
         return self.ours / self.paper - 1 if self.paper else None
 
     @property
@@ -78,11 +87,11 @@ class Item:
         }
 
 
-def near(ours: float, paper: float, limit: float, verdict: Verdict = "reproduced") -> Verdict:
-    """Return the verdict on a number that is to be within a limit of the paper's, relative."""
-    return verdict if abs(ours / paper - 1) <= limit else "not reachable"
+def near(ours: float, paper: float, limit: float, verdict: Verdict = Verdict.REPRODUCED) -> Verdict:
+    """Return the verdict where our number is within a relative limit of the paper's."""
+    return verdict if abs(ours / paper - 1) <= limit else Verdict.NOT_REACHABLE
 
 
 def shape(holds: bool) -> Verdict:
     """Return the verdict on a curve or an order."""
-    return "shape reproduced" if holds else "not reachable"
+    return Verdict.SHAPE_REPRODUCED if holds else Verdict.NOT_REACHABLE

@@ -1,4 +1,4 @@
-"""The paper in words: a table of all items, why each comes out so, and other coefficients."""
+"""The paper in words: a table of all items, the reason for each, and other coefficients."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.core.console import empty_table, fits, notes, screen_width
-from kickdyn.paper.item import MEANINGS, Item
+from kickdyn.paper.item import MEANINGS, Item, Verdict
 
 COLOURS = {
-    "reproduced": "green",
-    "shape reproduced": "cyan",
-    "fitted": "blue",
-    "ours": "blue",
-    "not reachable": "yellow",
+    Verdict.REPRODUCED: "green",
+    Verdict.SHAPE_REPRODUCED: "cyan",
+    Verdict.FITTED: "blue",
+    Verdict.OURS: "blue",
+    Verdict.NOT_REACHABLE: "yellow",
 }
 
 
@@ -35,7 +35,7 @@ def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item
     for name, section in others.items():
         console.print(sensitivity(name, section, width))
     every = [item for group in (items, others) for part in group.values() for item in part]
-    for verdict in (name for name in COLOURS if any(item.verdict == name for item in every)):
+    for verdict in (one for one in COLOURS if any(item.verdict == one for item in every)):
         console.print(f"[{COLOURS[verdict]}]{verdict}[/]: {MEANINGS[verdict]}")
 
 

@@ -71,7 +71,7 @@ _NAME = re.compile(r"(fig|table)(?:ures?|s)?\.?\s*(\d+)(?:\s*[-/]\s*(\d+))?", re
 
 
 def _matches(section: Section, name: str) -> bool:
-    """Return whether a section answers to a name: `Fig. 10/11` is also `fig 10` and `figure 11`."""
+    """Return whether a name means a section: `fig 10` and `figure 11` mean `Fig. 10/11`."""
     ours, theirs = _NAME.fullmatch(section.name), _NAME.fullmatch(name.strip())
     if not ours or not theirs or ours[1].lower() != theirs[1].lower():
         return False

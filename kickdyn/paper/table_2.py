@@ -10,7 +10,7 @@ from kickdyn.contact import Contact
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
-from kickdyn.paper.item import FITTED, Item, near
+from kickdyn.paper.item import FITTED, Item, Verdict, near
 from kickdyn.robot.leg import Leg, Posture
 
 NAME = "Table 2"
@@ -23,12 +23,12 @@ ROWS = {
 }
 """Ankle [deg] that puts the foot at 0, 20 and 45 deg; X, Y and total [N s]."""
 
-SOURCE = "Eq. (10) without the ball's term, e = 0.8, hip 5 and knee 10 deg"
-
 
 def items() -> list[Item]:
     """Return the table without the ball's term, and the bound that excludes it with it."""
     leg, attack = Leg.human(), direction(ATTACK_DEG)
+    why = "the obstacle is immovable; hip, knee and e are fitted to three totals"
+    source = "Eq. (10) without the ball's term, e = 0.8, hip 5 and knee 10 deg"
     result = []
     for name, (ankle, *printed) in ROWS.items():
         posture = leg.posture(np.radians([5, 10, ankle]))
@@ -36,34 +36,23 @@ def items() -> list[Item]:
         parts = ((" X", attack[0]), (" Y", attack[2]), ("", 1.0))
         for (part, share), paper in zip(parts, printed, strict=True):
             ours = total * float(share)
-            result.append(
-                Item(
-                    f"{NAME} {name}{part}",
-                    paper,
-                    ours,
-                    "N s",
-                    near(ours, paper, FITTED, "fitted"),
-                    "the obstacle does not move; hip, knee and e are fitted, to three totals",
-                    SOURCE,
-                )
-            )
+            verdict = near(ours, paper, FITTED, Verdict.FITTED)
+            result.append(Item(f"{NAME} {name}{part}", paper, ours, "N s", verdict, why, source))
         result.append(_with_ball(name, posture, printed[-1]))
     return result
 
 
 def _with_ball(name: str, posture: Posture, paper: float) -> Item:
+    """Return the total with the ball's term, and what excludes the printed one."""
     attack = direction(ATTACK_DEG)
     v = posture.joint_velocity(SPEED * attack)
-    hit = strike(posture, v, BALL, Contact(attack, RESTITUTION))
-    here = normal_impulse(SPEED, 1.0, hit.effective_mass, BALL.mass)
+    impact = strike(posture, v, BALL, Contact(attack, RESTITUTION))
+    here = normal_impulse(SPEED, 1.0, impact.effective_mass, BALL.mass)
     anywhere = normal_impulse(SPEED, 1.0, math.inf, BALL.mass)
-    return Item(
-        f"{NAME} {name} with the ball",
-        paper,
-        float(np.linalg.norm(hit.impulse)),
-        "N s",
-        "reproduced" if paper <= here else "not reachable",
+    why = (
         f"this posture gives at most {here:.3g} N s and no leg more than (1 + e) m_B v = "
-        f"{anywhere:.3g} N s, both at e = 1",
-        "Eq. (10) as printed, e = 0.8",
+        f"{anywhere:.3g} N s, both at e = 1"
     )
+    ours, title = float(np.linalg.norm(impact.impulse)), f"{NAME} {name} with the ball"
+    verdict = Verdict.REPRODUCED if paper <= here else Verdict.NOT_REACHABLE
+    return Item(title, paper, ours, "N s", verdict, why, "Eq. (10) as printed, e = 0.8")

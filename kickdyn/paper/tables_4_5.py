@@ -26,12 +26,12 @@ MOST_LIFT = 0.5
 """More than any lift coefficient kickdyn ships, at any spin of a kick."""
 
 PASSIVE_LIMIT = 2.0
-"""Largest ball/foot speed ratio of a passive impact: (1 + e), e = 1, an endlessly heavy leg."""
+"""Largest ball/foot speed ratio of a passive impact: (1 + e), e = 1, a leg of infinite mass."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One row: what was done, and the distances the paper prints [m]."""
+class TestBedKick:
+    """One kick of the test bed: its settings, and the distances that the paper prints [m]."""
 
     name: str
     foot_speed: float
@@ -40,25 +40,25 @@ class Row:
     simulation: float
 
 
-FITTED = Row("Table 5 2.2 m/s", 2.2, 50.0, 7.5, 8.0)
-SAME = Row("Table 4 50 deg", 2.2, 50.0, 7.5, 8.0)
+FITTED = TestBedKick("Table 5 2.2 m/s", 2.2, 50.0, 7.5, 8.0)
+SAME = TestBedKick("Table 4 50 deg", 2.2, 50.0, 7.5, 8.0)
 """The fitted kick again, printed in both tables."""
 
 PREDICTED = (
-    Row("Table 5 2.0 m/s", 2.0, 50.0, 6.3, 6.75),
-    Row("Table 5 1.8 m/s", 1.8, 50.0, 5.3, 5.53),
-    Row("Table 4 30 deg", 2.2, 30.0, 3.9, 3.75),
-    Row("Table 4 40 deg", 2.2, 40.0, 6.5, 6.86),
+    TestBedKick("Table 5 2.0 m/s", 2.0, 50.0, 6.3, 6.75),
+    TestBedKick("Table 5 1.8 m/s", 1.8, 50.0, 5.3, 5.53),
+    TestBedKick("Table 4 30 deg", 2.2, 30.0, 3.9, 3.75),
+    TestBedKick("Table 4 40 deg", 2.2, 40.0, 6.5, 6.86),
 )
 
 
-def launched(row: Row, ratio: float) -> BallState:
+def launched(row: TestBedKick, ratio: float) -> BallState:
     """Return the launch of a row's kick, by Eqs. (15)-(21)."""
     attack, normal = direction(ATTACK_DEG), direction(row.contact_deg)
     return launch_from_contact(ratio * row.foot_speed, attack, normal)[0]
 
 
-def distance(row: Row, ratio: float, choice: Coefficients) -> float:
+def distance(row: TestBedKick, ratio: float, choice: Coefficients) -> float:
     """Return the distance of a row's kick [m]."""
     return fly(launched(row, ratio), BALL, choice.air()).range
 
@@ -83,46 +83,41 @@ def sensitivity() -> list[Item]:
     return [
         item
         for item in with_others(_items)
-        if "simulation" not in item.item and item.verdict != "fitted"
+        if "simulation" not in item.item and item.verdict != Verdict.FITTED
     ]
 
 
 def _items(choice: Coefficients) -> list[Item]:
+    """Return the speed ratio and the distance of every kick with a choice of coefficients."""
     ratio = calibrated(choice)
     source = f"Eqs. (15)-(21), attack {ATTACK_DEG:g} deg, ratio {ratio:.3f}, {choice.name}"
     actual = float(launched(FITTED, ratio).speed) / FITTED.foot_speed
-    result = [
-        Item(
-            "Tables 4-5 ball/foot speed ratio",
-            None,
-            actual,
-            "1",
-            "fitted" if actual <= PASSIVE_LIMIT else "not reachable",
-            f"fitted on {FITTED.name}; a passive impact gives at most 1 + e <= {PASSIVE_LIMIT:g}, "
-            "so the printed foot speeds are not those of the contact point",
-            source,
-        )
-    ]
+    why = (
+        f"fitted on {FITTED.name}; a passive impact gives at most 1 + e <= {PASSIVE_LIMIT:g}, "
+        "so the printed foot speeds are not those of the contact point"
+    )
+    verdict = Verdict.FITTED if actual <= PASSIVE_LIMIT else Verdict.NOT_REACHABLE
+    result = [Item("Tables 4-5 ball/foot speed ratio", None, actual, "1", verdict, why, source)]
     for row in (FITTED, *PREDICTED, SAME):
         ours = distance(row, ratio, choice)
         for reference, paper in (("", row.experiment), (" simulation", row.simulation)):
-            verdict: Verdict = "fitted"
+            verdict = Verdict.FITTED
             why = f"the speed ratio is fitted to this kick's experiment, {FITTED.experiment:g} m"
             if reference:
-                why += "; its simulation in the paper differs from it so"
+                why += "; its simulation in the paper differs from that by as much"
             if row in PREDICTED:
                 verdict = near(ours, paper, MEASURED)
                 why = "predicted with the ratio fitted at 50 deg and 2.2 m/s"
-            if verdict == "not reachable":
+            if verdict == Verdict.NOT_REACHABLE:
                 why += f": {_spread()}"
-            result.append(Item(f"{row.name} distance{reference}", paper, ours, "m", verdict,
-                               why, source))  # fmt: skip
+            name = f"{row.name} distance{reference}"
+            result.append(Item(name, paper, ours, "m", verdict, why, source))
     return result
 
 
 @cache
 def _spread() -> str:
-    """Bound how far apart 30 and 40 deg can be: the contact sticks, so only the spin differs."""
+    """Return in words how far apart 30 and 40 deg can be: only the spin differs, as both stick."""
     low, high = PREDICTED[2], PREDICTED[3]
     ratio = calibrated(DEFAULT)
     most = fly(launched(high, ratio), BALL, Air.paper(lift=constant(MOST_LIFT))).range

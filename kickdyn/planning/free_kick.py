@@ -3,30 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import suppress
 from typing import NamedTuple
 
-import numpy as np
 from scipy.optimize import brentq
 
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course
-from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.goal import PlanStatus
+from kickdyn.planning.kick import KickPlan
 
 OVER = 0.1
-"""How far the ball's lower edge clears a wall where nothing else is asked for [m]."""
+"""Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
 WIDTH = 2.5
-"""Of a wall of five, half a metre each [m]."""
+"""Width of a wall of five players, half a metre each [m]."""
 
 MOUTH = (7.32, 2.44)
-"""Of a goal, between the posts and under the bar [m]: IFAB, Laws of the Game, Law 1."""
+"""Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
 
 FRAME = 0.12
-"""Width of its posts and its bar, at most, there [m]."""
+"""Largest width of its posts and its bar [m], ibid."""
+
+ENDS = {
+    "short": "does not come to the goal",
+    "over": "goes over the bar",
+    "beside": "goes beside the post",
+    "bar": "hits the bar",
+    "post": "hits the post",
+}
+"""Sentences for the ends of a ball that does not go in."""
 
 
 class Wall(NamedTuple):
@@ -46,7 +52,7 @@ class Wall(NamedTuple):
             values = [float(part) for part in parts]
         except ValueError:
             raise InvalidInput(f"wall is {text!r}: it must be numbers, as 9.15:1.9") from None
-        for name, value in zip(("distance", "height", "width"), values, strict=False):
+        for name, value in zip(cls._fields, values, strict=False):
             validation.number(f"{name} of the wall", value, above=0, unit="m")
         return cls(*values)
 
@@ -58,83 +64,55 @@ class Wall(NamedTuple):
                 f"which is {distance:g} m away"
             )
 
-    def clearance(self, planned: KickPlan) -> tuple[float, float, float] | None:
+    def clearance(self, plan: KickPlan) -> tuple[float, float, float] | None:
         """Return how the ball passes the wall [m]; None where it comes down before.
 
-        By how much its lower edge is above the wall, and its side beside it, both below 0 where it
-        is not, and where its centre is to the left of the wall's middle.
+        How far its lower edge is above the wall and its side beside it, both below 0 where it is
+        not, and how far its centre is to the left of the wall's middle.
         """
-        goal, path, radius = planned.goal, planned.path, planned.hit.ball.radius
+        goal, path, radius = plan.goal, plan.path, plan.impact.ball.radius
         start = path.launch.position
 
-        def short(time: float) -> float:
+        def beyond(time: float) -> float:
             return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
 
-        if short(path.duration) < 0.0:
+        if beyond(path.duration) < 0.0:
             return None
-        where = path.sample(float(brentq(short, 0.0, path.duration))).position - start
-        aside = float(np.cross((0.0, 0.0, 1.0), goal.ahead) @ where)
-        return float(where[2]) - self.height, abs(aside) - self.width / 2 - radius, aside
+        passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
+        left = float(goal.left @ passed)
+        return float(passed[2]) - self.height, abs(left) - self.width / 2 - radius, left
 
-    def passed(self, planned: KickPlan, kick: Callable[[Goal], KickPlan]) -> str:
+    def describe_passage(self, plan: KickPlan) -> str:
         """Return by how much the ball clears the wall, as a sentence.
 
-        Args:
-            planned: the kick.
-            kick: plans another, to see what would clear the wall where this does not.
-
         Raises:
-            InvalidInput: it does not.
+            InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
         """
-        self.check_before(planned.goal.distance)
-        clear = self.clearance(planned)
+        self.check_before(plan.goal.distance)
+        clear = self.clearance(plan)
         if clear is None:
             return "The ball comes down before the wall."
-        above, room, aside = clear
+        above, beside, left = clear
         if above > 0.0:
             return f"Its lower edge clears the wall by {above:.3g} m."
-        if room > 0.0:
-            side = "left" if aside > 0.0 else "right"
-            return f"It passes {room:.3g} m {side} of the wall."
-        weak = "" if planned.status == "met" else "the kick is beyond the leg's limits, and "
-        raise InvalidInput(
-            f"{weak}the ball hits the wall, {-above:.3g} m under its top and {-room:.3g} m inside "
-            f"its edge: {self._way_round(planned, aside, kick)}"
+        if beside > 0.0:
+            side = "left" if left > 0.0 else "right"
+            return f"It passes {beside:.3g} m {side} of the wall."
+        met = plan.status == PlanStatus.MET
+        weak = "" if met else "the kick is beyond the leg's limits, and "
+        message = (
+            f"{weak}the ball hits the wall, {-above:.3g} m under its top and {-beside:.3g} m "
+            "inside its edge"
         )
-
-    def _way_round(self, planned: KickPlan, aside: float, kick: Callable[[Goal], KickPlan]) -> str:
-        """Return which of a higher and a curved kick to the same target the leg has."""
-        if isinstance(planned.path, Course):
-            return "along the ground there is no way round it"
-        goal, radius = planned.goal, planned.hit.ball.radius
-        over = (self.distance, round(self.height + OVER, 6))
-        room = math.ceil(1e3 * (self.width / 2 + radius + OVER)) / 1e3
-        beside = (self.distance, -room if aside < -1e-6 else room)
-        named = {goal.kind: getattr(goal, goal.kind)}
-        option = {"speed": "--launch-speed"}.get(goal.kind, f"--{goal.kind}")
-        instead = "" if goal.kind == "over" else f" in place of {option}"
-        ways = {
-            f"over it (--over {over[0]:g}:{over[1]:g}{instead})": {"over": over},
-            f"beside it (--beside {beside[0]:g}:{beside[1]:g})": {**named, "beside": beside},
-        }
-        can = list[str]()
-        for said, wish in ways.items():
-            with suppress(InvalidInput):
-                if kick(Goal(goal.target, **wish)).status == "met":
-                    can.append(said)
-        if not can:
-            return f"{planned.leg.name} has no kick over or beside it either"
-        return f"go {' or '.join(can)}"
-
-
-MISSES = {
-    "short": "does not come to the goal",
-    "over": "goes over the bar",
-    "beside": "goes beside the post",
-    "bar": "hits the bar",
-    "post": "hits the post",
-}
-"""What is said of a ball that does not go in, by its end."""
+        if not isinstance(plan.path, Course):
+            kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
+            instead = "" if kind == "over" else f" in place of --{kind}"
+            edge = math.ceil(1e3 * (self.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
+            message += (
+                f": ask for --over {self.distance:g}:{self.height + OVER:g}{instead}, or "
+                f"for --beside {self.distance:g}:{math.copysign(edge, left + 1e-6):g}"
+            )
+        raise InvalidInput(message)
 
 
 class Score(NamedTuple):
@@ -150,25 +128,27 @@ class Score(NamedTuple):
     post: float
     bar: float
 
+    def __str__(self) -> str:
+        """Say in a sentence whether the ball goes in."""
+        if self.end == "in":
+            return (
+                f"It goes in, {self.post:.3g} m from the post and {self.bar:.3g} m under the bar."
+            )
+        return f"It {ENDS[self.end]}."
 
-def score(planned: KickPlan) -> Score:
+
+def score(plan: KickPlan) -> Score:
     """Return how a kick meets the goal."""
-    radius = planned.hit.ball.radius
-    start, end = planned.path.launch.position, planned.path.sample(planned.path.duration).position
-    _, left, up = end - start
-    short = planned.goal.target[0] - (end - start)[0] > 1e-3 or up <= -radius
-    post = MOUTH[0] / 2 - abs(float(left)) - radius
-    bar = MOUTH[1] - float(up) - 2 * radius
+    radius, path = plan.impact.ball.radius, plan.path
+    moved = path.sample(path.duration).position - path.launch.position
+    ahead, left, up = moved.tolist()
+    post = MOUTH[0] / 2 - abs(left) - radius
+    bar = MOUTH[1] - up - 2 * radius
+    if plan.goal.target[0] - ahead > 1e-3 or up <= -radius:
+        return Score("short", post, bar)
+    if min(post, bar) >= 0.0:
+        return Score("in", post, bar)
     missed = post if bar >= 0.0 else bar if post >= 0.0 else min(post, bar)
     clear = missed < -2 * radius - FRAME
-    aside = missed == post
-    out = ("beside" if aside else "over") if clear else "post" if aside else "bar"
-    return Score("short" if short else "in" if min(post, bar) >= 0.0 else out, post, bar)
-
-
-def scored(planned: KickPlan) -> str:
-    """Return whether a kick ends in the goal straight ahead at the target's distance."""
-    found = score(planned)
-    if found.end == "in":
-        return f"It goes in, {found.post:.3g} m from the post and {found.bar:.3g} m under the bar."
-    return f"It {MISSES[found.end]}."
+    ends = ("post", "beside") if missed == post else ("bar", "over")
+    return Score(ends[clear], post, bar)

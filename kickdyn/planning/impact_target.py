@@ -47,7 +47,7 @@ class ImpactTarget:
         n, impact_target, zero = self.contact.normal, self.contact, np.zeros(3)
         problem = ContactProblem(
             normal=n,
-            leg_rows=posture.delassus_factor(),
+            delassus_factor=posture.delassus_factor(),
             ball=self.ball,
             centre_velocity=zero,
             spin=zero,

@@ -3,45 +3,162 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
-from kickdyn.ball import Ball
+from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
-from kickdyn.planning.equations import FEASIBLE, Objective
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
-from kickdyn.planning.heading import turned
-from kickdyn.planning.impact_target import impact_target_for
-from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
+from kickdyn.planning.kick_cost import Cost, KickObjective, scatter_cost
+from kickdyn.planning.kick_program import (
+    FEASIBLE,
+    KickProgram,
+    KickSolution,
+    explain_infeasible,
+    turn_leg,
+)
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
-from kickdyn.planning.limb import Limb, limb_of
-from kickdyn.planning.objectives import OBJECTIVES, least_scatter
 from kickdyn.planning.passes import plan_pass
-from kickdyn.planning.search import Found, Search
-from kickdyn.planning.swing_joints import check_solver
+from kickdyn.planning.swing_phase import SwingPhase, check_solver
+from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
 
-if TYPE_CHECKING:
-    from kickdyn.planning.swing_kick import SwungKick
-    from kickdyn.planning.swing_phase import SwingPhase
+AT_END = 1e-6
+"""Distance from the end of its range at which a joint is there [rad; m]."""
+
+STILL = 1e-9
+"""Share of the fastest joint's speed below which a joint stands still."""
 
 
-STARTS = 4
-"""Of the search, drawn with a fixed seed."""
+@dataclass(frozen=True, eq=False, repr=False)
+class KickPlan(ReprMixin):
+    """A kick, planned and then carried out by `strike` and `fly`.
+
+    Attributes:
+        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
+            kick in the planned direction that gives the ball the most speed.
+        goal: that was asked for.
+        launch: that meets it.
+        objective: that was made least, or most.
+        value: of the objective.
+        share: of the launch speed that is reached; 1 where the status is `met`.
+        impact_target: impulse, normal and place on the ball.
+        impact: the strike, from the planned posture and joint velocity.
+        path: the flight from there, to the target's plane or to the ground before it; of a pass,
+            the course.
+        speed_use: largest joint speed at the impact, over its limit.
+        torque_use: largest torque at the impact, over its limit; the torque is what keeps the
+            joints' speed, gravity included.
+        binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
+            a harder kick has no motion from rest and to rest.
+        heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
+            leg whose foot moves in a plane, and a goal aside of it.
+        phases: of the swing that `swing=True` found with the kick, before and after the impact;
+            `plan_swing` starts from there.
+    """
+
+    status: PlanStatus
+    goal: Goal
+    launch: Launch
+    objective: KickObjective
+    value: float
+    share: float
+    impact_target: ImpactTarget
+    impact: Impact
+    path: Flight | Course
+    speed_use: float
+    torque_use: float
+    binding: tuple[str, ...]
+    heading: float
+    phases: tuple[SwingPhase, SwingPhase] | None = None
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        yield "posture", self.q, "rad"
+        yield "joint velocity", self.v, "rad/s"
+        yield "impulse on the ball", self.impact.impulse, "N s"
+        yield "launch", self.impact.ball_after.velocity, "m/s"
+        yield "landing error", self.landing_error, "m"
+        yield "time error", self.time_error, "s"
+        yield self.objective, self.value, self.objective.unit
+        yield "of the speed limit", self.speed_use, ""
+        yield "of the torque limit", self.torque_use, ""
+        for line in self.warnings:
+            yield "warning", line, ""
+
+    def _picture(self) -> str:
+        return self.path._picture()
+
+    @property
+    def leg(self) -> Leg:
+        """The leg that kicks: as it was given, or turned by `heading`."""
+        return self.impact.posture.leg
+
+    @property
+    def q(self) -> Array:
+        """Posture at the impact, shape `(nq,)` [rad]."""
+        return self.impact.posture.q
+
+    @property
+    def v(self) -> Array:
+        """Joint velocity just before the impact, shape `(nv,)` [rad/s]."""
+        return self.impact.v_before
+
+    @property
+    def landing_error(self) -> float:
+        """Distance of the path's end from the target [m]."""
+        end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
+        off = end.position - self.impact.ball_after.position - self.goal.target
+        return float(np.linalg.norm(off))
+
+    @property
+    def time_error(self) -> float:
+        """Duration of the path less the time of `launch` [s]."""
+        return self.path.duration - self.launch.time
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of `path`: a line for each coefficient used outside its range."""
+        return self.path.warnings
+
+    @property
+    def too_fast_after(self) -> dict[str, float]:
+        """Speed over limit of the joints that exceed it just after the impact, by name."""
+        limit, after = self.leg.velocity_limit, self.impact.v_after
+        used = {name: abs(after[i]) / limit[i] for name, i in self._moving() if limit[i]}
+        return {name: float(use) for name, use in used.items() if use > 1.0}
+
+    @property
+    def into_stop(self) -> tuple[str, ...]:
+        """Joints at an end of their range that move on beyond it just after the impact."""
+        found, values = [], self.leg.joint_values(self.q)
+        for name, i in self._moving():
+            (low, high), v = self.leg.joint_range(name), self.impact.v_after[i]
+            at = values[name]
+            if (at - low < AT_END and v < 0.0) or (high - at < AT_END and v > 0.0):
+                found.append(name)
+        return tuple(found)
+
+    def _moving(self) -> list[tuple[str, int]]:
+        """Return the joints that move just after the impact, with their index in v."""
+        leg, speed = self.leg, np.abs(self.impact.v_after)
+        every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
+        return [(name, i) for name, i in every if speed[i] > STILL * speed.max()]
 
 
 def plan_kick(
@@ -50,7 +167,7 @@ def plan_kick(
     ball: Ball,
     air: Air | None = None,
     *,
-    objective: str = "joint speed",
+    objective: str = KickObjective.JOINT_SPEED,
     restitution: float = 0.8,
     friction: float = 0.4,
     spin: ArrayLike = (0.0, 0.0, 0.0),
@@ -64,32 +181,30 @@ def plan_kick(
     spread: Mapping[str, float] | None = None,
     swing: bool = False,
 ) -> KickPlan:
-    """Find posture and joint velocity that strike a ball at rest so that it meets a goal.
+    r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
-    Goal, launch, impulse, normal and foot velocity follow from each other in closed form; posture
-    and joint velocity are what is left, and the objective chooses among them.
+    The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
+    velocity follow from each other in closed form; posture and joint velocity are what is left, and
+    a nonlinear program chooses them by the objective. The plan is then struck and flown.
 
     Args:
         leg: on a fixed base, without supports or loops.
         goal: from where the ball lies.
         ball: mass and radius.
         air: None is the vacuum.
-        objective: `joint speed`, mean square of speeds over their limits; `joint impulse`, the
-            largest linear impulse in a joint [N s], or `most joint impulse`; `foot speed` [m/s]:
-            the posture that makes the most impulse of it; `effort`, the kinetic energy that the
-            swing must build up [J], not what `plan_swing` calls so; `scatter`, the root mean
-            square error of the landing [m] for errors given by `spread`, searched from the plans
-            of all other objectives: no more than theirs.
+        objective: a `KickObjective`. `scatter` needs a `spread`; it is searched from the plans of
+            all other objectives, so that it scatters no more than theirs.
         restitution: of the contact; 0.8 as the paper's Table 2.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
-        spin: of the launch, shape `(3,)` [rad/s]; what is not across the launch is left out.
+        spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
+            out: a ball at rest takes spin across it only.
         offset: of the contact point from the leg's frame, as for `Contact`.
         ball_height: of the ball's centre [m, world frame]; free when not named, where `kickdyn
             plan` lays the ball at the straight leg's foot: -0.7042 for `Leg.human()`.
-        ball_at: where the ball's centre lies, instead, shape `(3,)` [m, world frame]: what is left
-            is self-motion, the way of a redundant leg to kick from one place in many postures.
+        ball_at: position of the ball's centre, instead, shape `(3,)` [m, world frame]: what is left
+            free is the self-motion of a redundant leg.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
-            infinite one always holds, its use is 0, and `joint speed` counts it as 100 rad/s; one
+            infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
@@ -98,89 +213,108 @@ def plan_kick(
             goal is then a time and a target as high as the ball.
         spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
-            its limits and a second each: `plan_swing` then finds the way. For objectives `joint
-            speed` and `effort`, with limits; needs `pip install "kickdyn[swing]"`.
+            its limits and a second each: `plan_swing` then finds the motion. For objectives
+            `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective.
     """
-    check_free(leg, "kicks are planned")
-    if objective not in (*OBJECTIVES, "scatter"):
-        raise InvalidInput(
-            f"objective {objective!r} is unknown: choose {', '.join(OBJECTIVES)}, scatter"
-        )
-    if (spread is None) != (objective != "scatter"):
-        raise InvalidInput(f"objective {objective!r} and spread {spread!r}: scatter needs a spread")
-    if ball_height is not None:
-        ball_height = validation.number("ball height", ball_height, unit="m")
-    if ball_at is not None and ball_height is not None:
-        raise InvalidInput(f"ball_height is {ball_height:g} beside ball_at: name one of the two")
-    ball_position = (
-        ball_height if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
-    )
+    check_unconstrained(leg, "kicks are planned")
+    objective = _checked_objective(objective, spread, limits=limits, swing=swing)
+    ball_position = _checked_ball_position(ball_height, ball_at)
     place = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
-    turning = validation.vector("spin", spin, 3, unit="rad/s")
-    ground = None if surface is None else Ground(surface=surface)
+    wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
+
     if surface is None:
-        launch = _plan_free_launch(goal, ball, air, turning, arc)
+        launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
     else:
-        launch = _plan_pass_launch(goal, ball, air, turning, surface)
-    impact_target = impact_target_for(
-        launch.velocity, launch.spin, ball, restitution, friction, place
-    )
-    limb = limb_of(leg)
-    search = Search(limb.leg, impact_target, ball_position, limits, turn)
-    cost = OBJECTIVES["joint speed" if spread is not None else objective](search, impact_target)
-    found = search.run(cost, STARTS)
-    if found is not None and spread is not None:
-        cost = least_scatter(impact_target, launch, air, spread)
-        known = [found]
-        if found.share == 1.0:  # what is least for others may scatter less, or lead to what does
-            for one in list(OBJECTIVES.values())[1:]:
-                other = Search(limb.leg, impact_target, ball_position, limits, turn)
-                run = other.run(one(other, impact_target), STARTS)
-                known += [run] if run is not None and run.share == 1.0 else []
-        found = min((search.improve(one, cost) for one in known), key=lambda one: one.value)
-    if found is None:
-        there = (
-            f"{ball_position:g}"
-            if isinstance(ball_position, float)
-            else np.asarray(ball_position).tolist()
-        )
-        where = "" if ball_position is None else f" that touches a ball at {there} m"
-        from kickdyn.planning.excluded import why_none
-
-        why = why_none(limb.leg, impact_target, ball_position, limits, turn, STARTS)
+        launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
+    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, place)
+    chain = kicking_chain(leg, branches=True)
+    program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
+    if spread is None:
+        cost = program.cost(objective)
+        solution = program.solve(cost)
+    else:
+        cost = scatter_cost(target, launch, air, spread)
+        solution = _solve_scatter(program, cost)
+    if solution is None:
+        at = ball_position.tolist() if isinstance(ball_position, np.ndarray) else ball_position
+        where = "" if at is None else f" that touches a ball at {at} m"
+        why = explain_infeasible(chain.leg, target, ball_position, limits=limits, turn=turn)
         raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so: {why}")
-    binding: tuple[str, ...] = ()
-    parts: tuple[SwingPhase, SwingPhase] | None = None
+    static_share, phases = solution.share, None
     if swing:
-        bare = found.share
-        found, parts = _swung(search, found, objective)
-        binding = ("swing",) if found.share < bare - 1e-6 else ()
-    robot = turned(leg, search.heading) if search.heading else leg
-    hit = _struck(robot, limb, search, found)
-    plan = _carried_out(search, found, hit, goal, launch, objective, air, cost, ground, binding)
-    return replace(plan, parts=parts)
+        from kickdyn.planning.swing_kick import solve_with_swing
+
+        solution, phases = solve_with_swing(program, solution, objective)
+    robot = turn_leg(leg, program.heading) if program.heading else leg
+    q, v = chain.whole(robot, solution.posture.q, solution.v)
+    impact = strike(robot.posture(q), v, ball, target.contact)
+
+    speed = np.abs(solution.v[program.vs]) / program.velocity_limit
+    torque = np.abs(program.torque(solution.posture.q, solution.v)) / program.torque_limit
+    met = solution.share == 1.0
+    return KickPlan(
+        status=PlanStatus.MET if met else PlanStatus.BEYOND_LIMITS,
+        goal=goal,
+        launch=launch,
+        objective=objective,
+        value=cost(solution.posture, solution.v),
+        share=solution.share,
+        impact_target=target,
+        impact=impact,
+        path=_carry_out(impact.ball_after, goal, launch.time if met else None, ball, air, surface),
+        speed_use=float(speed.max()),
+        torque_use=float(torque.max()),
+        binding=(
+            *(["swing"] if solution.share < static_share - 1e-6 else []),
+            *_reached("speed", program.names, speed),
+            *_reached("torque", program.names, torque),
+        ),
+        heading=program.heading,
+        phases=phases,
+    )
 
 
-def _swung(search: Search, found: Found, objective: str) -> SwungKick:
-    """Return the best kick near one that can be swung."""
-    check_solver()
-    if not search.limits:
-        raise InvalidInput("limits is False: a swing is planned within limits")
-    from kickdyn.planning.swing_kick import with_swing
+def _checked_objective(
+    name: str, spread: Mapping[str, float] | None, *, limits: bool, swing: bool
+) -> KickObjective:
+    """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
+    objective = validation.choice("objective", name, KickObjective)
+    if (spread is None) != (objective != KickObjective.SCATTER):
+        raise InvalidInput(
+            f"objective is {objective} and spread {spread!r}: scatter needs a spread, and no other"
+        )
+    if swing:
+        check_solver()
+        if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
+            raise InvalidInput(
+                f"objective is {objective}: with swing=True it must be joint-speed or "
+                "kinetic-energy"
+            )
+        if not limits:
+            raise InvalidInput("limits is False: a swing is planned within limits")
+    return objective
 
-    swung = with_swing(search, found, objective)
-    if swung is None:
-        raise InvalidInput(f"{search.leg.name} finds no posture that it can swing to")
-    return swung
+
+def _checked_ball_position(
+    ball_height: float | None, ball_at: ArrayLike | None
+) -> float | Array | None:
+    """Return the height or the position of the ball's centre; None where it is free."""
+    if ball_at is None:
+        return (
+            None if ball_height is None else validation.number("ball height", ball_height, unit="m")
+        )
+    if ball_height is not None:
+        raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
+    return validation.vector("ball_at", ball_at, 3, unit="m")
 
 
-def _plan_free_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
-    """Return the launch in the air whose spin is across it: a ball at rest takes no other."""
+def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:
+    """Return the launch into the air, without the part of the spin that is along it."""
     across = spin
     for _ in range(30):
         launch = plan_launch(goal, ball, air, spin=across, arc=arc)
@@ -197,7 +331,7 @@ def _plan_free_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc:
 def _plan_pass_launch(
     goal: Goal, ball: Ball, air: Air | None, spin: Array, surface: str | Surface
 ) -> Launch:
-    """Return the launch of a pass."""
+    """Return the launch of a pass along the ground."""
     found = plan_pass(goal, ball, air, surface=surface, spin=spin)
     if found.limit is not None:
         raise OutOfReach(f"the pass is out of reach: {found.summary}", found.limit, found)
@@ -208,7 +342,6 @@ def _plan_pass_launch(
             "only"
         )
     assert goal.time is not None
-    errors = np.array([0.0, found.aside, 0.0, found.time - goal.time])
     return Launch(
         status=PlanStatus.MET,
         goal=goal,
@@ -217,66 +350,46 @@ def _plan_pass_launch(
         velocity=found.velocity,
         spin=spin,
         time=found.time,
-        errors=errors,
+        errors=np.array([0.0, found.aside, 0.0, found.time - goal.time]),
         history=found.velocity[None],
         ball=ball,
         air=air,
     )
 
 
-def _struck(robot: Leg, limb: Limb, search: Search, found: Found) -> Impact:
-    q, v = limb.whole(robot, found.posture.q, found.v)
-    return strike(robot.posture(q), v, search.impact_target.ball, search.impact_target.contact)
+def _solve_scatter(program: KickProgram, cost: Cost) -> KickSolution | None:
+    """Return the solution of least scatter near those of all other objectives."""
+    found = program.solve(program.cost(KickObjective.JOINT_SPEED))
+    if found is None:
+        return None
+    known = [found]
+    if found.share == 1.0:  # the plan of another objective may scatter less, or lead to one
+        names = set(KickObjective) - {KickObjective.JOINT_SPEED, KickObjective.SCATTER}
+        others = [program.solve(program.cost(name)) for name in sorted(names)]
+        known += [one for one in others if one is not None and one.share == 1.0]
+    return min((program.improve(one, cost) for one in known), key=lambda one: one.value)
 
 
-def _carried_out(
-    search: Search,
-    found: Found,
-    hit: Impact,
+def _carry_out(
+    start: BallState,
     goal: Goal,
-    launch: Launch,
-    objective: str,
+    time: float | None,
+    ball: Ball,
     air: Air | None,
-    cost: Objective,
-    ground: Ground | None,
-    binding: tuple[str, ...],
-) -> KickPlan:
-    impact_target = search.impact_target
-    start = hit.ball_after
-    path: Flight | Course
-    if ground is None:
-        time = launch.time if found.share == 1.0 else None
-        path = fly_to_target(start, goal, impact_target.ball, air, time)
-        end = path.landing
-    else:
-        ground = Ground(float(start.position[2]) - impact_target.ball.radius, ground.surface)
-        plane = Plane(start.position + goal.target, -goal.ahead, "centre")
-        path = follow(start, impact_target.ball, air, ground, plane=plane)
-        end = path.rest
-    error = float(np.linalg.norm(end.position - start.position - goal.target))
-    fast = np.abs(found.v[search.vs]) / search.fastest
-    used = np.abs(search.torque(found.posture.q, found.v)) / search.effort
-    uses = {"speed of": fast, "effort of": used}
-    return KickPlan(
-        status=PlanStatus.MET if found.share == 1.0 else PlanStatus.BEYOND_LIMITS,
-        goal=goal,
-        launch=launch,
-        objective=objective,
-        value=cost(found.posture, found.v),
-        share=found.share,
-        impact_target=impact_target,
-        hit=hit,
-        path=path,
-        landing_error=error,
-        time_error=path.duration - launch.time,
-        speed_use=float(fast.max()),
-        effort_use=float(used.max()),
-        binding=binding
-        + tuple(
-            f"{what} {name}"
-            for what, use in uses.items()
-            for name, share in zip(search.names, use.tolist(), strict=True)
-            if share > 1.0 - 10 * FEASIBLE
-        ),
-        heading=search.heading,
-    )
+    surface: str | Surface | None,
+) -> Flight | Course:
+    """Return the path of the ball after the strike, to the target or to its end before."""
+    if surface is None:
+        return fly_to_target(start, goal, ball, air, time)
+    ground = Ground(float(start.position[2]) - ball.radius, surface)
+    plane = Plane(start.position + goal.target, -goal.ahead, "centre")
+    return follow(start, ball, air, ground, plane=plane)
+
+
+def _reached(what: str, names: tuple[str, ...], use: Array) -> list[str]:
+    """Return the limits that are reached, by joint."""
+    return [
+        f"{what} of {name}"
+        for name, share in zip(names, use.tolist(), strict=True)
+        if share > 1.0 - 10 * FEASIBLE
+    ]

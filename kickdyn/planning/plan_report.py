@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from kickdyn.ball import BallState
@@ -11,250 +12,225 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.planning.free_kick import Wall, score
-from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
-from kickdyn.planning.objectives import SAID, UNITS
-from kickdyn.planning.scatter import scatter
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.scatter import Scatter, scatter
+from kickdyn.planning.swing import Swing
 
 NEAR = 5e-4
 """Distance from the target that is not worth a word beside the limits [m]."""
 
 MARGIN = 5e-3
-"""How much slower than the hardest kick one is that is named as possible: more than rounding."""
+"""Share by which a kick that is named as possible is slower than the hardest one."""
 
 
-def verdict(planned: KickPlan) -> str:
-    """Return the answer in a line."""
-    where = ", ".join(f"{part:.4g}" for part in planned.goal.target)
-    if planned.status == "met":
-        return (
-            f"The ball comes to ({where}) m after {planned.path.duration:.4g} s; strike and flight "
-            f"miss it by {planned.landing_error:.2g} m."
-        )
-    reached = ", ".join(limit.replace("effort of", "torque of") for limit in planned.binding)
-    limits = f" ({reached})" if reached else ""
-    return (
-        f"Beyond the leg's limits{limits}: it gives the ball {planned.share:.0%} of the speed that "
-        f"({where}) m takes. {_end(planned)}{_within(planned)}"
-    )
-
-
-def _end(planned: KickPlan) -> str:
-    """Return where and when a kick that is too weak ends."""
-    path, missed = planned.path, planned.landing_error
-    after = f"after {path.duration:.4g} s"
-    off = "" if missed < NEAR else f", {missed:.3g} m from it"
-    if path.status == "at-plane":
-        late = planned.time_error
-        return (
-            f"The ball passes it {after}, {abs(late):.3g} s {'late' if late > 0 else 'early'}{off}."
-        )
-    if isinstance(path, Course):
-        return f"The ball stops {path.distance:.4g} m away {after}{off}."
-    way = "comes down" if path.status == "landed" else "is still aloft"
-    return f"The ball {way} {path.range:.4g} m away {after}{off}."
-
-
-def _within(planned: KickPlan) -> str:
-    path = within_limits(planned)
-    if path is None:
-        return ""
-    return f" Within them, that way, are {path.range:.4g} m in {path.duration:.4g} s."
-
-
-def within_limits(planned: KickPlan) -> Flight | None:
-    """Return a flight in the kick's direction that is a little within the limits, if known."""
-    if isinstance(planned.path, Course) or planned.launch.spin.any():
-        return None
-    state, ball = planned.hit.ball_after, planned.hit.ball
-    slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
-    path = fly(slower, ball, planned.launch.air)
-    return path if planned.launch.angle > 0.0 and path.status == "landed" else None
-
-
-def aftermath(planned: KickPlan, limits: bool) -> list[str]:
-    """Return what the joints do just after the impact that they should not, in a line, or none.
+@dataclass(frozen=True)
+class PlanReport:
+    """A planned kick with all that was asked about it.
 
     Args:
-        planned: the kick.
-        limits: whether speed limits matter.
-    """
-    parts = [f"{name} into its stop" for name in planned.into_stop]
-    if limits:
-        parts += [f"{name} at {use:.0%} of its speed limit" for name, use in planned.after.items()]
-    return [f"Just after the impact: {', '.join(parts)}."] if parts else []
-
-
-def cautions(planned: KickPlan) -> list[str]:
-    """Return the flight's warnings as sentences, or none."""
-    return [f"Warning: {line}." for line in planned.warnings]
-
-
-def scattered(planned: KickPlan, spread: Mapping[str, float]) -> str:
-    """Return in a line how far off the ball lands for errors of given size."""
-    found = scatter(planned.hit, planned.launch.air, **spread)
-    parts = {name: math.sqrt(float(part.trace())) for name, part in found.by_source.items()}
-    said = ", ".join(f"{size:.3g} m by {name}" for name, size in parts.items())
-    return f"It lands {found.radius:.3g} m off in the root mean square: {said}."
-
-
-def _deg(angle: float) -> str:
-    return f"{round(math.degrees(angle), 3) + 0.0:.3f}"  # no -0
-
-
-def _mm(length: float) -> str:
-    return f"{round(1e3 * length, 1) + 0.0:.1f}"
-
-
-def _side(shown: str) -> str:
-    """Return where to something shown as a number is, which counts to the left."""
-    return "right" if shown.startswith("-") else "left"
-
-
-def text(planned: KickPlan) -> list[str]:
-    """Return a plan's numbers as lines of text."""
-    launch, hit, leg = planned.launch, planned.hit, planned.leg
-    up, left = planned.impact_target.place
-    joints = [
-        f"  {name:24} {value:9.2f} {unit}  "
-        f"{planned.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
-        for name, (value, unit) in leg.display_values(planned.q).items()
-        if planned.v[leg.velocity_index(name)] != 0.0 or value != 0.0
-    ]
-    value = f"{planned.value:.4g} {UNITS.get(planned.objective, '')}".strip()
-    what = SAID.get(planned.objective, planned.objective)
-    azimuth, sideways = _deg(launch.azimuth), _mm(left)
-    turned = f"{math.degrees(planned.heading):.2f}"
-    aside = [f"base    turned {turned.lstrip('-')} deg to the {_side(turned)}"]
-    return [
-        f"launch  {launch.speed:.4f} m/s, {_deg(launch.angle)} deg up, "
-        f"{azimuth.lstrip('-')} deg {_side(azimuth)}; {launch.iterations} Newton steps",
-        f"touch   {_mm(abs(up))} mm {'above' if up >= 0.0 else 'below'} and "
-        f"{sideways.lstrip('-')} mm {_side(sideways)} of the ball's centre, "
-        f"impulse {math.hypot(*hit.impulse):.4f} N s, "
-        f"foot {math.hypot(*hit.foot_velocity):.4f} m/s",
-        f"leg     {what} {value}; speed {planned.speed_use:.0%} and "
-        f"torque {planned.effort_use:.0%} of their limits; worst joint impulse "
-        f"{hit.worst_joint[1]:.3g} N s at {hit.worst_joint[0]}",
-        *(aside if float(turned) else []),
-        *joints,
-    ]
-
-
-def as_json(
-    planned: KickPlan,
-    swing: Swing | None = None,
-    wall: Wall | None = None,
-    mouth: bool = False,
-    spread: Mapping[str, float] | None = None,
-) -> dict[str, Any]:
-    """Return a plan as what JSON can hold: SI units, degrees where a name says so.
-
-    Args:
-        planned: the kick.
+        plan: the kick.
         swing: to it, if one was planned.
-        wall: that it passes, if there is one.
-        mouth: whether there is a goal.
-        spread: of the errors its scatter was made least for.
+        wall: that the ball passes, if there is one.
+        goal_mouth: whether there is a goal.
+        spread: of the errors its scatter was made least for, by source.
+        limits: whether the leg's limits matter.
     """
-    launch, hit, goal, leg = planned.launch, planned.hit, planned.goal, planned.leg
-    return {
-        "status": planned.status,
-        "goal": _goal_json(goal),
-        "launch": {
-            "speed": launch.speed,
-            "angle_deg": math.degrees(launch.angle),
-            "azimuth_deg": math.degrees(launch.azimuth),
-            "velocity": launch.velocity.tolist(),
-            "spin": launch.spin.tolist(),
-            "time": launch.time,
-            "iterations": launch.iterations,
-        },
-        "touch": {
-            "impulse": hit.impulse.tolist(),
-            "normal": hit.contact.normal.tolist(),
-            "up_m": planned.impact_target.place[0],
-            "left_m": planned.impact_target.place[1],
-            "foot_velocity": hit.foot_velocity.tolist(),
-        },
-        "leg": {
-            "name": leg.name,
-            "heading_deg": math.degrees(planned.heading),
-            "q_deg": leg.angles_deg(planned.q),
-            "q_m": leg.positions_m(planned.q),
-            "v": planned.v.tolist(),
-            "objective": planned.objective,
-            "value": planned.value,
-            "binding": list(planned.binding),
-            "speed_use": planned.speed_use,
-            "effort_use": planned.effort_use,
-            "after": planned.after,
-            "into_stop": list(planned.into_stop),
-            "worst_joint": hit.worst_joint[0],
-            "worst_joint_impulse": hit.worst_joint[1],
-        },
-        "share": planned.share,
-        "time": planned.path.duration,
-        "landing_error": planned.landing_error,
-        "time_error": planned.time_error,
-        "warnings": list(planned.warnings),
-        **({} if planned.status == "met" else {"within_limits": _within_json(planned)}),
-        **({} if wall is None else {"wall": _wall_json(wall, planned)}),
-        **({"mouth": score(planned)._asdict()} if mouth else {}),
-        **({} if spread is None else {"scatter": _scatter_json(planned, spread)}),
-        **({} if swing is None else {"swing": _swing_json(swing)}),
-    }
+
+    plan: KickPlan
+    swing: Swing | None = None
+    wall: Wall | None = None
+    goal_mouth: bool = False
+    spread: Mapping[str, float] | None = None
+    limits: bool = True
+
+    def sentences(self) -> list[str]:
+        """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
+        found = [verdict(self.plan)]
+        if self.spread is not None:
+            found.append(_describe_scatter(self._scatter(self.spread)))
+        if self.wall is not None:
+            found.append(self.wall.describe_passage(self.plan))
+        if self.goal_mouth:
+            found.append(str(score(self.plan)))
+        if self.swing is not None:
+            found.append(_describe_swing(self.swing))
+        found += _after_impact(self.plan, limits=self.limits)
+        return found + [f"Warning: {line}." for line in self.plan.warnings]
+
+    def table(self) -> list[str]:
+        """Return the plan's numbers as lines of text."""
+        plan, launch = self.plan, self.plan.launch
+        impact, leg = plan.impact, plan.leg
+        up, left = plan.impact_target.place
+        heading = _aside(math.degrees(plan.heading), 2, "deg")
+        turned = [f"base    turned {heading.replace(' deg', ' deg to the')}"]
+        return [
+            f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg up, "
+            f"{_aside(math.degrees(launch.azimuth), 3, 'deg')}; {launch.iterations} Newton steps",
+            f"impact  {_rounded(1e3 * abs(up), 1)} mm {'above' if up >= 0.0 else 'below'} and "
+            f"{_aside(1e3 * left, 1, 'mm')} of the ball's centre, "
+            f"impulse {math.hypot(*impact.impulse):.4f} N s, "
+            f"foot {math.hypot(*impact.foot_velocity):.4f} m/s",
+            f"leg     {plan.objective} {f'{plan.value:.4g} {plan.objective.unit}'.strip()}; speed "
+            f"{plan.speed_use:.0%} and torque {plan.torque_use:.0%} of their limits; worst joint "
+            f"impulse {impact.worst_joint[1]:.3g} N s at {impact.worst_joint[0]}",
+            *(turned if not heading.startswith("0.00 ") else []),
+            *(
+                f"  {name:24} {value:9.2f} {unit}  "
+                f"{plan.v[leg.velocity_index(name)]:9.3f} {leg.joint_unit(name)}/s"
+                for name, (value, unit) in leg.display_values(plan.q).items()
+                if plan.v[leg.velocity_index(name)] != 0.0 or value != 0.0
+            ),
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the report as what JSON can hold: SI units, degrees where a name says so."""
+        plan, launch = self.plan, self.plan.launch
+        impact, leg = plan.impact, plan.leg
+        report = {
+            "status": plan.status,
+            "goal": _goal_json(plan.goal),
+            "launch": {
+                "speed": launch.speed,
+                "angle_deg": math.degrees(launch.angle),
+                "azimuth_deg": math.degrees(launch.azimuth),
+                "velocity": launch.velocity.tolist(),
+                "spin": launch.spin.tolist(),
+                "time": launch.time,
+                "iterations": launch.iterations,
+            },
+            "impact": {
+                "impulse": impact.impulse.tolist(),
+                "normal": impact.contact.normal.tolist(),
+                "up_m": plan.impact_target.place[0],
+                "left_m": plan.impact_target.place[1],
+                "foot_velocity": impact.foot_velocity.tolist(),
+            },
+            "leg": {
+                "name": leg.name,
+                "heading_deg": math.degrees(plan.heading),
+                "q_deg": leg.angles_deg(plan.q),
+                "q_m": leg.positions_m(plan.q),
+                "v": plan.v.tolist(),
+                "objective": plan.objective,
+                "value": plan.value,
+                "binding": list(plan.binding),
+                "speed_use": plan.speed_use,
+                "torque_use": plan.torque_use,
+                "too_fast_after": plan.too_fast_after,
+                "into_stop": list(plan.into_stop),
+                "worst_joint": impact.worst_joint[0],
+                "worst_joint_impulse": impact.worst_joint[1],
+            },
+            "share": plan.share,
+            "time": plan.path.duration,
+            "landing_error": plan.landing_error,
+            "time_error": plan.time_error,
+            "warnings": list(plan.warnings),
+        }
+        if plan.status != PlanStatus.MET:
+            path = _flight_within_limits(plan)
+            report["within_limits"] = path and {"distance": path.range, "time": path.duration}
+        if self.wall is not None:
+            above, beside, _ = self.wall.clearance(plan) or (None, None, None)
+            report["wall"] = {"above": above, "beside": beside}
+        if self.goal_mouth:
+            report["goal_mouth"] = score(plan)._asdict()
+        if self.spread is not None:
+            found = self._scatter(self.spread)
+            report["scatter"] = {
+                "mean": found.mean.tolist(),
+                "covariance": found.covariance.tolist(),
+                "by_source": {name: part.tolist() for name, part in found.by_source.items()},
+                "radius": found.radius,
+            }
+        if self.swing is not None:
+            report["swing"] = _swing_json(self.swing)
+        return report
+
+    def _scatter(self, spread: Mapping[str, float]) -> Scatter:
+        """Return the scatter of the landing."""
+        return scatter(self.plan.impact, self.plan.launch.air, **spread)
+
+
+def verdict(plan: KickPlan) -> str:
+    """Return in a line whether the goal is met, and else where the kick ends."""
+    where = ", ".join(f"{part:.4g}" for part in plan.goal.target)
+    path = plan.path
+    after = f"after {path.duration:.4g} s"
+    if plan.status == PlanStatus.MET:
+        return (
+            f"The ball comes to ({where}) m {after}; strike and flight miss it by "
+            f"{plan.landing_error:.2g} m."
+        )
+    missed = "" if plan.landing_error < NEAR else f", {plan.landing_error:.3g} m from it"
+    if path.status == "at-plane":
+        late = "late" if plan.time_error > 0 else "early"
+        end = f"passes it {after}, {abs(plan.time_error):.3g} s {late}"
+    elif isinstance(path, Course):
+        end = f"stops {path.distance:.4g} m away {after}"
+    else:
+        does = "comes down" if path.status == "landed" else "is still aloft"
+        end = f"{does} {path.range:.4g} m away {after}"
+    slower = _flight_within_limits(plan)
+    within = (
+        f" Within them, in that direction, are {slower.range:.4g} m in {slower.duration:.4g} s."
+        if slower is not None
+        else ""
+    )
+    limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
+    return (
+        f"Beyond the leg's limits{limits}: it gives the ball {plan.share:.0%} of the speed that "
+        f"({where}) m takes. The ball {end}{missed}.{within}"
+    )
 
 
 def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
     """Return what `--json` writes of a goal that nothing meets."""
-    found, near = error.nearest, None
+    found, nearest = error.nearest, None
     if isinstance(found, Launch):
-        near = {**_goal_json(found.reached), "launch_speed": found.speed}
+        nearest = {**_goal_json(found.reached), "launch_speed": found.speed}
     elif found is not None:
-        near = {"distance": found.course.distance, "time": found.time}
+        nearest = {"distance": found.course.distance, "time": found.time}
     return {
-        "status": "unreachable",
+        "status": PlanStatus.UNREACHABLE,
         "goal": _goal_json(goal),
         "limit": error.limit,
-        "nearest": near,
+        "nearest": nearest,
     }
 
 
-def _goal_json(goal: Goal) -> dict[str, Any]:
-    beside = {} if goal.beside is None else {"beside": goal.beside}
-    return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
+def _flight_within_limits(plan: KickPlan) -> Flight | None:
+    """Return a flight in the kick's direction that is a little within the limits, if known."""
+    if isinstance(plan.path, Course) or plan.launch.spin.any() or plan.launch.angle <= 0.0:
+        return None
+    state = plan.impact.ball_after
+    slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
+    path = fly(slower, plan.impact.ball, plan.launch.air)
+    return path if path.status == "landed" else None
 
 
-def _within_json(planned: KickPlan) -> dict[str, float] | None:
-    path = within_limits(planned)
-    return None if path is None else {"distance": path.range, "time": path.duration}
+def _after_impact(plan: KickPlan, *, limits: bool) -> list[str]:
+    """Return what the joints do just after the impact that they should not, in a line, or none."""
+    parts = [f"{name} into its stop" for name in plan.into_stop]
+    if limits:
+        used = plan.too_fast_after.items()
+        parts += [f"{name} at {use:.0%} of its speed limit" for name, use in used]
+    return [f"Just after the impact: {', '.join(parts)}."] if parts else []
 
 
-def _wall_json(wall: Wall, planned: KickPlan) -> dict[str, float | None]:
-    clear = wall.clearance(planned)
-    return (
-        {"above": None, "beside": None}
-        if clear is None
-        else dict(zip(("above", "beside"), clear[:2], strict=True))
-    )
+def _describe_scatter(found: Scatter) -> str:
+    """Return in a line how far off the ball lands, by source."""
+    sizes = {name: math.sqrt(float(part.trace())) for name, part in found.by_source.items()}
+    parts = ", ".join(f"{size:.3g} m by {name}" for name, size in sizes.items())
+    return f"It lands {found.radius:.3g} m off in the root mean square: {parts}."
 
 
-def _scatter_json(planned: KickPlan, spread: Mapping[str, float]) -> dict[str, Any]:
-    found = scatter(planned.hit, planned.launch.air, **spread)
-    return {
-        "mean": found.mean.tolist(),
-        "covariance": found.covariance.tolist(),
-        "by_source": {name: part.tolist() for name, part in found.by_source.items()},
-        "radius": found.radius,
-    }
-
-
-def swing_said(swing: Swing) -> str:
+def _describe_swing(swing: Swing) -> str:
     """Return a swing in a line."""
-    if swing.status != "met":
+    if swing.status != PlanStatus.MET:
         return f"No swing gives all of that: {swing.limit}."
     return (
         f"The swing takes {swing.backswing.duration:.3g} s from rest and "
@@ -264,22 +240,29 @@ def swing_said(swing: Swing) -> str:
 
 
 def _swing_json(swing: Swing) -> dict[str, Any]:
-    """Return a swing with its motion at the nodes of either part."""
-    parts = {"backswing": swing.backswing, "follow_through": swing.follow_through}
-    return {
-        "status": swing.status,
-        "share": swing.share,
-        "limit": swing.limit,
-        "objective": swing.objective,
-        "value": swing.value,
-        "torque_use": swing.torque_use,
-        "speed_use": swing.speed_use,
-        "range_left": swing.range_left,
-        "defect": swing.defect,
-        "impact_error": swing.impact_error,
-        "joints": list(swing.joints),
-        **{
-            name: {key: value.tolist() for key, value in part.sample(part.nodes)._asdict().items()}
-            for name, part in parts.items()
-        },
-    }
+    """Return a swing with its motion at the nodes of either phase."""
+    names = ("status", "share", "limit", "objective", "value", "torque_use", "speed_use",
+             "range_left", "defect", "impact_error", "joints")  # fmt: skip
+    report = {name: getattr(swing, name) for name in names}
+    for name in ("backswing", "follow_through"):
+        phase = getattr(swing, name)
+        motion = phase.sample(phase.nodes)._asdict()
+        report[name] = {key: value.tolist() for key, value in motion.items()}
+    return report
+
+
+def _goal_json(goal: Goal) -> dict[str, Any]:
+    """Return a goal as what JSON can hold."""
+    beside = {} if goal.beside is None else {"beside": goal.beside}
+    return {"target_m": goal.target.tolist(), goal.kind: getattr(goal, goal.kind), **beside}
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Return a number with digits behind the point, and no -0."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"
+
+
+def _aside(value: float, digits: int, unit: str) -> str:
+    """Return a value that counts to the left as its size and its side."""
+    shown = _rounded(value, digits)
+    return f"{shown.lstrip('-')} {unit} {'right' if shown.startswith('-') else 'left'}"

@@ -1,30 +1,40 @@
-"""Coming to rest from a moving posture within all limits: an optimal control problem for Ipopt.
+r"""Coming to rest from a moving posture within all limits: an optimal control problem for Ipopt.
 
-A kick needs it twice: the follow-through stops from the velocity just after the impact, and the
-backswing is a stop from the negative velocity just before, seen backwards in time, in which the
-torques of Newton-Euler are the same.
+A kick needs it twice. The follow-through stops from the velocity just after the impact. The
+backswing is a stop from the negative velocity just before, seen backwards in time: the torques of
+the equations of motion are even in velocity.
+
+.. math::
+    \min_{a(t),\, T} \int_0^T \frac1n \sum_i (\tau_i / \tau_{max,i})^2\, dt \quad\text{or } T,
+    \qquad q(0) = q_0,\ v(0) = s\, v_0,\ v(T) = 0,
+
+within the limits of range, speed and torque, and with the largest share :math:`s \le 1` of the
+velocity.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+from enum import StrEnum
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from kickdyn.core.validation import Array
-from kickdyn.planning.chain import Chain
-from kickdyn.planning.swing_joints import Joints
-from kickdyn.planning.swing_phase import SwingPhase
+from kickdyn.errors import InvalidInput
+from kickdyn.planning.casadi_chain import CasadiChain
+from kickdyn.planning.swing_phase import SwingPhase, make_phase
+from kickdyn.robot.kicking_chain import KickingChain
 
 UNIT = 0.1
-"""Accelerations are counted in the speed limit over this time [s]: the order of 1."""
+"""Accelerations are scaled by the speed limit over this time [s], to the order of 1."""
 
 SHORTEST = 1e-3
 """Shortest duration [s]."""
 
-AWAY = 1e-7
-"""How far positions and speeds stay from their limits, over the limits: Ipopt's rounding."""
+MARGIN = 1e-7
+"""Distance of positions and speeds from their limits, over the limits: Ipopt's rounding."""
 
 EAGER = 100.0
 """Weight of the share against the objective, of the order of 1."""
@@ -33,7 +43,13 @@ SHORT = 0.2
 """Duration of the first guess [s]."""
 
 NEARLY = 1e-6
-"""How much of the share may be missing."""
+"""Share up to which a stop may fall short and count as whole."""
+
+SLACK = 0.005
+"""Share of the torque limits left over at first, for torques between the solver's points."""
+
+ROUNDS = 5
+"""Solutions, each with more slack, until the torques keep their limits between those points."""
 
 OPTIONS = {
     "expand": True,  # into scalars: a quarter faster
@@ -43,204 +59,277 @@ OPTIONS = {
 }
 
 
-class Rows(NamedTuple):
-    """Constraints with bounds, and what each of an inequality is about: limit and joint."""
+class SwingObjective(StrEnum):
+    r"""What a swing makes least."""
 
-    value: Any
-    low: Array
-    high: Array
-    about: list[tuple[str, int]]
+    TORQUE_SQUARED = "torque-squared"
+    r""":math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s]."""
+    TIME = "time"
+    """Sum of both durations [s]."""
 
 
-class Solved(NamedTuple):
-    """A stop: positions and accelerations at the nodes, duration, share of the velocity.
+class Stop(NamedTuple):
+    """A stop to be found.
 
-    `value` is the objective's; `about` is the limit and the joint whose widening would raise the
-    share most.
+    Attributes:
+        sign: -1 of the backswing, 1 of the follow-through.
+        q: posture at the impact, shape `(n,)` [rad].
+        v: velocity away from it, shape `(n,)` [rad/s].
+        rest: posture at rest, shape `(n,)` [rad]; None leaves it free.
+        longest: duration [s].
+    """
+
+    sign: int
+    q: Array
+    v: Array
+    rest: Array | None
+    longest: float
+
+    @property
+    def name(self) -> str:
+        """Name of the phase of the swing."""
+        return "backswing" if self.sign < 0 else "follow-through"
+
+
+class StopSolution(NamedTuple):
+    """A stop that Ipopt found.
+
+    Attributes:
+        ok: whether it converged.
+        message: of the solver.
+        share: of the velocity.
+        value: of the objective.
+        unknowns: of the problem.
+        binding: limit and joint whose widening would raise the share most.
     """
 
     ok: bool
-    said: str
+    message: str
     share: float
     value: float
-    duration: float
-    accelerations: Array
-    end: Array
-    about: tuple[str, int]
     unknowns: Array
+    binding: tuple[str, int]
 
 
-class Stop:
+class StopEquations:
     """A stop in CasADi's symbols: accelerations linear between nodes, the duration free.
 
-    Positions are then cubic and speeds quadratic in time, and their Bezier points bound them: they
+    Positions are then cubic and speeds quadratic in time, and bounded by their Bezier points: they
     keep their limits everywhere, not at nodes only. Torques keep theirs at nodes and half-way.
 
     Args:
-        chain, joints: that move.
+        symbols: of the chain.
+        chain: of the joints that move.
         nodes: intervals.
-        q, w: symbols for posture and velocity at the start.
+        q, v: symbols for posture and velocity at the start.
+
+    Attributes:
+        unknowns: positions, scaled speeds and accelerations at the nodes, and the duration.
+        constraints: to be bounded by `constraint_bounds`.
+        labels: limit and joint of each constraint; no limit for an equation.
+        torque_squared, time: the objectives.
     """
 
-    def __init__(self, chain: Chain, joints: Joints, nodes: int, q: Any, w: Any) -> None:
-        n, self.nodes, self.joints = chain.n, nodes, joints
-        speed, effort = ca.DM(joints.speed), ca.DM(joints.effort)
-        low, width = ca.DM(joints.low), ca.DM(joints.high - joints.low)
+    def __init__(
+        self, symbols: CasadiChain, chain: KickingChain, nodes: int, q: Any, v: Any
+    ) -> None:
+        n, self.nodes, self.chain = symbols.n, nodes, chain
+        speed, effort = ca.DM(chain.velocity_limit), ca.DM(chain.effort_limit)
+        lower, width = ca.DM(chain.lower), ca.DM(chain.upper - chain.lower)
         turns, speeds, pulls = (ca.MX.sym(name, n, nodes + 1) for name in ("q", "v", "a"))
-        time = ca.MX.sym("t")
-        self.unknowns = ca.vertcat(*(ca.vec(x) for x in (turns, speeds, pulls)), time)
-        v, a, h = speeds * speed, pulls * (speed / UNIT), time / nodes
-        q0, q1, v0, v1, a0, a1 = (part for x in (turns, v, a) for part in (x[:, :-1], x[:, 1:]))
+        self.time = ca.MX.sym("t")
+        self.unknowns = ca.vertcat(*(ca.vec(x) for x in (turns, speeds, pulls)), self.time)
+        rates, a, h = speeds * speed, pulls * (speed / UNIT), self.time / nodes
+        q0, q1, v0, v1, a0, a1 = (end for x in (turns, rates, a) for end in (x[:, :-1], x[:, 1:]))
         links = [
             (v1 - v0 - h / 2 * (a0 + a1)) / speed,
             (q1 - q0 - h * v0 - h * h / 6 * (2 * a0 + a1)) / width,
             (turns[:, 0] - q) / width,
-            speeds[:, 0] - w / speed,
+            speeds[:, 0] - v / speed,
         ]
-        bends = [(q0 + h / 3 * v0 - low) / width, (q1 - h / 3 * v1 - low) / width]
+        bends = [(q0 + h / 3 * v0 - lower) / width, (q1 - h / 3 * v1 - lower) / width]
         peaks = (v0 + h / 2 * a0) / speed
-        middle = (
+        half_way = (
             q0 + h / 2 * v0 + h * h / 48 * (5 * a0 + a1),
             v0 + h / 8 * (3 * a0 + a1),
             (a0 + a1) / 2,
         )
-        at_nodes = chain.torque.map(nodes + 1)(turns, v, a) / effort
-        between = chain.torque.map(nodes)(*middle) / effort
-        still = chain.torque(turns[:, -1], ca.DM(n, 1), ca.DM(n, 1)) / effort
-        squares = [ca.sum1(used**2) / n for used in (at_nodes, between)]
-        self.effort = (
-            h / 6 * (ca.sum2(squares[0][:-1]) + ca.sum2(squares[0][1:]) + 4 * ca.sum2(squares[1]))
-        )
-        self.time = time
-        self._parts = [
-            ("", ca.vertcat(*map(ca.vec, links)), 0.0, 0.0),
-            ("range", ca.vertcat(*map(ca.vec, bends)), AWAY, 1.0 - AWAY),
-            ("speed", ca.vec(peaks), -1.0 + AWAY, 1.0 - AWAY),
-            ("torque", ca.vertcat(*map(ca.vec, (at_nodes, between, still))), -1.0, 1.0),
+        at_nodes = symbols.torque.map(nodes + 1)(turns, rates, a) / effort
+        between = symbols.torque.map(nodes)(*half_way) / effort
+        at_rest = symbols.torque(turns[:, -1], ca.DM(n, 1), ca.DM(n, 1)) / effort
+        squares = [ca.sum1(use**2) / n for use in (at_nodes, between)]
+        ends = ca.sum2(squares[0][:-1]) + ca.sum2(squares[0][1:])
+        self.torque_squared = h / 6 * (ends + 4 * ca.sum2(squares[1]))  # Simpson's rule
+        blocks = [
+            ("", links, 0.0, 0.0),
+            ("range", bends, MARGIN, 1.0 - MARGIN),
+            ("speed", [peaks], -1.0 + MARGIN, 1.0 - MARGIN),
+            ("torque", [at_nodes, between, at_rest], -1.0, 1.0),
         ]
-
-    def rows(self, slack: float) -> Rows:
-        """Return all constraints; `slack` is the share of the torque limit that is left over."""
-        n = len(self.joints.names)
-        sizes = [int(value.numel()) for _, value, _, _ in self._parts]
-        scale = [1.0 - slack if what == "torque" else 1.0 for what, *_ in self._parts]
-        return Rows(
-            ca.densify(ca.vertcat(*(value for _, value, _, _ in self._parts))),
-            np.repeat([k * p[2] for k, p in zip(scale, self._parts, strict=True)], sizes),
-            np.repeat([k * p[3] for k, p in zip(scale, self._parts, strict=True)], sizes),
-            [(p[0], i % n) for p, m in zip(self._parts, sizes, strict=True) for i in range(m)],
+        values = [ca.vertcat(*map(ca.vec, parts)) for _, parts, _, _ in blocks]
+        sizes = [int(value.numel()) for value in values]
+        self.constraints = ca.densify(ca.vertcat(*values))
+        self.labels = [
+            (block[0], i % n)
+            for block, size in zip(blocks, sizes, strict=True)
+            for i in range(size)
+        ]
+        self._low, self._high = (
+            np.repeat([block[end] for block in blocks], sizes) for end in (2, 3)
         )
+        self._of_torque = np.repeat([block[0] == "torque" for block in blocks], sizes)
+
+    def constraint_bounds(self, slack: float) -> tuple[Array, Array]:
+        """Return bounds of the constraints; `slack` is the share of torque that is left over."""
+        scale = np.where(self._of_torque, 1.0 - slack, 1.0)
+        return scale * self._low, scale * self._high
 
     def bounds(self, longest: float, rest: Array | None) -> tuple[Array, Array]:
-        """Return bounds of the unknowns.
-
-        Args:
-            longest: duration [s].
-            rest: posture at the end, shape `(n,)`; None leaves it free.
-        """
-        n, many = len(self.joints.names), self.nodes + 1
-        margin = AWAY * (self.joints.high - self.joints.low)
-        low, high = self.joints.low + margin, self.joints.high - margin
-        turns = [np.tile(one, (many, 1)) for one in (low, high)]
-        turns[0][0], turns[1][0] = -np.inf, np.inf  # the posture at the start is given
+        """Return bounds of the unknowns, for a longest duration [s] and a posture at rest."""
+        n, count = len(self.chain.names), self.nodes + 1
+        margin = MARGIN * (self.chain.upper - self.chain.lower)
+        low, high = (
+            np.tile(end, (count, 1))
+            for end in (self.chain.lower + margin, self.chain.upper - margin)
+        )
+        low[0], high[0] = -np.inf, np.inf  # the posture at the start is given
         if rest is not None:
-            turns[0][-1] = turns[1][-1] = rest
-        speeds = np.full((many, n), 1.0 - AWAY)
+            low[-1] = high[-1] = rest
+        speeds = np.full((count, n), 1.0 - MARGIN)
         speeds[-1] = 0.0
-        free = np.full(many * n, np.inf)
+        free = np.full(count * n, np.inf)
         return (
-            np.concatenate([turns[0].ravel(), -speeds.ravel(), -free, [SHORTEST]]),
-            np.concatenate([turns[1].ravel(), speeds.ravel(), free, [longest]]),
+            np.concatenate([low.ravel(), -speeds.ravel(), -free, [SHORTEST]]),
+            np.concatenate([high.ravel(), speeds.ravel(), free, [longest]]),
         )
 
-    def guess(self, q: Array, w: Array, time: float) -> Array:
-        """Return a stop at even decelerations, cut off at the ends of the range."""
-        s = np.linspace(0.0, 1.0, self.nodes + 1)[:, None]
-        turns = np.clip(q + w * time * (s - s * s / 2), self.joints.low, self.joints.high)
-        speeds = np.clip(w / self.joints.speed, -1, 1) * (1 - s)
-        pulls = np.ones_like(s) * (-w / time) / (self.joints.speed / UNIT)
+    def guess(self, q: Array, v: Array, time: float) -> Array:
+        """Return the unknowns of even decelerations, cut off at the ends of the range."""
+        s, speed = np.linspace(0.0, 1.0, self.nodes + 1)[:, None], self.chain.velocity_limit
+        turns = np.clip(q + v * time * (s - s * s / 2), self.chain.lower, self.chain.upper)
+        speeds = np.clip(v / speed, -1, 1) * (1 - s)
+        pulls = np.ones_like(s) * (-v / time) / (speed / UNIT)
         return np.concatenate([turns.ravel(), speeds.ravel(), pulls.ravel(), [time]])
 
-    def near(self, part: SwingPhase) -> Array:
-        """Return the unknowns that come nearest to a part."""
-        q, v, a = part.resampled(self.nodes)
-        speed = self.joints.speed
+    def unknowns_of(self, phase: SwingPhase) -> Array:
+        """Return the unknowns that come nearest to a phase."""
+        q, v, a = phase.away_from_impact(self.nodes)
+        speed = self.chain.velocity_limit
         rows = (q, v / speed, a / (speed / UNIT))
-        return np.concatenate([*(one.ravel() for one in rows), [part.duration]])
+        return np.concatenate([*(one.ravel() for one in rows), [phase.duration]])
 
-    def read(self, x: Array) -> tuple[Array, Array, float]:
-        """Return accelerations `(nodes + 1, n)`, the posture at the end, and the duration."""
-        n, many = len(self.joints.names), self.nodes + 1
-        turns, _, pulls = x[: 3 * many * n].reshape(3, many, n)
-        return pulls * self.joints.speed / UNIT, turns[-1].copy(), float(x[3 * many * n])
+    def phase(self, sign: int, q: Array, v: Array, x: Array) -> SwingPhase:
+        """Return unknowns as a phase that starts exactly at a posture and a velocity."""
+        n, count = len(self.chain.names), self.nodes + 1
+        turns, _, pulls = x[: 3 * count * n].reshape(3, count, n)
+        accelerations = pulls * self.chain.velocity_limit / UNIT
+        return make_phase(self.chain, sign, q, v, accelerations, float(x[3 * count * n]), turns[-1])
 
 
-class Stopper:
+class StopSolver:
     """Solves stops of one chain from given postures and velocities.
 
     Args:
-        chain, joints: that move.
+        symbols: of the chain.
+        chain: of the joints that move.
         nodes: intervals.
-        objective: `time` or `effort`.
+        objective: to be least.
     """
 
-    def __init__(self, chain: Chain, joints: Joints, nodes: int, objective: str) -> None:
-        q, w = ca.MX.sym("q1", chain.n), ca.MX.sym("w1", chain.n)
+    def __init__(
+        self,
+        symbols: CasadiChain,
+        chain: KickingChain,
+        nodes: int,
+        objective: str = SwingObjective.TORQUE_SQUARED,
+    ) -> None:
+        q, v = ca.MX.sym("q1", symbols.n), ca.MX.sym("v1", symbols.n)
         share, weights = ca.MX.sym("share"), ca.MX.sym("weights", 2)
-        self._stop = Stop(chain, joints, nodes, q, share * w)
-        self._rows = self._stop.rows(0.0)
-        cost = self._stop.time if objective == "time" else self._stop.effort
+        self.equations = StopEquations(symbols, chain, nodes, q, share * v)
+        unknowns = ca.vertcat(self.equations.unknowns, share)
+        cost = (
+            self.equations.time
+            if objective == SwingObjective.TIME
+            else self.equations.torque_squared
+        )
         self._solver = ca.nlpsol(
             "stop",
             "ipopt",
             {
-                "x": (unknowns := ca.vertcat(self._stop.unknowns, share)),
-                "g": self._rows.value,
+                "x": unknowns,
+                "g": self.equations.constraints,
                 "f": weights[0] * cost - weights[1] * share,
-                "p": ca.vertcat(q, w, weights),
+                "p": ca.vertcat(q, v, weights),
             },
             OPTIONS,
         )
         self._cost = ca.Function("cost", [unknowns], [cost])
 
-    def near(self, part: SwingPhase) -> Array:
-        """Return a part as what `solve` takes for `near`."""
-        return np.append(self._stop.near(part), 1.0)
+    def find(
+        self, stop: Stop, most: float = 1.0, known: SwingPhase | None = None
+    ) -> tuple[SwingPhase, StopSolution]:
+        """Return a stop from the largest share, up to `most`, of the velocity.
 
-    def as_it_is(self, part: SwingPhase) -> Solved:
-        """Return a part as a stop from all of the velocity."""
-        x = self.near(part)
-        pulls, end, time = self._stop.read(x)
-        return Solved(True, "", 1.0, float(self._cost(x)), time, pulls, end, ("", 0), x)
+        Torques are bounded at nodes and half-way; where they leave their limits between those, the
+        stop is solved again with so much more slack.
+
+        Args:
+            stop: to be found.
+            most: share of the velocity.
+            known: a stop from all of it. Optima are local: where the solver falls short of one that
+                keeps the limits, this is the answer.
+
+        Raises:
+            InvalidInput: the solver finds none.
+        """
+        near = None if known is None else self._whole(known)
+        fallback = None
+        if known is not None and stop.rest is None and most == 1.0 and self._keeps(known, stop):
+            x = self._whole(known)
+            whole = StopSolution(True, "", 1.0, float(self._cost(x)), x, ("", 0))
+            fallback = replace(known, chain=self.equations.chain), whole
+        slack = SLACK
+        for _ in range(ROUNDS):
+            solved = self.solve(stop, slack=slack, most=most, near=near)
+            if fallback is not None and not (solved.ok and solved.share == most):
+                return fallback
+            if not solved.ok:
+                raise InvalidInput(f"no {stop.name} is found: Ipopt ends with {solved.message}")
+            v = solved.share * stop.v
+            phase = self.equations.phase(stop.sign, stop.q, v, solved.unknowns)
+            excess = phase.torque_use - 1.0
+            if excess <= 0.0:
+                return phase, solved
+            slack, near = slack + excess + SLACK / 2, solved.unknowns
+        if fallback is not None:
+            return fallback
+        raise InvalidInput(
+            f"no {stop.name} is found whose torques keep their limits between "
+            f"{self.equations.nodes} intervals: take more nodes"
+        )
 
     def solve(
-        self,
-        q: Array,
-        w: Array,
-        *,
-        longest: float,
-        rest: Array | None,
-        slack: float,
-        most: float = 1.0,
-        near: Array | None = None,
-    ) -> Solved:
+        self, stop: Stop, *, slack: float = 0.0, most: float = 1.0, near: Array | None = None
+    ) -> StopSolution:
         """Return the stop from the largest share of a velocity, up to `most`.
 
-        A guess of a short stop is tried first; where that falls short of `most`, also a long one,
-        and the unknowns `near` which it shall be, in the end with `most` of the velocity at once.
+        A guess of a short stop is tried first; where that falls short of `most`, also a long one
+        and the unknowns `near` the wanted ones, in the end with `most` of the velocity at once.
         """
 
-        def run(shares: tuple[float, float], weights: tuple[float, float], x: Array) -> Solved:
-            return self._run(q, w, longest, rest, slack, shares, weights, x)
+        def run(
+            shares: tuple[float, float], weights: tuple[float, float], start: Array
+        ) -> StopSolution:
+            return self._run(stop, slack, shares, weights, start)
 
-        tried = list[Solved]()
-        times = {min(SHORT, longest), longest}
-        starts = [self._stop.guess(q, w, time) for time in sorted(times)]
-        for first in starts if near is None else [*starts, near[:-1]]:
-            both = run((0.0, most), (1.0, EAGER), first)
+        tried = list[StopSolution]()
+        times = sorted({min(SHORT, stop.longest), stop.longest})
+        starts = [self.equations.guess(stop.q, stop.v, time) for time in times]
+        for start in starts if near is None else [*starts, near[:-1]]:
+            both = run((0.0, most), (1.0, EAGER), start)
             if both.ok and both.share > most * (1 - NEARLY):
                 return both._replace(share=most)
-            alone = run((0.0, most), (0.0, 1.0), both.unknowns[:-1] if both.ok else first)
+            alone = run((0.0, most), (0.0, 1.0), both.unknowns[:-1] if both.ok else start)
             if alone.ok and alone.share > most * (1 - NEARLY):
                 best = run((most, most), (1.0, 0.0), alone.unknowns[:-1])
                 return (best if best.ok else alone)._replace(share=most)
@@ -251,48 +340,62 @@ class Stopper:
                 return best._replace(share=most)
         return max(tried, key=lambda one: (one.ok, one.share))
 
+    def _whole(self, phase: SwingPhase) -> Array:
+        """Return the unknowns of a stop from all of the velocity."""
+        return np.append(self.equations.unknowns_of(phase), 1.0)
+
+    def _keeps(self, known: SwingPhase, stop: Stop) -> bool:
+        """Return whether a stop keeps the limits, which may differ from those it was found with."""
+        phase = replace(known, chain=self.equations.chain)
+        within = max(phase.torque_use, phase.speed_use) <= 1.0 and phase.range_left >= 0.0
+        return within and known.duration <= stop.longest
+
     def _run(
         self,
-        q: Array,
-        w: Array,
-        longest: float,
-        rest: Array | None,
+        stop: Stop,
         slack: float,
         shares: tuple[float, float],
         weights: tuple[float, float],
         start: Array,
-    ) -> Solved:
-        low, high = self._stop.bounds(longest, rest)
-        rows = self._stop.rows(slack)
+    ) -> StopSolution:
+        """Return what Ipopt finds from a start, for bounds of the share and weights of the cost."""
+        low, high = self.equations.bounds(stop.longest, stop.rest)
+        lowest, highest = self.equations.constraint_bounds(slack)
         found = self._solver(
             x0=np.append(start, shares[1]),
             lbx=np.append(low, shares[0]),
             ubx=np.append(high, shares[1]),
-            lbg=rows.low,
-            ubg=rows.high,
-            p=np.concatenate([q, w, weights]),
+            lbg=lowest,
+            ubg=highest,
+            p=np.concatenate([stop.q, stop.v, weights]),
         )
-        state = self._solver.stats()
-        x = np.asarray(found["x"]).ravel()
-        pulls, end, time = self._stop.read(x)
-        about = self._binding(
-            np.asarray(found["lam_x"]).ravel(), np.asarray(found["lam_g"]).ravel()
+        state, x = self._solver.stats(), np.asarray(found["x"]).ravel()
+        return StopSolution(
+            ok=bool(state["success"]),
+            message=str(state["return_status"]),
+            share=float(x[-1]),
+            value=float(self._cost(x)),
+            unknowns=x,
+            binding=self._binding(
+                *(np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
+            ),
         )
-        return Solved(
-            bool(state["success"]), str(state["return_status"]), float(x[-1]),
-            float(self._cost(x)), time, pulls, end, about, x,
-        )  # fmt: skip
 
-    def _binding(self, of_unknowns: Array, of_rows: Array) -> tuple[str, int]:
-        """Return the limit and joint whose widening, by a share of its width, would gain most."""
-        n, many = len(self._stop.joints.names), self._stop.nodes + 1
-        gains: dict[tuple[str, int], float] = {}
-        width = self._stop.joints.high - self._stop.joints.low
-        bounds = np.abs(of_unknowns[: 2 * many * n]).reshape(2, many, n)
-        for joint in range(n):
-            gains["range", joint] = float(bounds[0, 1:, joint].sum() * width[joint])
+    def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:
+        """Return the limit and joint whose widening, by a share of its width, would gain most.
+
+        Args:
+            of_unknowns: multipliers of their bounds.
+            of_constraints: likewise.
+        """
+        chain, count = self.equations.chain, self.equations.nodes + 1
+        n, gains = len(chain.names), dict[tuple[str, int], float]()
+        bounds = np.abs(of_unknowns[: 2 * count * n]).reshape(2, count, n)
+        for joint, width in enumerate(chain.upper - chain.lower):
+            gains["range", joint] = float(bounds[0, 1:, joint].sum() * width)
             gains["speed", joint] = float(bounds[1, :-1, joint].sum())
-        for about, size in zip(self._rows.about, np.abs(of_rows).tolist(), strict=True):
-            if about[0]:
-                gains[about] = gains.get(about, 0.0) + size
-        return max(gains, key=lambda about: gains[about])
+        sizes = np.abs(of_constraints).tolist()
+        for label, size in zip(self.equations.labels, sizes, strict=True):
+            if label[0]:
+                gains[label] = gains.get(label, 0.0) + size
+        return max(gains, key=lambda label: gains[label])

@@ -1,158 +1,273 @@
-"""The swing around a planned kick: from rest through the impact to rest again, within limits."""
+"""Planning a swing: from rest through a planned kick's impact to rest again, within limits."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.goal import PlanStatus
-from kickdyn.planning.kick_plan import KickPlan
-from kickdyn.planning.swing_joints import LONGEST, Joints, check_solver, joints_of
-from kickdyn.planning.swing_phase import SwingPhase
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.swing_phase import LONGEST, Motion, SwingPhase, check_solver, swing_chain
+from kickdyn.robot.kicking_chain import KickingChain
 from kickdyn.robot.leg import Leg
 
 if TYPE_CHECKING:
-    from kickdyn.planning.kept_stop import Ask
-    from kickdyn.planning.stop_problem import Solved
+    from kickdyn.planning.stop_problem import Stop
 
 LEAST = 1e-3
-"""Share of the planned speed below which there is no swing to show."""
+"""Share of the planned speed below which there is no swing."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Swing(ReprMixin):
+    """A joint trajectory from rest through the impact to rest, with what proves it.
+
+    Attributes:
+        status: `met`; or `beyond-limits`: then this is the same kick at `share` of its speed, the
+            most from which the leg can be brought there and stopped.
+        plan: the kick.
+        share: of the planned joint velocity; the ball's launch scales alike.
+        limit: what stands in the way, in a line; empty where the plan is met.
+        objective: that was made least, `torque-squared` or `time`.
+        value: of the objective [s].
+        backswing: before the impact.
+        follow_through: after it; at the impact, v jumps as `strike` computes it.
+    """
+
+    status: PlanStatus
+    plan: KickPlan
+    share: float
+    limit: str
+    objective: str
+    value: float
+    backswing: SwingPhase
+    follow_through: SwingPhase
+
+    def _rows(self) -> Iterable[Row]:
+        yield "status", self.status, ""
+        if self.limit:
+            yield "limit", self.limit, ""
+        yield "of the planned speed", self.share, ""
+        yield "backswing", self.backswing.duration, "s"
+        yield "follow-through", self.follow_through.duration, "s"
+        yield self.objective, self.value, "s"
+        yield "of the torque limit", self.torque_use, ""
+        yield "of the speed limit", self.speed_use, ""
+        yield "range left", self.range_left, "rad"
+        yield "defect", self.defect, ""
+        yield "impact error", self.impact_error, ""
+
+    @property
+    def phases(self) -> tuple[SwingPhase, SwingPhase]:
+        """Backswing and follow-through."""
+        return self.backswing, self.follow_through
+
+    @property
+    def chain(self) -> KickingChain:
+        """The joints that move, and their limits; all others stay at 0."""
+        return self.backswing.chain
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that move."""
+        return self.chain.names
+
+    def sample(self, t: ArrayLike) -> Motion:
+        """Return the motion at rising times from the impact [s]; at 0 it is that just before."""
+        time = np.atleast_1d(validation.floats("t", t, unit="s"))
+        if (np.diff(time) < 0).any():
+            raise InvalidInput(f"t is {time.tolist()}: times must rise")
+        both = (self.backswing.sample(time[time <= 0]), self.follow_through.sample(time[time > 0]))
+        return Motion(*(np.concatenate(pair) for pair in zip(*both, strict=True)))
+
+    def configuration(self, t: float) -> Array:
+        """Return q of the whole leg at a time, shape `(nq,)`; at rest before and after."""
+        time = min(max(t, -self.backswing.duration), self.follow_through.duration)
+        q = self.plan.q.copy()
+        q[self.chain.qs] = self.sample(time).q[0]
+        return q
+
+    @property
+    def torque_use(self) -> float:
+        """Largest torque on the fine grid over its limit."""
+        return max(phase.torque_use for phase in self.phases)
+
+    @property
+    def speed_use(self) -> float:
+        """Largest joint speed on the fine grid over its limit."""
+        return max(phase.speed_use for phase in self.phases)
+
+    @property
+    def range_left(self) -> float:
+        """Least distance from an end of the range on the fine grid [rad]; below 0 is outside."""
+        return min(phase.range_left for phase in self.phases)
+
+    @property
+    def defect(self) -> float:
+        """Largest acceleration on the fine grid that the torques do not give, relative.
+
+        From the articulated-body algorithm, where the torques come from Newton-Euler.
+        """
+        model, data = self.chain.model, self.chain.model.createData()
+        worst = 0.0
+        for phase in self.phases:
+            fine = phase.fine
+            rows = zip(fine.q, fine.v, fine.torque, strict=True)
+            given = np.array([pin.aba(model, data, *row) for row in rows])
+            worst = max(worst, float(np.abs(given - fine.a).max() / np.abs(fine.a).max()))
+        return worst
+
+    @property
+    def impact_error(self) -> float:
+        """Largest difference from the plan just before and just after the impact [rad, rad/s]."""
+        chain, impact = self.chain, self.plan.impact
+        worst = 0.0
+        for phase, v in zip(self.phases, (impact.v_before, impact.v_after), strict=True):
+            here = phase.sample(0.0)
+            off = [here.q[0] - self.plan.q[chain.qs], here.v[0] - self.share * v[chain.vs]]
+            worst = max(worst, float(np.abs(off).max()))
+        return worst
 
 
 def plan_swing(
     leg: Leg,
     plan: KickPlan,
     *,
-    objective: Literal["effort", "time"] = "effort",
+    objective: str = "torque-squared",
     longest: float = LONGEST,
     start: ArrayLike | None = None,
     end: ArrayLike | None = None,
     nodes: int = 24,
 ) -> Swing:
-    """Find the way from rest to a planned impact, and from there to rest again.
+    r"""Find the motion from rest to a planned impact, and from there to rest again.
 
-    Range, speed and torque limits of the leg hold all the way. Torques may jump at both ends and
-    at the impact. Needs CasADi, `pip install "kickdyn[swing]"`.
+    Both are stops: the torques of the equations of motion are even in velocity, so that the
+    backswing is a stop seen backwards in time. Range, speed and torque limits of the leg hold all
+    the way. Torques may jump at both ends and at the impact. Needs CasADi,
+    `pip install "kickdyn[swing]"`.
 
     Args:
         leg: that was planned for, or one that differs from it in limits only.
         plan: by `plan_kick`; `swing=True` there leaves room to swing.
-        objective: `effort`, that of the torques: the mean over the joints of (torque / limit)^2,
-            integrated over time (`plan_kick` calls the kinetic energy so); or `time`, the duration
-            of each part.
-        longest: duration of either part [s].
-        start: posture at rest before, shape `(nq,)`; free when not named, as long as the joints'
-            torques can hold it.
+        objective: `torque-squared`, :math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt`; or
+            `time`, the sum of both durations.
+        longest: duration of either phase [s].
+        start: posture at rest before, shape `(nq,)` [rad]; free when not named, as long as the
+            joints' torques can hold it.
         end: posture at rest after, likewise.
-        nodes: intervals of either part. Where the solver falls short of the way that
+        nodes: intervals of either phase. Where the solver falls short of the motion that
             `plan_kick(..., swing=True)` found, that one is taken, with its own nodes.
 
     Raises:
         InvalidInput: CasADi is missing; a joint is at the end of its range and moves into it; no
-            swing is found; a leg that is held by more than its joints, moves what is not between
-            base and foot, or has no limits; a value out of range.
+            swing is found; a leg with supports or loops, joints that move but are not between base
+            and foot, or joints without limits; a value out of range.
     """
-    check_free(leg, "swings are planned")
+    check_unconstrained(leg, "swings are planned")
     validation.check_type(KickPlan, plan=plan)
     check_solver()
-    if objective not in ("effort", "time"):
-        raise InvalidInput(f"objective {objective!r} is unknown: choose effort, time")
+    from kickdyn.planning.casadi_chain import CasadiChain
+    from kickdyn.planning.stop_problem import Stop, StopSolver, SwingObjective
+
+    objective = validation.choice("objective", objective, SwingObjective)
     longest = validation.number("longest", longest, at_least=0.01, at_most=60, unit="s")
     if not isinstance(nodes, int) or isinstance(nodes, bool) or not 4 <= nodes <= 200:
         raise InvalidInput(f"nodes is {nodes!r}: it must be a whole number from 4 to 200")
-    joints = _joints(leg, plan)
-    rests = [_rest(joints, leg, "start", start), _rest(joints, leg, "end", end)]
-    from kickdyn.planning.chain import Chain
-    from kickdyn.planning.kept_stop import Ask, kept_stop
-    from kickdyn.planning.stop_problem import Stopper
-
-    chain = Chain(joints.model, plan.hit.posture.contact_lever)
-    stopper = Stopper(chain, joints, nodes, objective)
-    asks = [
-        Ask(-1, plan.q[joints.qs], -plan.v[joints.vs], rests[0]),
-        Ask(1, plan.q[joints.qs], plan.hit.v_after[joints.vs], rests[1]),
+    chain = _checked_chain(leg, plan)
+    rests = [_checked_rest(chain, leg, name, q) for name, q in (("start", start), ("end", end))]
+    symbols = CasadiChain(chain.model, plan.impact.posture.contact_lever)
+    solver = StopSolver(symbols, chain, nodes, objective)
+    q, impact = plan.q[chain.qs], plan.impact
+    stops = [
+        Stop(-1, q, -impact.v_before[chain.vs], rests[0], longest),
+        Stop(1, q, impact.v_after[chain.vs], rests[1], longest),
     ]
-    parts: list[tuple[SwingPhase, Solved]] = []
-    share, limit = 1.0, ""
-    known = plan.parts or (None, None)
-    for ask, near in zip(asks, known, strict=True):
-        _check_room(joints, leg, ask)
-        parts.append(kept_stop(stopper, joints, ask, longest, share, near))
-        if parts[-1][1].share < share:
-            share = parts[-1][1].share
-            what, number = parts[-1][1].about
+    known = plan.phases or (None, None)
+    found, share, limit = [], 1.0, ""
+    for stop, near in zip(stops, known, strict=True):
+        _check_room(chain, leg, stop)
+        found.append(solver.find(stop, share, near))
+        solved = found[-1][1]
+        if solved.share < share:
+            share, (what, joint) = solved.share, solved.binding
             limit = (
-                f"{ask.name}: the {what} limit of {joints.names[number]} leaves {share:.4g} of the "
+                f"{stop.name}: the {what} limit of {chain.names[joint]} leaves {share:.4g} of the "
                 "planned speed"
             )
             if share < LEAST:
                 raise InvalidInput(f"there is no swing to this kick; {limit}")
-    if parts[0][1].share > share:
-        parts[0] = kept_stop(stopper, joints, asks[0], longest, share, known[0])
+    if found[0][1].share > share:
+        found[0] = solver.find(stops[0], share, known[0])
     return Swing(
         status=PlanStatus.MET if share == 1.0 else PlanStatus.BEYOND_LIMITS,
         plan=plan,
         share=share,
         limit=limit,
         objective=objective,
-        value=sum(solved.value for _, solved in parts),
-        joints=joints.names,
-        backswing=parts[0][0],
-        follow_through=parts[1][0],
+        value=sum(solved.value for _, solved in found),
+        backswing=found[0][0],
+        follow_through=found[1][0],
     )
 
 
-def _joints(leg: Leg, plan: KickPlan) -> Joints:
-    own = plan.hit.posture.leg
+def _checked_chain(leg: Leg, plan: KickPlan) -> KickingChain:
+    """Return the joints that swing, or raise `InvalidInput` where the plan is for others."""
+    own = plan.impact.posture.leg
     if own.joint_names != leg.joint_names or own.frame != leg.frame:
         raise InvalidInput(f"the plan is for {own!r}: it must be for {leg!r}")
-    joints = joints_of(leg)
-    others = np.abs(plan.hit.v_after)
-    others[joints.vs] = 0.0
-    if others.max() > 1e-9 * np.abs(plan.hit.v_after).max():
+    chain, speeds = swing_chain(leg), np.abs(plan.impact.v_after)
+    others = speeds.copy()
+    others[chain.vs] = 0.0
+    if others.max() > 1e-9 * speeds.max():
         worst = int(np.argmax(others))
-        name = next(n for n in leg.joint_names if leg.velocity_index(n) == worst)
+        name = next(name for name in leg.joint_names if leg.velocity_index(name) == worst)
         raise InvalidInput(f"the impact moves {name}, which does not swing the foot: lock it first")
-    return joints
+    return chain
 
 
-def _rest(joints: Joints, leg: Leg, name: str, q: ArrayLike | None) -> Array | None:
+def _checked_rest(chain: KickingChain, leg: Leg, name: str, q: ArrayLike | None) -> Array | None:
+    """Return a posture at rest, or raise `InvalidInput` where it is out of range."""
     if q is None:
         return None
-    rest: Array = validation.vector(name, q, leg.nq, unit="rad")[joints.qs]
-    outside = (rest < joints.low) | (rest > joints.high)
+    rest: Array = validation.vector(name, q, leg.nq, unit="rad")[chain.qs]
+    outside = (rest < chain.lower) | (rest > chain.upper)
     if outside.any():
-        number = int(np.argmax(outside))
+        i = int(np.argmax(outside))
         raise InvalidInput(
-            f"{name} has {joints.names[number]} at {rest[number]:g}: it must be in "
-            f"{joints.low[number]:g} to {joints.high[number]:g} rad"
+            f"{name} has {chain.names[i]} at {rest[i]:g}: it must be in "
+            f"{chain.lower[i]:g} to {chain.upper[i]:g} rad"
         )
     return rest
 
 
-def _check_room(joints: Joints, leg: Leg, ask: Ask) -> None:
-    """Refuse what no torque can stop, with the joint's name: the solver would only say no."""
-    room = np.where(ask.w > 0, joints.high - ask.q, ask.q - joints.low)
-    stuck = (room <= 1e-9) & (np.abs(ask.w) > 1e-6 * joints.speed)
+def _check_room(chain: KickingChain, leg: Leg, stop: Stop) -> None:
+    """Refuse what no torque can stop, with the joint's name, which the solver would not give."""
+    room = np.where(stop.v > 0, chain.upper - stop.q, stop.q - chain.lower)
+    fast = np.abs(stop.v) / chain.velocity_limit
+    stuck = (room <= 1e-9) & (fast > 1e-6)
     if not stuck.any():
         return
-    worst = int(np.argmax(np.where(stuck, np.abs(ask.w) / joints.speed, 0.0)))
-    name, speed = joints.names[worst], abs(float(ask.w[worst]))
+    worst = int(np.argmax(np.where(stuck, fast, 0.0)))
+    name, speed, at = chain.names[worst], abs(float(stop.v[worst])), float(stop.q[worst])
     unit = leg.joint_unit(name)
-    end = float(ask.q[worst])
-    where = f"{end:.4g} m" if unit == "m" else f"{round(math.degrees(end), 1) + 0.0:g} deg"
-    does = "just before the impact it would come from beyond" if ask.sign < 0 else (
-        "just after the impact it moves on"
-    )  # fmt: skip
+    where = f"{at:.4g} m" if unit == "m" else f"{round(math.degrees(at), 1) + 0.0:g} deg"
+    moves = (
+        "just before the impact it would come from beyond"
+        if stop.sign < 0
+        else "just after the impact it moves on"
+    )
     raise InvalidInput(
-        f"there is no swing to this kick; {ask.name}: {name} is at the end of its range ({where}) "
-        f"and {does} at {speed:.4g} {unit}/s; plan_kick(..., swing=True) leaves room"
+        f"there is no swing to this kick; {stop.name}: {name} is at the end of its range ({where}) "
+        f"and {moves} at {speed:.4g} {unit}/s; plan_kick(..., swing=True) leaves room"
     )

@@ -1,9 +1,11 @@
-"""One side of a swing: the way from the impact to rest, or from rest to it, and what it takes."""
+"""One phase of a swing, from rest to the impact or from there to rest, and what it takes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
@@ -15,17 +17,21 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.swing_joints import Joints
+from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
+from kickdyn.robot.leg import Leg
 
 FINE = 20
 """Points per interval at which a swing is checked."""
+
+LONGEST = 1.0
+"""Longest duration of a phase, when not named [s]."""
 
 
 class Motion(NamedTuple):
     """Joints at several times, in the order of `Swing.joints`, each array of shape `(k, n)`.
 
-    `time` counts from the impact [s]; q [rad], v [rad/s], a [rad/s2], torque of the joints [N m],
-    gravity included, and its power [W].
+    `time` counts from the impact, shape `(k,)` [s]; q [rad], v [rad/s], a [rad/s2], torque of the
+    joints [N m], gravity included, and its power [W].
     """
 
     time: Array
@@ -41,12 +47,12 @@ class SwingPhase(ReprMixin):
     """The backswing or the follow-through: accelerations linear in time between nodes.
 
     Attributes:
-        joints: that move.
+        chain: of the joints that move.
         sign: -1 before the impact, 1 after it.
         duration: [s].
     """
 
-    joints: Joints
+    chain: KickingChain
     sign: int
     duration: float
     _a: PPoly
@@ -54,7 +60,7 @@ class SwingPhase(ReprMixin):
     _q: PPoly
 
     def _rows(self) -> Iterable[Row]:
-        yield "joints", ", ".join(self.joints.names), ""
+        yield "joints", ", ".join(self.chain.names), ""
         yield "duration", self.duration, "s"
         yield "nodes", len(self._a.x), ""
 
@@ -64,70 +70,107 @@ class SwingPhase(ReprMixin):
         return np.sort(self.sign * self._a.x)
 
     def sample(self, t: ArrayLike) -> Motion:
-        """Return the motion at times from the impact, shape `(k,)` [s].
+        r"""Return the motion at times from the impact, with :math:`\tau = M a + c(q, v) + g(q)`.
+
+        Args:
+            t: a time or times, shape `(k,)` [s].
 
         Raises:
-            InvalidInput: a time outside of this part.
+            InvalidInput: a time outside of this phase.
         """
         time = np.atleast_1d(validation.floats("t", t, unit="s"))
         away = self.sign * time
         if (away < 0.0).any() or (away > self.duration).any():
             low, high = sorted((0.0, self.sign * self.duration))
-            raise InvalidInput(f"t is {time.tolist()}: this part lasts from {low:g} to {high:g} s")
+            raise InvalidInput(f"t is {time.tolist()}: this phase lasts from {low:g} to {high:g} s")
         q, v, a = self._q(away), self.sign * self._v(away), self._a(away)
-        model, data = self.joints.model, self.joints.model.createData()
+        model, data = self.chain.model, self.chain.model.createData()
         rows = zip(q, v, a, strict=True)
         torque = np.array([pin.rnea(model, data, *row) for row in rows]).reshape(q.shape)
         return Motion(time, q, v, a, torque, torque * v)
 
+    @cached_property
     def fine(self) -> Motion:
-        """Return the motion at many times between the nodes, both ends included, in order."""
-        many = FINE * (len(self._a.x) - 1) + 1
+        """The motion at many times between the nodes, both ends included, in order."""
+        count = FINE * (len(self._a.x) - 1) + 1
         low, high = sorted((0.0, self.sign * self.duration))
-        return self.sample(np.linspace(low, high, many))
+        return self.sample(np.linspace(low, high, count))
 
     @property
     def torque_use(self) -> float:
         """Largest torque on the fine grid over its limit."""
-        return float((np.abs(self.fine().torque) / self.joints.effort).max())
+        return float((np.abs(self.fine.torque) / self.chain.effort_limit).max())
 
-    def resampled(self, nodes: int) -> tuple[Array, Array, Array]:
-        """Return q, v and a at as many even steps, away from the impact: shape `(nodes + 1, n)`.
+    @property
+    def speed_use(self) -> float:
+        """Largest joint speed on the fine grid over its limit."""
+        return float((np.abs(self.fine.v) / self.chain.velocity_limit).max())
 
-        The same way, where `nodes` is a multiple of its own.
-        """
-        away = np.linspace(0.0, self.duration, nodes + 1)
+    @property
+    def range_left(self) -> float:
+        """Least distance from an end of the range on the fine grid [rad]; below 0 is outside."""
+        q = self.fine.q
+        return float(np.minimum(q - self.chain.lower, self.chain.upper - q).min())
+
+    def away_from_impact(self, intervals: int) -> tuple[Array, Array, Array]:
+        """Return q, v and a at even steps away from the impact, each `(intervals + 1, n)`."""
+        away = np.linspace(0.0, self.duration, intervals + 1)
         return self._q(away), self._v(away), self._a(away)
 
 
-def part_of(
-    joints: Joints, sign: int, q: Array, w: Array, accelerations: Array, duration: float, end: Array
+def make_phase(
+    chain: KickingChain,
+    sign: int,
+    q: Array,
+    v: Array,
+    accelerations: Array,
+    duration: float,
+    rest: Array,
 ) -> SwingPhase:
-    """Return a part, the solver's rounding put right so that both ends are met exactly.
+    """Return a phase whose ends are exact: a line in time is added to a solver's accelerations.
 
     Args:
-        joints: that move.
+        chain: of the joints that move.
         sign: -1 before the impact, 1 after it.
-        q: posture at the impact, shape `(n,)`.
-        w: velocity away from it, shape `(n,)`.
-        accelerations: at even nodes away from it, shape `(nodes + 1, n)`.
+        q: posture at the impact, shape `(n,)` [rad].
+        v: velocity away from it, shape `(n,)` [rad/s].
+        accelerations: at even nodes away from it, shape `(nodes + 1, n)` [rad/s2].
         duration: [s].
-        end: posture at rest, shape `(n,)`.
+        rest: posture at rest, shape `(n,)` [rad].
     """
     s = np.linspace(0.0, duration, len(accelerations))
 
-    def rates(pulls: Array) -> tuple[PPoly, PPoly, PPoly]:
-        slopes = np.diff(pulls, axis=0) / np.diff(s)[:, None]
-        a = PPoly(np.array([slopes, pulls[:-1]]), s)
-        v = a.antiderivative()
-        v.c[-1] += w
-        turn = v.antiderivative()
-        turn.c[-1] += q
-        return a, v, turn
+    def integrate(values: Array) -> tuple[PPoly, PPoly, PPoly]:
+        slopes = np.diff(values, axis=0) / np.diff(s)[:, None]
+        acceleration = PPoly(np.array([slopes, values[:-1]]), s)
+        velocity = acceleration.antiderivative()
+        velocity.c[-1] += v
+        position = velocity.antiderivative()
+        position.c[-1] += q
+        return acceleration, velocity, position
 
-    _, v, turn = rates(accelerations)
-    off = np.array([-v(duration), end - turn(duration)])
-    time = duration
-    lines = np.linalg.solve([[time, time**2 / 2], [time**2 / 2, time**3 / 6]], off)
-    a, v, turn = rates(accelerations + lines[0] + s[:, None] * lines[1])
-    return SwingPhase(joints, sign, duration, a, v, turn)
+    _, velocity, position = integrate(accelerations)
+    off = np.array([-velocity(duration), rest - position(duration)])
+    t = duration
+    line = np.linalg.solve([[t, t**2 / 2], [t**2 / 2, t**3 / 6]], off)
+    return SwingPhase(chain, sign, t, *integrate(accelerations + line[0] + s[:, None] * line[1]))
+
+
+def swing_chain(leg: Leg) -> KickingChain:
+    """Return the joints that swing a leg's foot; raise `InvalidInput` where one has no limit."""
+    chain = kicking_chain(leg)
+    for what, limits in (("speed", chain.velocity_limit), ("torque", chain.effort_limit)):
+        for name, limit in zip(chain.names, limits.tolist(), strict=True):
+            if not 0.0 < limit < 1e6:
+                raise InvalidInput(
+                    f"{what} limit of {name} is {limit:g}: a swing needs one, above 0"
+                )
+    return chain
+
+
+def check_solver() -> None:
+    """Raise `InvalidInput` where CasADi is not installed."""
+    if find_spec("casadi") is None:
+        raise InvalidInput(
+            'swings need the package casadi: install it with pip install "kickdyn[swing]"'
+        )

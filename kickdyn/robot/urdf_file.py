@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from xml.etree import ElementTree
 
 import pinocchio as pin
 
-from kickdyn.core.files import shipped
+from kickdyn.core.files import read_text, shipped
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.urdf_validation import find_faults
 
@@ -61,7 +60,7 @@ def read_document(path: str | PathLike[str]) -> UrdfFile:
         file, source = Path(path), str(path)
     except TypeError:
         raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
-    root = _parse(_decode(_read(file, source), source), source)
+    root = _parse(read_text(file, source, MAX_BYTES, UrdfError), source)
     # Written anew, so that Pinocchio's parser cannot read what ours did not: theirs keeps line
     # ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")
@@ -108,33 +107,6 @@ def check_base(base: str) -> None:
     """Raise `InvalidInput` for a base that is neither fixed nor floating."""
     if base not in ("fixed", "floating"):
         raise InvalidInput(f"base is {base!r}: it must be fixed or floating")
-
-
-def _read(file: Path, source: str) -> bytes:
-    """Return the bytes of a regular file of sane size; raise `UrdfError`."""
-    try:
-        status = file.stat()
-        if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
-            raise UrdfError(source, ["is not a regular file"])
-        if status.st_size > MAX_BYTES:
-            raise UrdfError(source, [f"has {status.st_size} bytes: at most {MAX_BYTES} are read"])
-        return file.read_bytes()
-    except UrdfError:  # a ValueError as well
-        raise
-    except FileNotFoundError:
-        raise UrdfError(source, ["there is no such file"]) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or str(error)
-        raise UrdfError(source, [f"cannot be read ({reason})"]) from None
-
-
-def _decode(raw: bytes, source: str) -> str:
-    """Return the text of UTF-8 bytes; raise `UrdfError`."""
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        fault = f"is not UTF-8 text (byte {error.start}): save it as UTF-8"
-        raise UrdfError(source, [fault]) from None
 
 
 class _StrictBuilder(ElementTree.TreeBuilder):

@@ -11,7 +11,7 @@ from kickdyn.ball import BallState
 from kickdyn.core import validation
 from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
-from kickdyn.impact.constraint_impulses import check_free
+from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.scene.contact_drift import contact_drift
@@ -113,7 +113,7 @@ def _check(scene: Scene) -> list[Effect]:
     """Return the scene's effects; raise `InvalidInput` where it cannot be simulated."""
     validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
-        check_free(scene.leg, "a contact that takes time is")
+        check_unconstrained(scene.leg, "a contact that takes time is")
     return effects_of(scene)
 
 

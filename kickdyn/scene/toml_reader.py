@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import stat
 import tomllib
 from collections.abc import Callable, Iterable
 from os import PathLike
@@ -16,7 +15,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
-from kickdyn.core.files import shipped
+from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
@@ -52,7 +51,7 @@ def load_scene(path: str | PathLike[str]) -> Scene:
     except TypeError:
         raise InvalidInput(f"scene path is {path!r}: it must be a str or a Path") from None
     file = _named(file, source)
-    text = _read(file, source)
+    text = read_text(file, source, MAX_BYTES, SceneError)
     try:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: an endless integer, too
@@ -73,24 +72,6 @@ def _named(file: Path, source: str) -> Path:
         line = f"is neither a file nor a scene of kickdyn: choose {', '.join(known)}"
         raise SceneError(source, [line])
     return known[source]
-
-
-def _read(file: Path, source: str) -> str:
-    """Return the text of a file; raise `SceneError` where that cannot be read."""
-    try:
-        status = file.stat()
-        if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever
-            raise SceneError(source, ["is not a regular file"])
-        if status.st_size > MAX_BYTES:
-            raise SceneError(source, [f"has {status.st_size} bytes: at most {MAX_BYTES} are read"])
-        return file.read_bytes().decode("utf-8-sig")
-    except SceneError:  # a ValueError as well
-        raise
-    except UnicodeDecodeError as error:
-        raise SceneError(source, [f"is not UTF-8 text (byte {error.start})"]) from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or str(error)
-        raise SceneError(source, [f"cannot be read ({reason})"]) from None
 
 
 class _Builder:

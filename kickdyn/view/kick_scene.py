@@ -15,7 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.swing import Swing
 from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.labels import LabelLayout

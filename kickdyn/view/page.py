@@ -19,10 +19,10 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.kick_plan import KickPlan
+from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.simulation import Simulation
@@ -151,7 +151,7 @@ def page(
         impact, path, caption, boxes = _of_scene(shown, caption)
         scenery = [*scenery, *boxes]
     elif isinstance(shown, KickPlan):
-        impact, path = shown.hit, shown.path
+        impact, path = shown.impact, shown.path
     elif isinstance(shown, Impact):
         impact = shown
     else:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kickdyn.core.plot_style import styled
-from kickdyn.planning.swing_result import Swing
+from kickdyn.planning.swing import Swing
 
 
 @styled()
@@ -15,15 +15,19 @@ def swing_figure(swing: Swing) -> Figure:
 
     The impact is at 0, where speeds jump and torques may.
     """
-    joints = swing.backswing.joints
-    parts = [swing.backswing.fine(), swing.follow_through.fine()]
+    chain = swing.chain
+    parts, torque_limit = [phase.fine for phase in swing.phases], chain.effort_limit
     figure = Figure(figsize=(9.0, 8.0))
     rows = figure.subplots(3, 1, sharex=True)
     gap = np.full((1, len(swing.joints)), np.nan)  # no line across the impact
     time = np.concatenate([parts[0].time, [0.0], parts[1].time])
     for axes, label, values in (
-        (rows[0], "speed, % of its limit", [100 * part.v / joints.speed for part in parts]),
-        (rows[1], "torque, % of its limit", [100 * part.torque / joints.effort for part in parts]),
+        (rows[0], "speed, % of its limit", [100 * part.v / chain.velocity_limit for part in parts]),
+        (
+            rows[1],
+            "torque, % of its limit",
+            [100 * part.torque / torque_limit for part in parts],
+        ),
         (rows[2], "power [W]", [part.power for part in parts]),
     ):
         lines = axes.plot(time, np.vstack([values[0], gap, values[1]]))
@@ -35,6 +39,6 @@ def swing_figure(swing: Swing) -> Figure:
             axes.set_ylim(-105, 105)
     figure.legend(handles=rows[0].lines[: len(swing.joints)], loc="outside lower center", ncols=3)
     rows[2].set_xlabel("time from the impact [s]")
-    name = (swing.plan.hit.posture.leg.name or "leg").replace("$", r"\$")
+    name = (swing.plan.leg.name or "leg").replace("$", r"\$")
     figure.suptitle(f"{name}: least {swing.objective}, {swing.share:.0%} of the planned speed")
     return figure

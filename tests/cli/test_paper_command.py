@@ -17,7 +17,7 @@ def test_everything(tmp_path):
     assert (ended.returncode, ended.stderr) == (0, "")
     for words in (
         "Table 2 a",
-        "not reachable",
+        "not-reachable",
         "with other coefficients",
         "wrote figures/fig_8.png",
     ):

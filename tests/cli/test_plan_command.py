@@ -52,7 +52,7 @@ def test_json_on_stdout_is_a_kick_that_can_be_done_again():
     q = leg.configuration(
         {k: v * 3.141592653589793 / 180 for k, v in report["leg"]["q_deg"].items()}
     )
-    impact_target = kd.Contact(report["touch"]["normal"], 0.8, 0.4)
+    impact_target = kd.Contact(report["impact"]["normal"], 0.8, 0.4)
     hit = kd.strike(leg.posture(q), report["leg"]["v"], kd.Ball(), impact_target)
     path = kd.fly(hit.ball_after, kd.Ball(), kd.Air(), kd.Ground(-5.0))
     start = hit.ball_after.position
@@ -76,9 +76,9 @@ def test_a_free_kick_over_a_wall_into_the_corner(tmp_path):
     assert report["goal"]["over"] == [9.15, 2.0]
     assert report["wall"]["above"] == pytest.approx(0.1, abs=1e-6)
     assert report["wall"]["beside"] < 0
-    post, bar = report["mouth"]["post"], report["mouth"]["bar"]
+    post, bar = report["goal_mouth"]["post"], report["goal_mouth"]["bar"]
     assert f"in, {post:.3g} m from the post and {bar:.3g} m under" in ended.stdout
-    assert report["mouth"]["end"] == "in"
+    assert report["goal_mouth"]["end"] == "in"
 
 
 def test_json_says_what_else_is_known():
@@ -189,7 +189,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
             ["--distance", "30", "--time", "1", "--leg", "dog"],
             "leg 'dog' is neither human, testbed",
         ),
-        (["--distance", "30", "--time", "1", "--ball-height", "3"], "touches a ball at 3 m"),
+        (["--distance", "30", "--time", "1", "--ball-height", "3"], "touches a ball at 3.0 m"),
         (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
         (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
         (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
@@ -197,12 +197,21 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "9", "--time", "1", "--ball-at", "1,2"], "ball-at is '1,2': it must be 3"),
         (["--distance", "9", "--time", "1", "--swing", "--plot", "a.x"], "no known ending"),
         (
-            ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--objective", "effort"],
+            [
+                "--distance",
+                "10",
+                "--time",
+                "1",
+                "--robust",
+                "angle=0.01",
+                "--objective",
+                "kinetic-energy",
+            ],
             "robust and objective are named",
         ),
         (
             ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--swing"],
-            "a swing goes with objective joint speed or effort",
+            "a swing goes with objective joint-speed or kinetic-energy",
         ),
     ],
 )

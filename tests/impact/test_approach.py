@@ -24,11 +24,19 @@ DOORS = (kd.strike, kd.engine_strike, kd.collide, kd.unilateral_strike)
     [
         ({"posture": LEG}, kd.InvalidInput, r"^posture is Leg\(.*: it must be a kickdyn\.Posture$"),
         ({"v": [0, math.nan, 0]}, kd.InvalidInput, r"^v is .*finite"),
-        ({"v": [0, -1e160, -1e160]}, kd.InvalidInput, r"^foot and ball meet at .*double precision"),
+        (
+            {"v": [0, -1e160, -1e160]},
+            kd.InvalidInput,
+            r"^foot and ball collide at .*double precision",
+        ),
         ({"ball": None}, kd.InvalidInput, r"^ball is None"),
         ({"contact": None}, kd.InvalidInput, r"^contact is None"),
         ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"^ball velocity has shape \(2,\)"),
-        ({"ball_velocity": (-1e150, 0, 0)}, kd.InvalidInput, r"^foot and ball meet at 1e\+150 m/s"),
+        (
+            {"ball_velocity": (-1e150, 0, 0)},
+            kd.InvalidInput,
+            r"^foot and ball collide at 1e\+150 m/s",
+        ),
         ({"ball_spin": (0, math.inf, 0)}, kd.InvalidInput, r"^ball spin is .*finite.*rad/s"),
         ({"ball_spin": (0, 1e200, 0)}, kd.InvalidInput, r"^the ball moves at .* below 1e\+140 m/s"),
         ({"v": [0, 0, 0]}, kd.NoImpact, "^foot and ball do not approach"),

@@ -8,8 +8,15 @@ import pytest
 from scipy.optimize import brentq, root
 
 import kickdyn as kd
-from kickdyn.impact.cone_solver import cone_residual, solve_cones
-from kickdyn.impact.laws import ContactProblem, newton
+from kickdyn.impact.cone_solver import (
+    Cones,
+    _equations,
+    cone_residual,
+    newton_iterations,
+    solve_cones,
+)
+from kickdyn.impact.contact_problem import ContactProblem
+from kickdyn.impact.newton_law import solve_newton
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.6, 1.5, 30.0, 1e6])
@@ -21,7 +28,7 @@ def test_one_contact_is_newtons_law(seed, friction):
     velocity = np.array([*rng.normal(size=2) * 3, -rng.uniform(1, 3)])
     problem = ContactProblem(
         normal=np.array([0.0, 0.0, 1.0]),
-        leg_rows=root_of,
+        delassus_factor=root_of,
         ball=kd.Ball(),
         centre_velocity=velocity,
         spin=np.zeros(3),
@@ -29,7 +36,7 @@ def test_one_contact_is_newtons_law(seed, friction):
         friction=friction,
     )
     found, residual = solve_cones(problem.delassus(), velocity, np.array([friction]))
-    exact = newton(problem).impulse
+    exact = solve_newton(problem).impulse
     assert residual < 1e-11
     assert np.abs(found - exact).max() < 1e-10 * np.abs(exact).max()
 
@@ -216,3 +223,48 @@ def test_what_has_no_solution_is_told():
     nothing[0, 0] = 1.0
     _, residual = solve_cones(nothing, np.array([0.0, 0.0, -1.0]), np.array([0.5]))
     assert residual > 0.1
+
+
+def cones(seed, count=3):
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(3 * count, 3 * count + 1))
+    return Cones(rows @ rows.T, 3 * rng.normal(size=3 * count), rng.uniform(0, 1, size=count)), rng
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_derivative_is_that_of_the_equations(seed):
+    problem, rng = cones(seed)
+    p, way = rng.normal(size=(2, 9))
+    lengths = rng.uniform(0.1, 1.0, size=(3, 2))
+    h = 1e-6
+    _, slope = _equations(problem, p, lengths)
+    ahead, behind = (_equations(problem, p + k * h * way, lengths)[0] for k in (1, -1))
+    assert slope @ way == pytest.approx((ahead - behind) / (2 * h), abs=1e-7)
+
+
+def test_all_three_states_are_met():
+    seen = set()
+    for seed in range(20):
+        problem, _ = cones(seed)
+        start = newton_iterations(problem, np.zeros(9), np.full((3, 2), 0.1))
+        u = (problem.delassus @ start + problem.free).reshape(-1, 3)
+        if cone_residual(*problem, start) < 1e-12:
+            for p, sliding in zip(start.reshape(-1, 3), np.hypot(u[:, 0], u[:, 1]), strict=True):
+                seen.add("open" if p[2] < 1e-12 else "slip" if sliding > 1e-9 else "stick")
+    assert seen == {"open", "slip", "stick"}
+
+
+def test_a_solution_stays_where_it_is():
+    problem = Cones(np.eye(3), np.array([1.0, 0.0, -1.0]), np.array([0.5]))
+    solution = np.array([-0.5, 0.0, 1.0])
+    assert newton_iterations(problem, solution, np.ones((1, 2))) == pytest.approx(
+        solution, abs=1e-16
+    )
+
+
+def test_redundant_contacts_take_the_least_step():
+    """Two contacts at the same point share evenly, from an even start."""
+    matrix = np.kron(np.ones((2, 2)), np.eye(3))
+    problem = Cones(matrix, np.tile([0.1, 0.0, -1.0], 2), np.array([0.5, 0.5]))
+    found = newton_iterations(problem, np.zeros(6), np.ones((2, 2)))
+    assert found == pytest.approx(np.tile([-0.05, 0.0, 0.5], 2), abs=1e-14)

@@ -13,8 +13,11 @@ import kickdyn as kd
 
 ARM = kd.Leg.from_robot("g1", base="floating")
 LEGS = {"human": kd.Leg.human(), "g1": ARM, "g1 held": ARM.with_supports("left_ankle_roll_link")}
-NAMES = [field.name for field in dataclasses.fields(kd.Impact)]
-NUMBERS = [name for name in NAMES if name not in ("posture", "ball", "contact", "law")]
+NUMBERS = (
+    *("impulse", "effective_mass", "foot_velocity", "approach_speed", "ball_before", "ball_after"),
+    *("v_before", "v_after", "joint_impulses", "constraint_impulses", "energy_lost", "sticking"),
+    *("restitution_residual", "momentum_residual", "condition"),
+)
 
 
 def parts(hit):
@@ -69,9 +72,14 @@ def test_in_another_thread(name):
 @pytest.mark.parametrize("again", [copy.copy, lambda hit: pickle.loads(pickle.dumps(hit))])
 def test_copies_have_the_same_digits(name, again):
     other = again(strike(name))
-    assert set(vars(other)) == set(NAMES)  # nothing is left to compute
+    computed = {"leg_response", "effective_mass", "restitution_residual"}
+    assert computed < set(vars(other))  # nothing is left to compute
     same(parts(other), parts(strike(name)))
     assert repr(other) == repr(strike(name))
+
+
+def test_all_attributes_are_listed_before_they_are_read():
+    assert set(NUMBERS) <= set(dir(strike("human")))
 
 
 def test_what_is_read_cannot_be_written():
@@ -81,7 +89,7 @@ def test_what_is_read_cannot_be_written():
             assert not value.flags.writeable, name
     with pytest.raises(dataclasses.FrozenInstanceError):
         hit.v_after = 0
-    with pytest.raises(AttributeError, match="'Impact' has no attribute 'v_afer'"):
+    with pytest.raises(AttributeError, match="'Impact' object has no attribute 'v_afer'"):
         _ = hit.v_afer
 
 
@@ -90,4 +98,5 @@ def test_residuals_that_are_rounding_show_no_digits():
     assert 0.0 < max(hit.restitution_residual, hit.momentum_residual) < 1e-14
     assert "  residuals             below 1e-14\n" in repr(hit)
     for worse in (2.5e-9, 1e-14, np.nan):
-        assert f", {worse:.4g})\n" in repr(dataclasses.replace(hit, momentum_residual=worse))
+        vars(hit)["leg_response"] = hit.leg_response._replace(momentum_residual=worse)
+        assert f", {worse:.4g})\n" in repr(hit)

@@ -70,7 +70,7 @@ def test_bad_input_is_refused(args, said):
 
 
 def test_wrong_kinds_are_named():
-    with pytest.raises(kd.InvalidInput, match="hit is None"):
+    with pytest.raises(kd.InvalidInput, match="impact is None"):
         kd.joint_loads(None)
 
 

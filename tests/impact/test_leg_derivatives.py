@@ -7,8 +7,8 @@ from chains import any_kick
 from nudges import RESULTS, by_differences, margin
 
 import kickdyn as kd
-from kickdyn.impact.leg_derivatives import per_mass
-from kickdyn.impact.uncertainty_sources import UNITS
+from kickdyn.impact.leg_derivatives import mass_to_inertia
+from kickdyn.impact.sensitivity import UNITS
 from kickdyn.robot.urdf_file import shipped_urdf
 
 LEFT, HANDS = "left_ankle_roll_link", ("left_wrist_yaw_link", "right_wrist_yaw_link")
@@ -105,7 +105,9 @@ def test_per_mass_keeps_the_shape_of_a_link():
     inertias = list(leg.model.inertias)[1:]
     for i, one in enumerate(inertias):
         numbers = one.toDynamicParameters()
-        assert per_mass(posture)[10 * i : 10 * i + 10, i] * one.mass == pytest.approx(numbers)
+        assert mass_to_inertia(posture)[10 * i : 10 * i + 10, i] * one.mass == pytest.approx(
+            numbers
+        )
 
 
 def composite():

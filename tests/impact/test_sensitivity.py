@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from nudges import RESULTS, by_differences, margin
 
 import kickdyn as kd
-from kickdyn.impact.uncertainty_sources import UNITS
+from kickdyn.impact.sensitivity import UNITS
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -159,7 +159,7 @@ def test_a_foot_that_let_go_is_refused():
     assert np.isfinite(kd.strike(*kick).sensitivity().margin)
     loose = kd.unilateral_strike(*kick)
     assert loose.footing != {"left_ankle_roll_link": "stands"}
-    with pytest.raises(kd.InvalidInput, match=r"a support moves at .* for supports that hold"):
+    with pytest.raises(kd.InvalidInput, match=r"a support moves at .* for supports that stay"):
         loose.sensitivity()
 
 

@@ -208,7 +208,7 @@ V = [0.1, -2.0, -1.0]
         (
             {"law": "hertz"},
             kd.InvalidInput,
-            "impact law 'hertz' is unknown: choose newton, stronge, paper",
+            "impact law is 'hertz': it must be one of newton, stronge, paper",
         ),
         ({"ball_spin": (0, math.nan, 0)}, kd.InvalidInput, "spin is .*finite"),
         ({"ball_velocity": (1, 2)}, kd.InvalidInput, r"velocity has shape \(2,\)"),

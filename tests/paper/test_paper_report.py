@@ -60,7 +60,7 @@ def test_the_foot_says_what_the_verdicts_are(items, monkeypatch, capsys):
 
 def test_a_table_that_is_too_wide_stands_on_end():
     found = [
-        Item(f"Fig. 8 {what}", None, 1.25, "m", "shape reproduced", "", "", f"drag {number}")
+        Item(f"Fig. 8 {what}", None, 1.25, "m", "shape-reproduced", "", "", f"drag {number}")
         for number in range(9)
         for what in ("range", "apex")
     ]

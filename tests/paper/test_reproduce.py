@@ -23,7 +23,7 @@ def test_table_2(items, row):
         assert abs(item.relative_error) < 0.003
         assert item.verdict == "fitted"
     with_ball = items[f"Table 2 {row} with the ball"]
-    assert with_ball.verdict == "not reachable"
+    assert with_ball.verdict == "not-reachable"
     assert with_ball.ours < with_ball.paper
 
 
@@ -33,18 +33,18 @@ def test_fig_9(items, case):
     assert abs(spin.relative_error) < 0.005
     assert spin.verdict == "fitted"
     assert speed.ours == pytest.approx(2 * 1.2)
-    assert speed.verdict == "not reachable"
+    assert speed.verdict == "not-reachable"
 
 
 def test_fig_9_needs_a_lift_without_crisis(items):
-    assert items["Fig. 9 case 3 distance"].verdict == "not reachable"
+    assert items["Fig. 9 case 3 distance"].verdict == "not-reachable"
     ranges = [path.range for path in fig_9.flights(LIFT_WITHOUT_CRISIS)]
     heights = [path.height for path in fig_9.flights(LIFT_WITHOUT_CRISIS)]
     assert ranges == sorted(ranges)
     assert heights == sorted(heights)
     assert heights[-1] == pytest.approx(2, abs=0.15)
     variants = [i for i in fig_9.sensitivity() if i.variant == LIFT_WITHOUT_CRISIS.name]
-    assert {item.verdict for item in variants} == {"shape reproduced"}
+    assert {item.verdict for item in variants} == {"shape-reproduced"}
 
 
 @pytest.mark.parametrize("choice", [DEFAULT, *ALTERNATIVES], ids=lambda choice: choice.name)
@@ -72,7 +72,7 @@ def test_fig_15_goals_are_met_by_both(items):
         goal = f"Fig. 13-15 {distance:g} m, {time:g} s"
         for method, within, verdict in (
             ("planner", (1e-6, 1e-6), "ours"),
-            ("learning loop", (0.05, 0.005), "shape reproduced"),
+            ("learning loop", (0.05, 0.005), "shape-reproduced"),
         ):
             assert items[f"{goal} {method} distance"].ours == pytest.approx(distance, abs=within[0])
             assert items[f"{goal} {method} time"].ours == pytest.approx(time, abs=within[1])
@@ -98,7 +98,7 @@ def test_tables_4_5_predict_held_out_rows_or_say_so(items):
         for reference in ("", " simulation"):
             assert items[f"{row.name} distance{reference}"].verdict == "fitted"
     assert "fitted" not in {item.verdict for item in tables_4_5.sensitivity()}
-    assert items["Tables 4-5 ball/foot speed ratio"].verdict == "not reachable"
+    assert items["Tables 4-5 ball/foot speed ratio"].verdict == "not-reachable"
 
 
 def test_fig_1_extremes_are_extremes(items):
@@ -161,5 +161,5 @@ def test_what_is_reproduced_has_a_number_in_the_paper(items):
 
 def test_the_limit_decides():
     assert near(1.09, 1.0, 0.1) == "reproduced"
-    assert near(1.11, 1.0, 0.1) == near(0.89, 1.0, 0.1, "fitted") == "not reachable"
+    assert near(1.11, 1.0, 0.1) == near(0.89, 1.0, 0.1, "fitted") == "not-reachable"
     assert near(0.91, 1.0, 0.1, "fitted") == "fitted"

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.kick import OBJECTIVES
+from kickdyn.planning.kick_cost import KickObjective
 
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
 BALL, AIR = kd.Ball(), kd.Air()
+OBJECTIVES = [name for name in KickObjective if name != "scatter"]
 
 
 def check(leg, plan, ball_height=None):
@@ -23,7 +24,7 @@ def check(leg, plan, ball_height=None):
     assert (plan.q <= leg.upper).all()
     assert (np.abs(plan.v) <= leg.velocity_limit).all()
     assert plan.speed_use <= 1
-    assert plan.effort_use <= 1
+    assert plan.torque_use <= 1
     if ball_height is not None:
         assert hit.ball_after.position[2] == pytest.approx(ball_height, abs=1e-4)
 
@@ -53,7 +54,7 @@ def test_a_robot_turns_the_front_of_its_toe_to_the_ball(goal):
         ) @ plan.impact_target.contact.normal
         return np.degrees([np.arctan2(normal[1], normal[0]), np.arcsin(normal[2])])
 
-    for options in ({}, {"objective": "effort"}, {"ball_height": -0.58}, {"limits": False}):
+    for options in ({}, {"objective": "kinetic-energy"}, {"ball_height": -0.58}, {"limits": False}):
         side, up = turned(kd.plan_kick(G1, goal, BALL, AIR, **options))
         assert abs(side) < 15.01
         assert -0.01 < up < 60.01
@@ -65,9 +66,9 @@ def test_each_objective_is_best_at_its_own():
     goal = kd.Goal(20, time=1.2)
     plans = {name: kd.plan_kick(HUMAN, goal, BALL, AIR, objective=name) for name in OBJECTIVES}
     rated = {
-        "joint speed": lambda plan: np.mean((plan.v / HUMAN.velocity_limit) ** 2),
-        "joint impulse": lambda plan: plan.hit.worst_joint[1],
-        "effort": lambda plan: 0.5 * plan.v @ plan.hit.posture.inertia @ plan.v,
+        "joint-speed": lambda plan: np.mean((plan.v / HUMAN.velocity_limit) ** 2),
+        "joint-impulse": lambda plan: plan.impact.worst_joint[1],
+        "kinetic-energy": lambda plan: 0.5 * plan.v @ plan.impact.posture.inertia @ plan.v,
     }
     for name, rate in rated.items():
         own = rate(plans[name])
@@ -77,7 +78,7 @@ def test_each_objective_is_best_at_its_own():
 
 def test_no_other_joint_velocity_of_that_posture_is_slower():
     plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR)
-    null = np.linalg.svd(plan.hit.posture.jacobian)[2][2:]
+    null = np.linalg.svd(plan.impact.posture.jacobian)[2][2:]
     slower = plan.v / HUMAN.velocity_limit
     for way in null:
         assert abs(slower @ (way / HUMAN.velocity_limit)) < 1e-3
@@ -85,7 +86,7 @@ def test_no_other_joint_velocity_of_that_posture_is_slower():
 
 def test_spin_is_given_as_asked():
     plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, spin=(0, -20, 0))
-    assert plan.hit.ball_after.spin == pytest.approx([0, -20, 0], abs=1e-8)
+    assert plan.impact.ball_after.spin == pytest.approx([0, -20, 0], abs=1e-8)
     check(HUMAN, plan)
 
 
@@ -105,9 +106,9 @@ def test_a_pass_is_struck_and_rolls_to_its_target():
     plan = kd.plan_kick(G1, goal, BALL, AIR, surface="carpet")
     assert plan.status == "met"
     assert plan.landing_error < 1e-3
-    ground = kd.Ground(plan.hit.ball_after.position[2] - BALL.radius, "carpet")
-    course = kd.follow(plan.hit.ball_after, BALL, AIR, ground, time_limit=10)
-    where = course.sample(2.0).position - plan.hit.ball_after.position
+    ground = kd.Ground(plan.impact.ball_after.position[2] - BALL.radius, "carpet")
+    course = kd.follow(plan.impact.ball_after, BALL, AIR, ground, time_limit=10)
+    where = course.sample(2.0).position - plan.impact.ball_after.position
     assert where == pytest.approx(goal.target, abs=1e-5)
     assert plan.path.launch.velocity == pytest.approx(plan.launch.velocity, abs=1e-9)
 
@@ -144,16 +145,18 @@ def test_a_goal_beyond_the_limits_gives_the_hardest_kick_in_its_direction():
     plan = kd.plan_kick(HUMAN, goal, BALL, AIR)
     assert plan.status == "beyond-limits"
     assert 0.3 < plan.share < 0.8
-    assert plan.hit.ball_after.velocity == pytest.approx(
+    assert plan.impact.ball_after.velocity == pytest.approx(
         plan.share * plan.launch.velocity, rel=1e-7
     )
     assert plan.speed_use == pytest.approx(1, abs=1e-3)
     # it ends on the ground that the ball lay on, and misses from there
-    start, end = plan.hit.ball_after.position, plan.path.landing.position
+    start, end = plan.impact.ball_after.position, plan.path.landing.position
     assert plan.path.status == "landed"
     assert end[2] == pytest.approx(start[2], abs=1e-9)
     assert plan.landing_error == pytest.approx(100 - (end - start)[0])
-    assert plan.path.range == pytest.approx(kd.fly(plan.hit.ball_after, BALL, AIR).range, abs=1e-6)
+    assert plan.path.range == pytest.approx(
+        kd.fly(plan.impact.ball_after, BALL, AIR).range, abs=1e-6
+    )
     assert plan.time_error == pytest.approx(plan.path.duration - 3)
     lifted = kd.plan_kick(HUMAN, goal, BALL, AIR, limits=False)
     assert lifted.status == "met"
@@ -172,12 +175,12 @@ def test_the_same_plan_again():
         (
             kd.Goal(30, time=1.5),
             {"objective": "beauty"},
-            "choose joint speed, joint impulse, effort",
+            "one of joint-speed, joint-impulse, kinetic-energy",
         ),
         (kd.Goal(30, time=1.5), {"arc": "middle"}, "arc is 'middle'"),
         (kd.Goal((20, 2, 0), time=1), {"turn": False}, "its foot moves in a plane only"),
         (kd.Goal(15, time=1), {"spin": (0, 0, 20)}, "cannot give this spin"),
-        (kd.Goal(15, time=1), {"ball_height": -2}, "no posture that touches a ball at -2 m"),
+        (kd.Goal(15, time=1), {"ball_height": -2}, "no posture that touches a ball at -2.0 m"),
         (kd.Goal((10, 0, 3), apex=1), {}, r"out of reach \(lowest-path\): the nearest is"),
         (kd.Goal(15, time=1), {"spin": (0, -900, 0)}, "with friction 0.4"),
         (kd.Goal(15, time=1), {"restitution": 2}, "restitution is 2"),
@@ -190,5 +193,52 @@ def test_bad_input(goal, options, words):
 
 def test_a_held_leg_is_refused():
     leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    with pytest.raises(kd.InvalidInput, match="joints without one angle"):
+    with pytest.raises(kd.InvalidInput, match="more than one coordinate"):
         kd.plan_kick(leg, kd.Goal(3, time=0.7), BALL)
+
+
+def test_a_plan_for_the_whole_robot_is_that_for_its_leg():
+    robot, goal = kd.Leg.from_robot("g1"), kd.Goal((4, 1, 0), time=0.8)
+    whole, alone = (kd.plan_kick(leg, goal, BALL) for leg in (robot, G1))
+    assert whole.leg is robot
+    names = [name for name in robot.joint_names if robot.angles_deg(whole.q)[name]]
+    angles = alone.leg.angles_deg(alone.q)
+    assert [robot.angles_deg(whole.q)[name] for name in names] == pytest.approx(
+        [angles[name] for name in names], abs=1e-6
+    )
+    assert whole.value == pytest.approx(alone.value, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("leg", "goal", "more"),
+    [
+        (G1, kd.Goal((4, 1, 0), time=0.8), 1.2),
+        (HUMAN, kd.Goal(15, time=1), 1.04),
+    ],
+)
+def test_from_one_place_a_kick_takes_the_least_or_the_most(leg, goal, more):
+    ball = kd.Ball()
+    first = kd.plan_kick(leg, goal, ball)
+    there = first.impact.ball_after.position
+    rated = {}
+    for objective in ("joint-impulse", "most-joint-impulse", "foot-speed"):
+        plan = kd.plan_kick(leg, goal, ball, objective=objective, ball_at=there)
+        assert plan.status == "met"
+        assert plan.impact.ball_after.position == pytest.approx(there, abs=2e-5)
+        assert plan.impact.ball_after.velocity == pytest.approx(
+            first.impact.ball_after.velocity, abs=1e-9
+        )
+        assert plan.impact.ball_after.spin == pytest.approx(first.impact.ball_after.spin, abs=1e-9)
+        assert max(plan.speed_use, plan.torque_use) <= 1
+        rated[objective] = plan.impact.worst_joint[1], np.linalg.norm(plan.impact.foot_velocity)
+    worst = {name: impulse for name, (impulse, _) in rated.items()}
+    assert worst["most-joint-impulse"] > more * worst["joint-impulse"]
+    slowest = min(speed for _, speed in rated.values())
+    assert rated["foot-speed"][1] == pytest.approx(slowest, rel=1e-9)
+
+
+def test_a_ball_beside_the_plane_of_the_foot_is_refused():
+    with pytest.raises(kd.InvalidInput, match=r"is 0.2 m beside the plane that the foot of"):
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0.2, -0.7))
+    with pytest.raises(kd.InvalidInput, match="name one of the two"):
+        kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0, -0.7), ball_height=1)

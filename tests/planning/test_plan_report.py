@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_report import aftermath, as_json, cautions, scattered, text, verdict
+from kickdyn.planning.plan_report import PlanReport, verdict
 from kickdyn.planning.scatter import scatter
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
@@ -15,7 +15,7 @@ WEAK = kd.plan_kick(LEG, kd.Goal(50, time=2), BALL, AIR)
 def test_beyond_limits_names_them_and_where_the_ball_comes_down():
     said = verdict(WEAK)
     assert "speed of knee" in said
-    path = kd.fly(WEAK.hit.ball_after, BALL, AIR)
+    path = kd.fly(WEAK.impact.ball_after, BALL, AIR)
     down = f"comes down {path.range:.4g} m away after {path.duration:.4g} s"
     assert f"{down}, {50 - path.range:.3g} m from it" in said
 
@@ -23,7 +23,9 @@ def test_beyond_limits_names_them_and_where_the_ball_comes_down():
 @pytest.mark.parametrize("goal", [kd.Goal(50, time=2), kd.Goal((40, 0, 2), time=1.2)])
 def test_what_is_said_to_be_within_the_limits_is_met_as_printed(goal):
     said = verdict(kd.plan_kick(LEG, goal, BALL, AIR))
-    distance, time = re.search(r"Within them, that way, are (.*) m in (.*) s", said).groups()
+    distance, time = re.search(
+        r"Within them, in that direction, are (.*) m in (.*) s", said
+    ).groups()
     again = kd.plan_kick(LEG, kd.Goal(float(distance), time=float(time)), BALL, AIR)
     assert again.status == "met"
 
@@ -41,10 +43,10 @@ def test_late_and_beside():
 
 
 def test_lines_and_json():
-    lines = text(WEAK)
-    assert [line.split()[0] for line in lines] == ["launch", "touch", "leg", *LEG.joint_names]
+    lines = PlanReport(WEAK).table()
+    assert [line.split()[0] for line in lines] == ["launch", "impact", "leg", *LEG.joint_names]
     assert not any("-0.0 " in line for line in lines)
-    said = json.loads(json.dumps(as_json(WEAK), allow_nan=False))
+    said = json.loads(json.dumps(PlanReport(WEAK).to_json(), allow_nan=False))
     assert said["status"] == "beyond-limits"
     assert said["leg"]["binding"] == list(WEAK.binding)
     assert said["landing_error"] == WEAK.landing_error
@@ -52,37 +54,37 @@ def test_lines_and_json():
     assert said["leg"]["v"] == pytest.approx(WEAK.v.tolist())
 
 
-def test_effort_says_whether_it_is_energy_or_torque():
+def test_a_torque_that_binds_is_named():
     model = LEG.model
     model.effortLimit = np.array([60.0, 40.0, 20.0])
     weak = kd.Leg.from_model(model, "toe")
-    plan = kd.plan_kick(weak, kd.Goal(60, time=2), BALL, AIR, objective="effort")
-    (joint,) = (limit.removeprefix("effort of ") for limit in plan.binding if "effort" in limit)
-    assert f"torque of {joint}" in verdict(plan)
-    assert "effort" not in verdict(plan)
-    line = next(line for line in text(plan) if line.startswith("leg"))
-    assert f"effort (kinetic energy) {plan.value:.4g} J; " in line
-    assert f"torque {plan.effort_use:.0%} of their limits" in line
-    assert re.search(r"\n  effort \(kinetic energy\) +\d+\.?\d* J\n", repr(plan))
+    plan = kd.plan_kick(weak, kd.Goal(60, time=2), BALL, AIR, objective="kinetic-energy")
+    (limit,) = (limit for limit in plan.binding if limit.startswith("torque of "))
+    assert limit in verdict(plan)
+    line = next(line for line in PlanReport(plan).table() if line.startswith("leg"))
+    assert f"kinetic-energy {plan.value:.4g} J; " in line
+    assert f"torque {plan.torque_use:.0%} of their limits" in line
+    assert re.search(r"\n  kinetic-energy +\d+\.?\d* J\n", repr(plan))
 
 
 def test_what_happens_just_after_the_impact():
     plan = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
     assert plan.q[1] == pytest.approx(LEG.lower[1], abs=1e-9)  # the knee, stretched
-    assert plan.hit.v_after[1] < 0.0
+    assert plan.impact.v_after[1] < 0.0
     assert plan.into_stop == ("knee",)
-    used = np.abs(plan.hit.v_after) / LEG.velocity_limit
+    used = np.abs(plan.impact.v_after) / LEG.velocity_limit
     fast = {name: use for name, use in zip(LEG.joint_names, used, strict=True) if use > 1.0}
-    assert plan.after == pytest.approx(fast)
+    assert plan.too_fast_after == pytest.approx(fast)
     assert fast.keys() == {"hip", "ankle"}
-    (line,) = aftermath(plan, limits=True)
+    _, line = PlanReport(plan).sentences()
     said = f"knee into its stop, hip at {fast['hip']:.0%} of its speed limit, ankle at "
     assert line == f"Just after the impact: {said}{fast['ankle']:.0%} of its speed limit."
-    assert aftermath(plan, limits=False) == ["Just after the impact: knee into its stop."]
-    leg = as_json(plan)["leg"]
-    assert (leg["after"], leg["into_stop"]) == (plan.after, ["knee"])
+    short = "Just after the impact: knee into its stop."
+    assert PlanReport(plan, limits=False).sentences()[1:] == [short]
+    leg = PlanReport(plan).to_json()["leg"]
+    assert (leg["too_fast_after"], leg["into_stop"]) == (plan.too_fast_after, ["knee"])
     swung = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR, swing=True)
-    assert aftermath(swung, limits=True) == []
+    assert PlanReport(swung).sentences() == [verdict(swung)]
 
 
 def test_what_the_flight_warns_of_is_said_of_the_plan():
@@ -90,12 +92,12 @@ def test_what_the_flight_warns_of_is_said_of_the_plan():
     lines = list(far.path.warnings)
     assert len(lines) == 1  # of drag: a spin that is rounding has no lift to warn of
     assert lines[0].startswith("drag brazuca: 37 % of the flight is outside Re 0 to 5.1e+05")
-    assert list(far.warnings) == as_json(far)["warnings"] == lines
-    assert cautions(far) == [f"Warning: {line}." for line in lines]
+    assert list(far.warnings) == PlanReport(far).to_json()["warnings"] == lines
+    assert PlanReport(far).sentences()[-1:] == [f"Warning: {line}." for line in lines]
     for answer in (far, kd.plan_launch(kd.Goal(100, time=3), BALL, AIR)):
         assert re.findall(r"\n  warning +(.*)", repr(answer)) == lines
     near = kd.plan_kick(LEG, kd.Goal(30, time=1.5), BALL, AIR)
-    assert (near.warnings, cautions(near), as_json(near)["warnings"]) == ((), [], [])
+    assert (near.warnings, PlanReport(near).to_json()["warnings"]) == ((), [])
     assert "warning" not in repr(near)
     along = kd.plan_kick(LEG, kd.Goal(15, time=1.5), BALL, AIR, surface="carpet")
     assert along.warnings == ()
@@ -105,7 +107,7 @@ def test_a_kick_to_the_right_says_right():
     plans = [kd.plan_kick(LEG, kd.Goal((20, y, 0), time=1), BALL, AIR) for y in (3, 0, -3)]
     angle = f"{np.degrees(plans[0].heading):.2f}"
     for plan, side in zip(plans, ("left", "", "right"), strict=True):
-        launch, *_, base = text(plan)[:4]
+        launch, *_, base = PlanReport(plan).table()[:4]
         azimuth = f"{abs(np.degrees(plan.launch.azimuth)):.3f} deg {side or 'left'};"
         assert azimuth in launch
         assert "-" not in launch + base or not side
@@ -115,10 +117,10 @@ def test_a_kick_to_the_right_says_right():
 def test_the_scatter_by_source_has_units():
     spread = {"speed": 0.02, "angle": 0.01}
     plan = kd.plan_kick(LEG, kd.Goal(10, time=1), BALL, AIR, objective="scatter", spread=spread)
-    found = scatter(plan.hit, AIR, **spread)
+    found = scatter(plan.impact, AIR, **spread)
     sizes = {name: np.sqrt(np.trace(part)) for name, part in found.by_source.items()}
-    assert scattered(plan, spread) == (
+    assert PlanReport(plan, spread=spread).sentences()[1] == (
         f"It lands {found.radius:.3g} m off in the root mean square: {sizes['speed']:.3g} m by "
         f"speed, {sizes['angle']:.3g} m by angle."
     )
-    assert f"scatter {found.radius:.4g} m;" in text(plan)[2]
+    assert f"scatter {found.radius:.4g} m;" in PlanReport(plan).table()[2]

@@ -54,8 +54,8 @@ def parts(swing):
 def check_rest_impact_rest(swing):
     assert swing.status == "met"
     assert (swing.share, swing.limit) == (1.0, "")
-    at, hit = swing.backswing.joints, swing.plan.hit
-    before, after = swing.backswing.fine(), swing.follow_through.fine()
+    at, hit = swing.chain, swing.plan.impact
+    before, after = swing.backswing.fine, swing.follow_through.fine
     for here, v in ((before.q[-1], hit.v_before), (after.q[0], hit.v_after)):
         assert here == pytest.approx(swing.plan.q[at.qs], abs=1e-9)
         moving = before.v[-1] if v is hit.v_before else after.v[0]
@@ -67,14 +67,14 @@ def check_rest_impact_rest(swing):
 
 
 def check_limits_between_the_nodes(swing):
-    joints = swing.backswing.joints
+    chain = swing.chain
     for part in parts(swing):
         for t in np.split(np.linspace(part.nodes[0], part.nodes[-1], 600), 3):
             way = part.sample(t)
-            assert (way.q >= joints.low).all()
-            assert (way.q <= joints.high).all()
-            assert (np.abs(way.v) <= joints.speed).all()
-            assert (np.abs(way.torque) <= joints.effort * (1 + 1e-6)).all()
+            assert (way.q >= chain.lower).all()
+            assert (way.q <= chain.upper).all()
+            assert (np.abs(way.v) <= chain.velocity_limit).all()
+            assert (np.abs(way.torque) <= chain.effort_limit * (1 + 1e-6)).all()
     assert swing.torque_use <= 1
     assert swing.speed_use <= 1
     assert swing.range_left >= 0
@@ -84,7 +84,7 @@ def check_limits_between_the_nodes(swing):
 def check_forward_dynamics(swing):
     """Forward dynamics under the torques, by an integrator that knows nothing of the swing."""
     for part in parts(swing):
-        model, data = part.joints.model, part.joints.model.createData()
+        model, data = part.chain.model, part.chain.model.createData()
         n, nodes = model.nv, part.nodes
         state = np.concatenate([part.sample(nodes[0]).q[0], part.sample(nodes[0]).v[0]])
 
@@ -101,8 +101,8 @@ def check_forward_dynamics(swing):
 
 def check_energy(swing):
     for part in parts(swing):
-        model, data = part.joints.model, part.joints.model.createData()
-        way = part.fine()
+        model, data = part.chain.model, part.chain.model.createData()
+        way = part.fine
         work = float(simpson(way.power.sum(axis=1), x=way.time))
         ends = [
             pin.computeKineticEnergy(model, data, way.q[i], way.v[i])
@@ -122,7 +122,7 @@ def test_the_whole_leg_moves_with_it_and_rests_outside():
     assert way.v[1] == pytest.approx(swing.plan.v, abs=1e-9)
     with pytest.raises(kd.InvalidInput, match="times must rise"):
         swing.sample([0.0, -0.01])
-    with pytest.raises(kd.InvalidInput, match="this part lasts from 0 to"):
+    with pytest.raises(kd.InvalidInput, match="this phase lasts from 0 to"):
         swing.sample([9.0])
     again = kd.plan_swing(HUMAN, swing.plan, nodes=12)
     assert again.sample(way.time).torque.tolist() == way.torque.tolist()
@@ -133,15 +133,15 @@ def plan():
     return planned("human")
 
 
-def test_the_quickest_is_quicker_and_the_least_effort_is_less(plan):
+def test_the_quickest_is_quicker_and_the_least_torque_is_less(plan):
     quick, easy = kd.plan_swing(HUMAN, plan, objective="time", nodes=12), swung("human")
     assert quick.backswing.duration < easy.backswing.duration
     assert quick.follow_through.duration < easy.follow_through.duration
     assert quick.value == pytest.approx(quick.backswing.duration + quick.follow_through.duration)
     effort = []
     for one in (quick, easy):
-        used = [(part.fine().torque / HUMAN.effort_limit) ** 2 for part in parts(one)]
-        times = [part.fine().time for part in parts(one)]
+        used = [(part.fine.torque / HUMAN.effort_limit) ** 2 for part in parts(one)]
+        times = [part.fine.time for part in parts(one)]
         effort.append(sum(simpson(u.mean(axis=1), x=t) for u, t in zip(used, times, strict=True)))
     assert effort[1] < effort[0]
     assert easy.value == pytest.approx(effort[1], rel=1e-2)
@@ -150,8 +150,8 @@ def test_the_quickest_is_quicker_and_the_least_effort_is_less(plan):
 def test_start_and_end_are_as_asked(plan):
     start, end = HUMAN.configuration({"knee": 0.6}), HUMAN.configuration({"hip": 0.7, "knee": 0.5})
     swing = kd.plan_swing(HUMAN, plan, start=start, end=end, nodes=12)
-    assert swing.backswing.fine().q[0] == pytest.approx(start, abs=1e-9)
-    assert swing.follow_through.fine().q[-1] == pytest.approx(end, abs=1e-9)
+    assert swing.backswing.fine.q[0] == pytest.approx(start, abs=1e-9)
+    assert swing.follow_through.fine.q[-1] == pytest.approx(end, abs=1e-9)
 
 
 def weaker(hip, knee=210.0):
@@ -169,7 +169,7 @@ def test_too_weak_a_leg_gets_the_most_of_it_and_the_joint_at_fault(plan):
     assert swing.torque_use <= 1
     assert swing.backswing.sample(0.0).v[0] == pytest.approx(swing.share * plan.v, abs=1e-9)
     after = swing.follow_through.sample(0.0).v[0]
-    assert after == pytest.approx(swing.share * plan.hit.v_after, abs=1e-9)
+    assert after == pytest.approx(swing.share * plan.impact.v_after, abs=1e-9)
     hit = kd.strike(HUMAN.posture(plan.q), swing.share * plan.v, BALL, plan.impact_target.contact)
     assert hit.v_after == pytest.approx(after, abs=1e-9)  # a strike scales
     for stronger in (weaker(66.0), weaker(60.0, knee=231.0)):
@@ -203,7 +203,7 @@ def test_what_cannot_be_swung_is_kicked_as_hard_as_can_be():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"objective": "beauty"}, "'beauty' is unknown: choose effort, time"),
+        ({"objective": "beauty"}, "'beauty': it must be one of torque-squared, time"),
         ({"longest": 0}, "longest is 0"),
         ({"longest": float("nan")}, "longest is nan"),
         ({"nodes": 3}, "nodes is 3: it must be a whole number from 4 to 200"),
@@ -222,18 +222,18 @@ def test_bad_input(plan, options, words):
 
 
 def test_a_joint_that_the_impact_moves_but_that_does_not_swing_must_be_locked(plan):
-    moved = plan.hit.v_after.copy()
+    moved = plan.impact.v_after.copy()
     moved[2] = 1.0
     thigh = kd.Leg.from_model(HUMAN.model, "shank")
-    hit = replace(plan.hit, posture=thigh.posture(plan.q), v_after=moved)
+    hit = replace(plan.impact, posture=thigh.posture(plan.q), v_after=moved)
     with pytest.raises(kd.InvalidInput, match="the impact moves ankle"):
-        kd.plan_swing(thigh, replace(plan, hit=hit))
+        kd.plan_swing(thigh, replace(plan, impact=hit))
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"objective": "joint impulse"}, "with swing=True choose joint speed or effort"),
+        ({"objective": "joint-impulse"}, "with swing=True it must be joint-speed or"),
         ({"limits": False}, "a swing is planned within limits"),
     ],
 )
@@ -252,16 +252,16 @@ def test_kicks_with_a_swing_refuse(options, words):
     ],
 )
 def test_the_way_that_a_plan_promises_keeps_its_limits_and_is_found(leg, goal):
-    plan = kd.plan_kick(leg, goal, BALL, AIR, swing=True, objective="effort")
+    plan = kd.plan_kick(leg, goal, BALL, AIR, swing=True, objective="kinetic-energy")
     assert plan.status == "met"
-    for part, v in zip(plan.parts, (plan.v, plan.hit.v_after), strict=True):
-        way, joints = part.sample(part.sign * np.linspace(0, part.duration, 1500)), part.joints
-        assert (np.abs(way.torque) <= joints.effort).all()
-        assert (np.abs(way.v) <= joints.speed).all()
-        assert (way.q >= joints.low).all()
-        assert (way.q <= joints.high).all()
-        assert way.q[0] == pytest.approx(plan.q[joints.qs], abs=1e-9)
-        assert way.v[0] == pytest.approx(v[joints.vs], abs=1e-9)
+    for part, v in zip(plan.phases, (plan.v, plan.impact.v_after), strict=True):
+        way, chain = part.sample(part.sign * np.linspace(0, part.duration, 1500)), part.chain
+        assert (np.abs(way.torque) <= chain.effort_limit).all()
+        assert (np.abs(way.v) <= chain.velocity_limit).all()
+        assert (way.q >= chain.lower).all()
+        assert (way.q <= chain.upper).all()
+        assert way.q[0] == pytest.approx(plan.q[chain.qs], abs=1e-9)
+        assert way.v[0] == pytest.approx(v[chain.vs], abs=1e-9)
         assert np.abs(way.v[-1]).max() < 1e-9
     assert kd.plan_swing(leg, plan).status == "met"
     other = kd.plan_swing(leg, plan, nodes=36)
@@ -270,13 +270,13 @@ def test_the_way_that_a_plan_promises_keeps_its_limits_and_is_found(leg, goal):
 
 
 def test_a_plan_without_a_swing_promises_none():
-    assert kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR).parts is None
+    assert kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR).phases is None
 
 
 def test_the_way_a_plan_carries_is_the_answer_where_the_solver_finds_none():
     leg = kd.Leg.testbed()
     goal = kd.Goal(1.7027424644632017, time=0.3004798734347314)
-    plan = kd.plan_kick(leg, goal, kd.Ball(), kd.Air(), swing=True, objective="effort")
+    plan = kd.plan_kick(leg, goal, kd.Ball(), kd.Air(), swing=True, objective="kinetic-energy")
     swing = kd.plan_swing(leg, plan)
     assert swing.status == "met"
     assert swing.torque_use <= 1.0

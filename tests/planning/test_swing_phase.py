@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.swing_joints import joints_of
-from kickdyn.planning.swing_phase import part_of
+from kickdyn.planning import swing_phase
+from kickdyn.planning.swing_phase import make_phase, swing_chain
 
-JOINTS = joints_of(kd.Leg.human())
+CHAIN = swing_chain(kd.Leg.human())
 Q, W, TIME, MANY = np.array([0.2, 0.5, 0.1]), np.array([3.0, 2.0, -1.0]), 0.4, 8
 END = Q + W * TIME / 2
 
@@ -16,7 +16,7 @@ END = Q + W * TIME / 2
 def part(sign=1, off=1e-6):
     even = np.tile(-W / TIME, (MANY + 1, 1))
     even[::2] += off
-    return part_of(JOINTS, sign, Q, W, even, TIME, END)
+    return make_phase(CHAIN, sign, Q, W, even, TIME, END)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -29,23 +29,44 @@ def test_both_ends_are_met_exactly(sign):
 
 def test_more_nodes_are_the_same_way():
     one = part(off=0.5)
-    q, v, a = one.resampled(3 * MANY)
+    q, v, a = one.away_from_impact(3 * MANY)
     way = one.sample(np.linspace(0, TIME, 3 * MANY + 1))
     assert q == pytest.approx(way.q)
     assert v == pytest.approx(way.v)
     assert a == pytest.approx(way.a)
-    again = part_of(JOINTS, 1, Q, W, a, TIME, q[-1])
+    again = make_phase(CHAIN, 1, Q, W, a, TIME, q[-1])
     between = np.linspace(0, TIME, 101)
     assert again.sample(between).a == pytest.approx(one.sample(between).a, abs=1e-10)
 
 
 def test_the_torque_is_looked_for_between_the_nodes():
     w = np.array([9.0, -15.0, 0.0])
-    one = part_of(JOINTS, 1, Q, w, np.tile(-w / TIME, (2, 1)), TIME, Q + w * TIME / 2)
-    model, data = JOINTS.model, JOINTS.model.createData()
+    one = make_phase(CHAIN, 1, Q, w, np.tile(-w / TIME, (2, 1)), TIME, Q + w * TIME / 2)
+    model, data = CHAIN.model, CHAIN.model.createData()
     torques = [
-        np.abs(pin.rnea(model, data, *row) / JOINTS.effort).max()
+        np.abs(pin.rnea(model, data, *row) / CHAIN.effort_limit).max()
         for row in zip(*one.sample(np.linspace(0, TIME, 2001))[1:4], strict=True)
     ]
     assert one.torque_use == pytest.approx(max(torques), rel=1e-2)
     assert one.torque_use > 1.1 * max(torques[0], torques[-1])
+
+
+@pytest.mark.parametrize(("what", "named"), [("velocityLimit", "speed"), ("effortLimit", "torque")])
+def test_a_joint_without_limits_is_refused(what, named):
+    model = kd.Leg.human().model
+    limits = getattr(model, what)
+    limits[1] = np.inf
+    setattr(model, what, limits)
+    with pytest.raises(kd.InvalidInput, match=f"^{named} limit of knee is inf: a swing needs one"):
+        swing_chain(kd.Leg.from_model(model, "toe"))
+
+
+def test_a_floating_base_is_refused():
+    with pytest.raises(kd.InvalidInput, match="more than one coordinate"):
+        swing_chain(kd.Leg.from_robot("g1", base="floating"))
+
+
+def test_without_casadi_it_says_how_to_install_it(monkeypatch):
+    monkeypatch.setattr(swing_phase, "find_spec", lambda name: None)
+    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[swing\]"'):
+        kd.plan_kick(kd.Leg.human(), kd.Goal(15, time=1), kd.Ball(), swing=True)

@@ -8,7 +8,7 @@ from chains import random_inertia, random_rotation
 import kickdyn as kd
 from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, chain
 from kickdyn.accuracy.references.exact_impact import answers, exact_impact, given
-from kickdyn.impact.joint_impulses import on_foot
+from kickdyn.impact.leg_response import foot_wrench
 from kickdyn.robot.articulated_body import ArticulatedBodies
 
 KINDS = {
@@ -83,7 +83,7 @@ def test_a_point_elsewhere_on_the_foot_is_judged_anew():
     leg = chain((0.01, 1.0, 1.0))
     posture = leg.posture(BENT)
     moved = posture.with_contact_offset((0.1, 0.0, 0.05))
-    pushes = np.array([on_foot(moved, axis) for axis in np.eye(3)])
+    pushes = np.array([foot_wrench(moved, axis) for axis in np.eye(3)])
     rows = moved.articulated_bodies.delassus_factor(leg.contact_joint, pushes)
     assert moved.is_ill_conditioned
     assert moved.delassus() == pytest.approx(rows @ rows.T, rel=1e-14)

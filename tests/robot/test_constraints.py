@@ -23,6 +23,9 @@ def test_supports_are_kept_and_let_go():
     kept = copy.constraints.supports[0]
     assert (kept.frame, kept.point, kept.friction) == (FOOT, False, 0.7)
     assert kept.sole.tolist() == [list(corner) for corner in sole]
+    assert kept == support
+    assert hash(kept) == hash(support)
+    assert kept != kd.Support(FOOT, friction=0.7)
     assert leg.locked({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
     assert leg.with_armature({"waist_yaw_joint": 0.1}).constraints.supports == (support,)
     assert leg.with_supports().constraints is None

@@ -68,6 +68,7 @@ REFUSED = {
     "mass of Arabic digits": mass("\u0667"),
     "mass empty": mass(""),
     "mass of a million digits": mass("9" * 1_000_000, r"'9{60}'\.\.\."),
+    "mass of a million digits and a letter": mass("9" * 1_000_000 + "x", r"'9{60}'\.\.\."),
     "mass without value": (THIGH_MASS, "<mass/>", "mass element must have value"),
     "mass missing": (THIGH_MASS, "", "Inertial element must have a mass element"),
     "inertia missing": (THIGH_INERTIA, "", "Inertial element must have inertia element"),

@@ -1,7 +1,7 @@
 """The schema names what the rooms above and the nouns know."""
 
 from kickdyn.impact.laws import LAWS
-from kickdyn.impact.uncertainty_sources import UNITS
+from kickdyn.impact.sensitivity import UNITS
 from kickdyn.scene import schema
 
 

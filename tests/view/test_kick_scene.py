@@ -88,7 +88,7 @@ def test_a_whole_swing_is_beside_the_caption():
     leg, ball = kd.Leg.human(), kd.Ball()
     plan = kd.plan_kick(leg, kd.Goal(15, time=1), ball, kd.Air(), swing=True)
     swing, viewer = kd.plan_swing(leg, plan), recording_viewer()
-    draw_kick(viewer, plan.hit, plan.path, swing=swing)
+    draw_kick(viewer, plan.impact, plan.path, swing=swing)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (shift,) = (c["matrix"] for c in said if c.get("path") == "/meshcat" and "matrix" in c)
     target = -np.reshape(shift, (4, 4)).T[:3, 3]

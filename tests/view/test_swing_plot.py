@@ -15,7 +15,7 @@ def swing():
 
 def test_curves_are_the_swings_over_its_limits(swing):
     speed, torque, power = swing_figure(swing).axes
-    way = swing.backswing.fine()
+    way = swing.backswing.fine
     many = len(way.time)
     for joint, name in enumerate(swing.joints):
         lines = [axes.lines[joint] for axes in (speed, torque, power)]

@@ -1,0 +1,149 @@
+"""The leg's response to the impulse: velocity jump, joint impulses, constraint impulses."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.core.vectors import cross3, largest
+from kickdyn.robot.leg import Posture
+
+NO_CONSTRAINTS = np.zeros(0)
+"""Constraint impulses of a leg without supports and loops."""
+
+
+class LegResponse(NamedTuple):
+    """What an impulse at the foot does to the leg.
+
+    Attributes:
+        v_after: joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        joint_impulses: by the parent on the child, linear then angular, about the joint's origin
+            and in its frame, shape `(njoints, 6)` [N s, N m s].
+        constraint_impulses: of supports and loops, stacked as in
+            `posture.constraint_projector.rows` [N s, N m s, world axes].
+        momentum_residual: joint-space momentum that Newton-Euler cannot account for, relative to
+            the impulse times the Jacobian's norm.
+    """
+
+    v_after: Array
+    joint_impulses: Array
+    constraint_impulses: Array
+    momentum_residual: float
+
+
+def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
+    r"""Return the response of a leg that strikes the ball with an impulse.
+
+    The velocity jump is :math:`-M^{-1} J^T p`, less what supports and loops block.
+
+    Args:
+        posture: of the leg.
+        v: joint velocity before, shape `(nv,)` [rad/s].
+        impulse: p, on the ball, shape `(3,)` [N s, world frame].
+    """
+    if posture.constraint_projector is None:
+        jump, transmitted, unbalanced = free_response(posture, -impulse)
+        return as_response(posture, impulse, v + jump, transmitted, NO_CONSTRAINTS, unbalanced)
+    jump, constraint_impulses = posture.respond(-impulse.dot(posture.jacobian))
+    transmitted, unbalanced = joint_impulses(posture, jump, -impulse, constraint_impulses)
+    return as_response(posture, impulse, v + jump, transmitted, constraint_impulses, unbalanced)
+
+
+def as_response(
+    posture: Posture,
+    impulse: Array,
+    v_after: Array,
+    transmitted: Array,
+    constraint_impulses: Array,
+    unbalanced: Array,
+) -> LegResponse:
+    """Return a response of read-only arrays; `unbalanced` is the momentum left over."""
+    for array in (v_after, transmitted, constraint_impulses):
+        array.setflags(write=False)
+    jacobian = posture.jacobian
+    scale = math.sqrt(np.vdot(jacobian, jacobian)) * math.hypot(*impulse.tolist())
+    residual = largest(unbalanced) / scale if scale else 0.0
+    return LegResponse(v_after, transmitted, constraint_impulses, residual)
+
+
+def joint_impulses(
+    posture: Posture, jump: Array, impulse: Array, constraint_impulses: Array = NO_CONSTRAINTS
+) -> tuple[Array, Array]:
+    """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
+
+    The equations of motion, integrated over the impact, are the recursive Newton-Euler algorithm
+    without gravity and velocity, with the velocity jump for the acceleration.
+
+    Args:
+        posture: of the leg.
+        jump: change of the joint velocity, shape `(nv,)` [rad/s].
+        impulse: on the foot at its contact point, shape `(3,)` [N s, world frame].
+        constraint_impulses: of supports and loops, from `Posture.respond`.
+
+    Returns:
+        The 6-D impulse that each joint's parent exerts on its child, linear then angular, about
+        the joint's origin and in its frame, shape `(njoints, 6)` [N s, N m s]; and the joint-space
+        momentum left over, shape `(nv,)`, which is 0 but for rounding.
+    """
+    leg, space = posture.leg, posture.leg.workspace
+    pushes = space.pushes
+    pushes.fill(0.0)  # of the impact before
+    pushes[leg.contact_joint] = foot_wrench(posture, impulse)
+    if posture.constraint_projector is not None and len(constraint_impulses):
+        for block in posture.constraint_projector.blocks:
+            part = constraint_impulses[block.rows]
+            pushes[block.joint] += joint_wrench(
+                block.rotations_joint_world[0], block.levers[0], part
+            )
+            if block.other:
+                pushes[block.other] -= joint_wrench(
+                    block.rotations_joint_world[1], block.levers[1], part
+                )
+    unbalanced = pin.rnea(space.model, space.data, posture.q, space.still, jump, space.external)
+    return space.forces.copy(), unbalanced.copy()
+
+
+def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:
+    """Return the velocity jump after an impulse on the foot, and what `joint_impulses` returns.
+
+    For legs without supports and loops. The jump is the articulated-body algorithm's: a Cholesky
+    factor of M loses digits with M's condition, five of them at 500 joints.
+    """
+    leg, space = posture.leg, posture.leg.workspace
+    wrench = foot_wrench(posture, impulse)
+    if posture.is_ill_conditioned:
+        return posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
+    model, data, still = space.model, space.data, space.still
+    space.pushes.fill(0.0)  # of the impact before
+    space.pushes[leg.contact_joint] = wrench
+    jump = pin.aba(model, data, posture.q, still, still, space.external).copy()
+    unbalanced = pin.rnea(model, data, posture.q, still, jump, space.external)
+    return jump, space.forces.copy(), unbalanced.copy()
+
+
+def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
+    """Return `joint_wrench` of an impulse at the contact point, shape `(3,)` [N s]."""
+    linear = impulse.dot(posture.rotation_world_joint).tolist()
+    return (*linear, *cross3(posture.contact_lever.tolist(), linear))
+
+
+def joint_wrench(rotation: Array, lever: Array, impulse: Array) -> Array:
+    """Return an impulse at a point of a body about its joint's origin, in the joint's axes.
+
+    Args:
+        rotation: from world axes to the joint's, shape `(3, 3)`.
+        lever: from the joint's origin to the point, in its axes, shape `(3,)` [m].
+        impulse: shape `(3,)`, or with its moment about the point `(6,)` [world axes].
+
+    Returns:
+        Linear, then angular, shape `(6,)`.
+    """
+    linear = rotation.dot(impulse[:3]).tolist()
+    wrench = np.array((*linear, *cross3(lever.tolist(), linear)))
+    if len(impulse) == 6:
+        wrench[3:] += rotation.dot(impulse[3:])
+    return wrench

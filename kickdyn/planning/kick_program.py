@@ -1,0 +1,505 @@
+r"""The nonlinear program for the posture and the joint velocity of a kick.
+
+Its unknowns are :math:`q` and :math:`v` of the joints that move the foot, and the share
+:math:`s \le 1` of the foot velocity that is reached:
+
+.. math::
+    \min_{q, v, s} f(q, v) \quad\text{subject to}\quad
+    J(q)\,v = s\,u(q), \quad x(q) + r n = x_{ball}, \quad
+    |\tau_i(q, v)| \le \tau_{max,i}, \quad |v_i| \le v_{max,i}, \quad q_{min} \le q \le q_{max}.
+
+:math:`u(q)` is the foot velocity of the impact target, :math:`x` the contact point, :math:`n` its
+normal and :math:`\tau` the torque that keeps the joint velocity. SLSQP of scipy solves it from
+several postures, drawn with a fixed seed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import minimize
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.leg_derivatives import leg_derivatives
+from kickdyn.planning.impact_target import ImpactTarget
+from kickdyn.planning.kick_cost import Cost, KickObjective, make_cost
+from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.leg import Leg, Posture
+
+FEASIBLE = 1e-4
+"""Largest violation of a constraint, over its own scale. Velocities are then made exact, and limits
+are kept by this margin."""
+
+STEP = 1e-7
+"""Step of the differences that stand for the derivatives of a cost without any."""
+
+UNLIMITED = 100.0
+"""Scale of the speed of a joint without a limit [rad/s]."""
+
+STARTS = 4
+"""Postures that the search starts from."""
+
+DRAWN = 80
+"""Postures that the starts are chosen from, by the joint speed they need."""
+
+NEAR = 1.0
+"""Distance from the zero configuration within which postures are drawn [rad]: farther off, legs are
+tangled."""
+
+UPRIGHT = 1e-9
+"""Largest lean of a vertical plane."""
+
+
+@dataclass(frozen=True, eq=False)
+class KickSolution:
+    """A feasible point of the program.
+
+    Attributes:
+        posture: at the impact.
+        v: joint velocity, shape `(nv,)` [rad/s].
+        share: of the foot velocity that is reached, 1 where the target is met.
+        value: of the cost.
+    """
+
+    posture: Posture
+    v: Array
+    share: float
+    value: float
+
+
+class KickProgram:
+    """The nonlinear program for a leg and an impact target.
+
+    Args:
+        leg: on a fixed base, each joint that moves the foot of one degree of freedom.
+        target: of the impact.
+        ball_position: height of the ball's centre, or its position, shape `(3,)` [m, world frame];
+            None leaves it free.
+        limits: whether limits of speed and torque hold.
+        turn: whether a leg whose foot moves in a plane may be turned towards the launch.
+
+    Attributes:
+        leg: turned by `heading` [rad] to the left about the vertical.
+        directions: in which its foot can move at all, orthonormal rows.
+        position_rows: directions in which the ball's position is given, as rows.
+        contact_normal_cone: of the leg; no rows where that is unknown or the contact is elsewhere
+            on the foot, any side of which may then turn to the ball.
+        velocity_scale: speed limits, or `UNLIMITED`, shape `(n,)` [rad/s].
+    """
+
+    def __init__(
+        self,
+        leg: Leg,
+        target: ImpactTarget,
+        ball_position: float | Array | None = None,
+        *,
+        limits: bool = True,
+        turn: bool = True,
+    ) -> None:
+        chain = kicking_chain(leg)
+        self.target, self.limits = target, limits
+        self.names, self.qs, self.vs = chain.names, chain.qs, chain.vs
+        self.n = len(self.names)
+        self.lower, self.upper = chain.lower, chain.upper
+        self.velocity_limit = self._checked_limit("speed", leg.velocity_limit[self.vs])
+        self.torque_limit = self._checked_limit("torque", leg.effort_limit[self.vs])
+        finite = np.isfinite(self.velocity_limit)
+        self.velocity_scale = np.where(finite, self.velocity_limit, UNLIMITED)
+        cone = leg.contact_normal_cone if target.contact.offset is None else None
+        self.contact_normal_cone = np.zeros((0, 3)) if cone is None else cone
+        self._draw = np.random.default_rng(0)
+        self._set_leg(leg)
+        self.heading = 0.0
+        if turn and self._leaves_directions(target.impulse):
+            self.heading = _heading_towards(self.directions, target.impulse) or 0.0
+            if self.heading:
+                self._set_leg(turn_leg(leg, self.heading))
+        self._check_directions()
+        self.ball_centre, self.position_rows = self._position_constraint(ball_position)
+
+    def posture(self, q: Array) -> Posture:
+        """Return the posture for the coordinates of the joints that move the foot."""
+        whole = self.leg.configuration()
+        whole[self.qs] = q
+        return self.leg.posture(whole).with_contact_offset(self.target.contact.offset)
+
+    def whole_velocity(self, v: Array) -> Array:
+        """Return the joint velocity of the whole leg, shape `(nv,)`."""
+        whole = np.zeros(self.leg.nv)
+        whole[self.vs] = v
+        return whole
+
+    def cost(self, objective: KickObjective) -> Cost:
+        """Return the cost of an objective other than `scatter`."""
+        scale = np.full(self.leg.nv, np.inf)
+        scale[self.vs] = self.velocity_scale
+        return make_cost(objective, scale, self.target.impulse)
+
+    def torque(self, q: Array, v: Array) -> Array:
+        """Return the torque that keeps the joint velocity, gravity included, shape `(n,)` [N m]."""
+        zero = np.zeros(self.leg.nv)
+        return np.asarray(pin.rnea(self._model, self._data, q, v, zero)[self.vs])
+
+    def torque_slopes(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return derivatives of that torque by q and v, each of shape `(n, n)`, and the torque."""
+        zero, both = np.zeros(self.leg.nv), np.ix_(self.vs, self.vs)
+        by_q, by_v, _ = pin.computeRNEADerivatives(self._model, self._data, q, v, zero)
+        shape = (self.leg.nv, self.leg.nv)
+        torque = np.array(self._data.tau[self.vs])
+        return np.reshape(by_q, shape)[both], np.reshape(by_v, shape)[both], torque
+
+    def ball_centre_at(self, posture: Posture) -> Array:
+        """Return the centre of a ball that the foot touches, shape `(3,)` [m, world frame]."""
+        normal = self.target.contact.normal
+        return np.asarray(posture.contact_point + self.target.ball.radius * normal)
+
+    def solve(self, cost: Cost) -> KickSolution | None:
+        """Return the best solution from several starts.
+
+        Where none reaches the whole foot velocity, that of the largest share; None where no posture
+        is feasible at all.
+        """
+        starts = self._starts()
+        found = [one for x in starts if (one := self._solve_from(x, cost)) is not None]
+        if not found:
+            weaker = [one for x in starts if (one := self._solve_from(x, None)) is not None]
+            if not weaker:
+                return None
+            best = max(weaker, key=lambda one: one.share)
+            if best.share < 1.0 - 1e-6:
+                return best
+            again = self._solve_from(self._unknowns(best), cost)
+            found = [again or replace(best, share=1.0)]
+        return min(found, key=lambda one: one.value)
+
+    def improve(self, found: KickSolution, cost: Cost) -> KickSolution:
+        """Return the best solution near one, or that one with its value of the cost."""
+        value = cost(found.posture, found.v)
+        better = self._solve_from(self._unknowns(found), cost if found.share == 1.0 else None)
+        if better is None or not better.value < cost.sign * value:
+            return replace(found, value=value)
+        return better
+
+    def with_exact_velocity(self, posture: Posture, v: Array, share: float) -> Array:
+        """Return v with the last digits of the foot's velocity put right."""
+        wish = share * self.target.foot_velocity(posture)
+        rows = posture.jacobian[:, self.vs]
+        missed = wish - rows @ v[self.vs]
+        if self.target.contact.friction == 0.0:
+            normal = self.target.contact.normal
+            rows, missed = (normal @ rows)[None], np.array([normal @ missed])
+        scale = self.velocity_scale
+        return v + self.whole_velocity(np.linalg.pinv(rows * scale, rcond=1e-9) @ missed * scale)
+
+    @property
+    def velocity_rows(self) -> Array:
+        """Directions in which the foot's velocity is given, as rows."""
+        contact = self.target.contact
+        return self.directions if contact.friction > 0.0 else contact.normal[None]
+
+    def facing(self, posture: Posture) -> Array:
+        """Return the components of the contact normal along the cone: 0 or more inside it."""
+        axes = [
+            posture.with_contact_offset(row).contact_point - posture.contact_point
+            for row in self.contact_normal_cone
+        ]
+        return np.reshape(axes, (-1, 3)) @ self.target.contact.normal
+
+    def position_error(self, posture: Posture) -> Array:
+        """Return the distance of the ball from its position, in its radii, shape `(k,)`."""
+        off = self.ball_centre_at(posture) - self.ball_centre
+        return np.asarray(self.position_rows @ off / self.target.ball.radius)
+
+    def _set_leg(self, leg: Leg) -> None:
+        """Take a leg, and find the directions in which its foot can move, by drawn postures."""
+        self.leg, self._model, self._data = leg, leg.model, leg.model.createData()
+        stacked = np.hstack([self._any_posture().jacobian for _ in range(8)])
+        left, gains, _ = np.linalg.svd(stacked)
+        self.directions = np.asarray(left[:, gains > 1e-9 * gains[0]].T)
+
+    def _any_posture(self) -> Posture:
+        """Return a posture drawn within the joints' ranges."""
+        return self.posture(self._draw.uniform(self.lower, self.upper))
+
+    def _checked_limit(self, what: str, limit: Array) -> Array:
+        """Return limits of speed or torque; where limits are lifted, one of 0 is infinite."""
+        if self.limits and not (limit > 0.0).all():
+            name = self.names[int(np.argmin(limit > 0.0))]
+            raise InvalidInput(
+                f"{what} limit of {name} is {limit.min():g}: it must be above 0, or all limits "
+                "lifted (limits=False, --no-limits)"
+            )
+        return np.where(limit > 0.0, limit, np.inf)
+
+    def _leaves_directions(self, vector: Array) -> bool:
+        """Return whether a vector leaves the directions in which the foot can move."""
+        outside = vector - self.directions.T @ (self.directions @ vector)
+        return bool(np.linalg.norm(outside) > 1e-6 * np.linalg.norm(vector))
+
+    def _check_directions(self) -> None:
+        """Refuse a launch or a spin that takes the foot out of its plane."""
+        if self._leaves_directions(self.target.impulse):
+            launch = (self.target.impulse / self.target.ball.mass).round(4).tolist()
+            raise InvalidInput(
+                f"{self.leg.name} cannot kick so: its foot moves in a plane only, and the launch "
+                f"{launch} m/s leaves that"
+            )
+        if self._leaves_directions(self.target.contact.normal):
+            raise InvalidInput(
+                f"{self.leg.name} cannot give this spin: its foot moves in a plane only, and side "
+                "spin takes a foot that moves aside (a robot's leg, such as g1, does)"
+            )
+
+    def _position_constraint(self, ball_position: float | Array | None) -> tuple[Array, Array]:
+        """Return the ball's position and the directions in which it is given, as rows."""
+        if ball_position is None:
+            return np.zeros(3), np.zeros((0, 3))
+        if isinstance(ball_position, float | int):
+            return np.array([0.0, 0.0, ball_position]), np.array([[0.0, 0.0, 1.0]])
+        off = self.ball_centre_at(self._any_posture()) - ball_position
+        beside = float(np.linalg.norm(off - self.directions.T @ (self.directions @ off)))
+        if beside > FEASIBLE * self.target.ball.radius:
+            raise InvalidInput(
+                f"the ball at {ball_position.tolist()} m is {beside:.4g} m beside the plane that "
+                f"the foot of {self.leg.name} moves in"
+            )
+        return ball_position, self.directions
+
+    def _starts(self) -> list[Array]:
+        """Return the unknowns of the postures, of many drawn, that need the least joint speed."""
+        rated = []
+        low, high = np.maximum(self.lower, -NEAR), np.minimum(self.upper, NEAR)
+        for number in range(DRAWN):
+            q = self._draw.uniform(np.minimum(low, self.upper), np.maximum(high, self.lower))
+            posture = self.posture(q)
+            rows = posture.jacobian[:, self.vs] * self.velocity_scale
+            v = np.linalg.pinv(rows, rcond=1e-2) @ self.target.foot_velocity(posture)
+            off = float(np.linalg.norm(self.position_error(posture)))
+            off -= float(self.facing(posture).clip(max=0.0).sum())
+            rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
+        return [start for _, _, start in sorted(rated)[:STARTS]]
+
+    def _unknowns(self, found: KickSolution) -> Array:
+        """Return a solution as the unknowns of the program."""
+        v = found.v[self.vs] / self.velocity_scale
+        return np.array([*found.posture.q[self.qs], *v, found.share])
+
+    def _solve_from(self, start: Array, cost: Cost | None) -> KickSolution | None:
+        """Return the solution that SLSQP finds; None where it is not feasible.
+
+        Without a cost, the share of the foot velocity is made largest; else it is 1.
+        """
+        scale = 1.0
+        if cost is not None:  # of the order of 1
+            first = ProgramPoint(self, start, None, 1.0)
+            scale = abs(cost(first.posture, first.v)) or 1.0
+        most = np.where(np.isfinite(self.velocity_limit) & self.limits, 1.0 - FEASIBLE, math.inf)
+        low = np.array([*self.lower, *-most, 0.0 if cost is None else 1.0])
+        high = np.array([*self.upper, *most, 1.0])
+        latest = ProgramPoint(self, np.clip(start, low, high), cost, scale)
+
+        def at(x: Array) -> ProgramPoint:
+            nonlocal latest
+            if not np.array_equal(latest.x, x):
+                latest = ProgramPoint(self, x, cost, scale)
+            return latest
+
+        equal = slice(1, 1 + len(self.velocity_rows) + len(self.position_rows))
+        above = slice(equal.stop, None)
+        constraints = [
+            {
+                "type": kind,
+                "fun": lambda x, rows=rows: at(x).values[rows],
+                "jac": lambda x, rows=rows: at(x).slopes[rows],
+            }
+            for kind, rows in (("eq", equal), ("ineq", above))
+            if kind == "eq" or self.limits or len(self.contact_normal_cone)
+        ]
+        found = minimize(
+            lambda x: at(x).values[0],
+            latest.x,
+            jac=lambda x: at(x).slopes[0],
+            method="SLSQP",
+            bounds=list(zip(low, high, strict=True)),
+            constraints=constraints,
+            options={"maxiter": 80, "ftol": 1e-7},
+        )
+        x = np.clip(found.x, low, high)
+        if not np.isfinite(x).all():
+            return None
+        end = at(x)
+        if np.abs(end.values[equal]).max() > FEASIBLE or (end.values[above] < -FEASIBLE).any():
+            return None
+        v = self.with_exact_velocity(end.posture, end.v, end.share)
+        return KickSolution(end.posture, v, end.share, scale * float(end.values[0]))
+
+
+class ProgramPoint:
+    """The program's functions at one value of its unknowns, computed when they are needed.
+
+    Args:
+        program: that is solved.
+        x: unknowns: q, v over its scale, and the share; shape `(2n + 1,)`.
+        cost: to be least; None makes the share largest.
+        scale: of the cost.
+    """
+
+    def __init__(self, program: KickProgram, x: Array, cost: Cost | None, scale: float) -> None:
+        n = program.n
+        self.program, self.x, self.cost, self.scale = program, x.copy(), cost, scale
+        self.posture = program.posture(x[:n])
+        self.v = program.whole_velocity(x[n : 2 * n] * program.velocity_scale)
+        self.share = float(x[-1])
+
+    @cached_property
+    def _foot_velocity(self) -> Array:
+        """The foot velocity of the impact target."""
+        return self.program.target.foot_velocity(self.posture)
+
+    @cached_property
+    def values(self) -> Array:
+        """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
+        program, wish = self.program, self._foot_velocity
+        missed = self.posture.jacobian @ self.v - self.share * wish
+        parts = [
+            [self._scaled_cost(self.posture, self.v)],
+            program.velocity_rows @ missed / math.sqrt(wish @ wish),
+            program.position_error(self.posture),
+        ]
+        if program.limits:
+            use = program.torque(self.posture.q, self.v) / program.torque_limit
+            parts.append(1.0 - 2 * FEASIBLE - use * use)
+        return np.concatenate([*parts, program.facing(self.posture)])
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Derivatives of `values` by the unknowns, one row each."""
+        program, posture, v, wish = self.program, self.posture, self.v, self._foot_velocity
+        n, scale, jacobian = program.n, program.velocity_scale, posture.jacobian
+        target, at_v = program.target, slice(n, 2 * n)
+        v_after = v + posture.solve(-target.impulse @ jacobian)
+        leg = leg_derivatives(posture, v, v_after, target.impulse, np.zeros(0))
+        # of J M^-1 J^T p by q
+        change = leg.foot_q - leg.foot_q_after - jacobian @ leg.v_after_q
+        wish_q = target.foot_gain @ change
+        fast = math.sqrt(wish @ wish)
+        off = np.outer(jacobian @ v - self.share * wish, wish @ wish_q) / fast**2
+        missed = np.zeros((3, len(self.x)))
+        missed[:, :n] = ((leg.foot_q - self.share * wish_q - off) / fast)[:, program.vs]
+        missed[:, at_v] = jacobian[:, program.vs] * (scale / fast)
+        missed[:, -1] = -wish / fast
+        rows = [self._cost_slope(), *program.velocity_rows @ missed]
+        for row in program.position_rows @ jacobian[:, program.vs] / target.ball.radius:
+            rows.append(np.append(row, np.zeros(n + 1)))
+        if program.limits:
+            by_q, by_v, torque = program.torque_slopes(posture.q, v)
+            use = (torque / program.torque_limit**2)[:, None]
+            rows += list(np.hstack([-2 * use * by_q, -2 * use * by_v * scale, np.zeros((n, 1))]))
+        for row in program.contact_normal_cone:
+            turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)
+            rows.append(np.append(turning[program.vs], np.zeros(n + 1)))
+        return np.array(rows)
+
+    def _scaled_cost(self, posture: Posture, v: Array) -> float:
+        """Return the cost in its scale, to be least."""
+        if self.cost is None:
+            return -self.share
+        return self.cost.sign * self.cost(posture, v) / self.scale
+
+    def _cost_slope(self) -> Array:
+        """Return the derivatives of the cost by the unknowns, by differences where it has none."""
+        program, n, slope = self.program, self.program.n, np.zeros(len(self.x))
+        if self.cost is None:
+            slope[-1] = -1.0
+        elif self.cost.slope is not None:
+            by_q, by_v = self.cost.slope(self.posture, self.v)
+            both = [by_q[program.vs], by_v[program.vs] * program.velocity_scale]
+            slope[: 2 * n] = self.cost.sign / self.scale * np.concatenate(both)
+        else:
+            for i in range(2 * n if self.cost.by_velocity else n):
+                there = self.x.copy()
+                there[i] += STEP
+                posture = program.posture(there[:n]) if i < n else self.posture
+                v = program.whole_velocity(there[n : 2 * n] * program.velocity_scale)
+                slope[i] = (self._scaled_cost(posture, v) - float(self.values[0])) / STEP
+        return slope
+
+
+def explain_infeasible(
+    leg: Leg,
+    target: ImpactTarget,
+    ball_position: float | Array | None,
+    *,
+    limits: bool,
+    turn: bool,
+) -> str:
+    """Return why the program of the same arguments has no feasible point.
+
+    The limits are lifted first, and then the ball may lie elsewhere: the nearest place is named.
+    """
+    if limits:
+        program = KickProgram(leg, target, ball_position, limits=False, turn=turn)
+        found = program.solve(Cost(lambda posture, v: float(v @ v)))
+        if found is not None:
+            needed = np.abs(program.torque(found.posture.q, np.zeros(program.leg.nv)))
+            own = leg.effort_limit[program.vs]
+            weak = [
+                f"{name} takes {torque:.3g} N m and has {limit:.3g}"
+                for name, torque, limit in zip(program.names, needed, own, strict=True)
+                if torque > limit
+            ]
+            still = f": held still, {', '.join(weak)}" if weak else ""
+            return f"without its speed and torque limits it has one{still}"
+    if ball_position is not None:
+        program = KickProgram(leg, target, None, limits=limits, turn=turn)
+        axes = [2] if isinstance(ball_position, float) else [0, 1, 2]
+
+        def distance(posture: Posture, v: Array) -> float:
+            off = program.ball_centre_at(posture)[axes] - ball_position
+            return float(off @ off)
+
+        found = program.solve(Cost(distance))
+        if found is not None:
+            centre = np.round(program.ball_centre_at(found.posture), 6) + 0.0
+            near = ", ".join(f"{part:.4g}" for part in centre)
+            return f"the nearest ball found that it can kick so has its centre at ({near}) m"
+    return "its joints' ranges allow none"
+
+
+def turn_leg(leg: Leg, heading: float) -> Leg:
+    """Return a leg with its base turned to the left about the world's vertical [rad].
+
+    Args:
+        leg: on a fixed base, without supports or loops.
+        heading: positive to the left, from x towards y.
+    """
+    model, turn = leg.model, pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.zeros(3))
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint] = turn * model.jointPlacements[joint]
+    for number, frame in enumerate(model.frames):
+        if number and frame.parentJoint == 0:
+            frame.placement = turn * frame.placement
+    return leg.with_model(model)
+
+
+def _heading_towards(directions: Array, vector: Array) -> float | None:
+    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad].
+
+    None where that is no such plane, or the vector has no horizontal part to turn to.
+    """
+    if len(directions) != 2 or not math.hypot(vector[0], vector[1]) > 0.0:
+        return None
+    across = np.cross(*directions)
+    if abs(across[2]) > UPRIGHT:
+        return None
+    ahead = np.array([across[1], -across[0]])
+    if ahead[0] < 0.0:  # legs face x
+        ahead = -ahead
+    turn = math.atan2(vector[1], vector[0]) - math.atan2(ahead[1], ahead[0])
+    return math.remainder(turn, 2 * math.pi)

@@ -1,0 +1,95 @@
+"""Self-motion: how a redundant leg can move while its contact point stays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.leg import Leg, Posture
+
+TOLERANCE = 1e-12
+"""How far the contact point may stray, over the leg's lever [1]."""
+
+
+def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_000) -> list[Posture]:
+    """Follow the one-parameter family of postures that share a contact point.
+
+    Each step goes along the Jacobian's null space and is then corrected back to the point.
+
+    Args:
+        leg: with one joint more than its contact point has directions to move in.
+        q: posture to start from, within the joints' range, shape `(nq,)` [rad].
+        step: between postures, length in joint space [rad], 0.1 at most.
+        most: postures to give, at most, in either direction.
+
+    Returns:
+        Postures in order along the motion, from one end of a joint's range to the other; or once
+        around, where the motion closes.
+
+    Raises:
+        InvalidInput: the leg has not exactly one degree of self-motion at q, q is out of range, or
+            the leg has supports or loops.
+    """
+    if leg.constraints is not None:
+        raise InvalidInput(f"{leg.name} has supports or loops: only a free leg is followed")
+    start = leg.posture(q)
+    step = validation.number("step", step, above=0, at_most=0.1, unit="rad")
+    if not isinstance(most, int) or most < 0:
+        raise InvalidInput(f"most is {most!r}: it must be a whole number, 0 or more")
+    if not _within(leg, start.q):
+        raise InvalidInput(f"{start!r} is outside the joints' range")
+    freedom = leg.nv - int(np.linalg.matrix_rank(start.jacobian, tol=1e-9))
+    if freedom != 1:
+        raise InvalidInput(f"{start!r} has {freedom} degrees of self-motion: one is followed")
+    ahead, closed = _follow(start, _null(start), step, most)
+    if closed:
+        return [start, *ahead]
+    back, _ = _follow(start, -_null(start), step, most)
+    return [*reversed(back), start, *ahead]
+
+
+def _null(posture: Posture) -> Array:
+    """Return the unit vector of joint velocity that does not move the contact point."""
+    return np.asarray(np.linalg.svd(posture.jacobian)[2][-1])
+
+
+def _follow(start: Posture, direction: Array, step: float, most: int) -> tuple[list[Posture], bool]:
+    """Return the postures in one direction, and whether they came around to the start."""
+    leg, postures, here = start.leg, list[Posture](), start
+    model = leg.workspace.model
+    for _ in range(most):
+        along = _null(here)
+        direction = (
+            along if along @ direction > 0 else -along
+        )  # a null vector has no sign of its own
+        there = _corrected(leg, pin.integrate(model, here.q, step * direction), start.contact_point)
+        if there is None or not _within(leg, there.q):
+            break
+        apart = pin.difference(model, start.q, there.q)
+        if len(postures) > 2 and np.linalg.norm(apart) < step / 2 and apart @ direction < step / 2:
+            return postures, True
+        postures.append(there)
+        here = there
+    return postures, False
+
+
+def _corrected(leg: Leg, q: Array, point: Array) -> Posture | None:
+    """Bring the contact point back by Gauss-Newton; None where it cannot be."""
+    for _ in range(20):
+        posture = leg.posture(q)
+        astray = point - posture.contact_point
+        if np.abs(astray).max() <= TOLERANCE * np.abs(posture.jacobian).max():
+            return posture
+        q = pin.integrate(
+            leg.workspace.model, q, np.linalg.lstsq(posture.jacobian, astray, rcond=1e-9)[0]
+        )
+    return None
+
+
+def _within(leg: Leg, q: Array) -> bool:
+    """Return whether a configuration is within the joints' range."""
+    return bool((q >= leg.lower - 1e-9).all() and (q <= leg.upper + 1e-9).all())

@@ -1,0 +1,35 @@
+"""The paper's law against its own equations."""
+
+import math
+
+import numpy as np
+import pytest
+from contacts import planar_attack, split
+
+from kickdyn.impact.paper_law import solve_paper
+
+
+def test_the_papers_stick_transmits_all_and_spins_by_its_offset():
+    problem = planar_attack(friction=0.4, offset=0.2)  # tan(0.2) < 0.4
+    impulse, sticking, _, _ = solve_paper(problem)
+    ball = problem.ball
+    assert sticking
+    expected = 1.8 * 14 / (1 / 5 + 1 / ball.mass)  # Eq. (10) along the attack
+    assert impulse == pytest.approx([expected, 0, 0], rel=1e-14, abs=1e-14)
+    spin = np.cross(-ball.radius * problem.normal, impulse) / ball.inertia
+    launch = expected / ball.mass
+    assert spin[1] == pytest.approx(-1.5 * launch / ball.radius * math.sin(0.2), rel=1e-14)
+
+
+def test_the_papers_slip_transmits_mu_times_the_normal_part():
+    problem = planar_attack(friction=0.1, offset=0.2)
+    impulse, sticking, _, _ = solve_paper(problem)
+    normal, friction = split(problem, impulse)
+    full = 1.8 * 14 / (1 / 5 + 1 / problem.ball.mass)
+    assert not sticking
+    assert normal == pytest.approx(full * math.cos(0.2), rel=1e-14)
+    assert np.linalg.norm(friction) == pytest.approx(0.1 * normal, rel=1e-14)
+    # Eqs. (15)-(17): in the plane of F and N, towards F
+    assert friction / np.linalg.norm(friction) == pytest.approx(
+        [math.sin(0.2), 0, -math.cos(0.2)], abs=1e-14
+    )

@@ -19,11 +19,10 @@ LEVEL = 0.01
 
 
 class Footing(StrEnum):
-    """What ground that can push but not pull lets a support do in an impact.
+    """Motion of a support in an impact, on ground that can push but not pull.
 
-    The foot lifts off where the ground would have to pull, slips where the impulse lies outside the
-    friction cone, and tips where it acts outside the sole; a sole that is not level is tilted, so
-    that nobody knows what it stands on.
+    It lifts off if the ground would have to pull, slips if the impulse lies outside the friction
+    cone, tips if it acts outside the sole, and is tilted (not judged) if its sole is not level.
     """
 
     STANDS = "stands"
@@ -40,7 +39,7 @@ def named_impulses(
     if projector is None:
         return {}, {}
     supports, loops = projector.constraints.supports, projector.constraints.loops
-    parts = [impulses[block.at] for block in projector.blocks]
+    parts = [impulses[block.rows] for block in projector.blocks]
     by_support = zip((support.frame for support in supports), parts, strict=False)
     return dict(by_support), dict(zip(loops, parts[len(supports) :], strict=True))
 
@@ -74,16 +73,16 @@ def footings(
     if projector is None:
         return {}
     return {
-        support.frame: footing(support, impulses[block.at], block.frame, scale)
+        support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, scale)
         for support, block in zip(projector.constraints.supports, projector.blocks, strict=False)
     }
 
 
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
-    """Return what the ground would let a support do that the impact takes for fixed.
+    """Return how a support moves that the impact takes for fixed.
 
-    An impact is too short for weight to press the foot down, so nothing but the impulse itself
-    does. Friction's moment about the normal is not judged.
+    The impulse alone presses the foot down: an impact is too short for weight. Friction's moment
+    about the normal is not judged.
 
     Args:
         support: with friction and sole, or those of the two that are to be judged.

@@ -168,9 +168,11 @@ def _constraint_loads(posture: Posture, impulses: Array) -> list[tuple[slice, _L
         for end, joint in enumerate((block.joint, block.other)):
             if joint:
                 wrench = np.zeros(6)
-                wrench[: block.at.stop - block.at.start] = impulses[block.at] * (1.0, -1.0)[end]
-                load = _Load(joint, block.turns[end].T, block.levers[end], wrench)
-                loads.append((block.at, load))
+                wrench[: block.rows.stop - block.rows.start] = (
+                    impulses[block.rows] * (1.0, -1.0)[end]
+                )
+                load = _Load(joint, block.rotations_joint_world[end].T, block.levers[end], wrench)
+                loads.append((block.rows, load))
     return loads
 
 

@@ -177,11 +177,11 @@ def _feet(posture: Posture, supports: tuple[Support, ...]) -> list[_Foot]:
     feet, projector = [], posture.constraint_projector
     assert projector is not None
     for support, block in zip(supports, projector.blocks, strict=False):
-        rows = projector.rows[block.at]
+        rows = projector.rows[block.rows]
         if support.sole is None:
             feet.append(_Foot(np.zeros((1, 3)), rows))
             continue
-        levers = support.sole @ block.frame.T
+        levers = support.sole @ block.rotation_world_frame.T
         if not is_level(levers):
             raise InvalidInput(
                 f"the sole of {support.frame} is tilted in {posture!r}: corners' heights "
@@ -259,7 +259,7 @@ def _result(
     stacked = np.concatenate([*wrenches, loops])
     posture, impulse = approach.posture, solution.impulse
     transmitted, unbalanced = joint_impulses(posture, jump, -impulse, stacked)
-    for array in (impulse, *shares, *velocities):
+    for array in (impulse, solution.tangential_impulse, *shares, *velocities):
         array.setflags(write=False)
     names = [support.frame for support in supports]
     return UnilateralImpact(

@@ -17,6 +17,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id, listed
@@ -40,7 +41,7 @@ LEAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class Support(ValueEquality):
     """A frame that stands on the ground and stays at rest while the ball is struck.
 
     Attributes:
@@ -89,17 +90,6 @@ class Support:
         corners.setflags(write=False)
         return corners
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Support) and self._values() == other._values()
-
-    def __hash__(self) -> int:
-        return hash(self._values())
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return what two supports that are equal have in common, which can be hashed."""
-        sole = None if self.sole is None else self.sole.tobytes()
-        return self.frame, self.point, self.friction, sole
-
     @property
     def size(self) -> int:
         """Number of velocities that are 0: 3 or 6."""
@@ -110,18 +100,19 @@ class ConstraintBlock(NamedTuple):
     """Where the impulse of one support or loop acts: on `joint`, and minus it on `other`.
 
     Attributes:
-        at: its rows.
+        rows: of the block in A.
         joint, other: joints of the model; `other` is 0 for the ground.
-        turns: from world axes to those of the joint and of the other, shape `(3, 3)`.
-        frame: from the support's or first loop frame's axes to the world's, shape `(3, 3)`.
-        levers: from the joint's origin to the point, in its axes, one per joint [m].
+        rotations_joint_world: from world axes to those of `joint` and of `other`, `(3, 3)` each.
+        rotation_world_frame: from the axes of the support, or of the first frame of the loop, to
+            the world's, shape `(3, 3)`.
+        levers: from the joint's origin to the point, for each joint [m, axes of the joint].
     """
 
-    at: slice
+    rows: slice
     joint: int
     other: int
-    turns: tuple[Array, Array]
-    frame: Array
+    rotations_joint_world: tuple[Array, Array]
+    rotation_world_frame: Array
     levers: tuple[Array, Array]
 
 
@@ -354,8 +345,8 @@ class ConstraintProjector:
         else:
             return None
         worst = speeds.index(max(speeds))
-        at = next(i for i, block in enumerate(self.blocks) if worst < block.at.stop)
-        unit = "m/s" if worst - self.blocks[at].at.start < 3 else "rad/s"
+        at = next(i for i, block in enumerate(self.blocks) if worst < block.rows.stop)
+        unit = "m/s" if worst - self.blocks[at].rows.start < 3 else "rad/s"
         return self.constraints.names[at], speeds[worst], unit
 
     @cached_property

@@ -79,7 +79,7 @@ def test_contact_laws_hold_in_the_outcome(name):
 def levers(hit):
     (support,) = hit.posture.leg.constraints.supports
     (block,) = hit.posture.constraint_projector.blocks
-    return np.zeros((1, 3)) if support.sole is None else support.sole @ block.frame.T
+    return np.zeros((1, 3)) if support.sole is None else support.sole @ block.rotation_world_frame.T
 
 
 @pytest.mark.parametrize("name", KICKS)

@@ -18,12 +18,13 @@ from by_hand import fly_by_hand
 from scipy.linalg import lapack
 
 import kickdyn as kd
-from kickdyn.sweeps.carry import launches
+from kickdyn.sweeps.carry_table import launches
+from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_scene import scene_of
+from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import Kernel
-from kickdyn.sweeps.kick import CARRY_ERROR, Kick
-from kickdyn.sweeps.outcomes import Outcomes
+from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.sweep import CARRY_TOLERANCE
 
 KICK = Kick(speed=12.0)
 FEW, MANY, FLOWN, ROUNDS = 3000, 200_000, 60, 5
@@ -91,25 +92,26 @@ def main() -> None:
         ("arm, 7 joints", arm(), None), ("G1 leg, 6 joints", chain, None),
     )  # fmt: skip
     for name, leg, planar in cases:
-        scene, grid = scene_of(leg, KICK, planar), fine(leg.joint_names)
-        assert scene is not None
-        joints = list(range(1, leg.nv + 1))
-        kernel = Kernel(scene, joints, list(grid.axes.values()), np.zeros(leg.nv), KICK.ball.mass)
+        model = KernelModel.of(leg, KICK, planar)
+        assert model is not None
+        kernel = Kernel(model, leg, fine(leg.joint_names))
         peer, bare, whole = best(
             (loop(leg), FEW),
             (lambda k=kernel: k(0, MANY, full=False), MANY),  # type: ignore[misc]
             (lambda k=kernel: k(0, MANY), MANY),  # type: ignore[misc]
         )
-        kind = "planar" if scene.planar else "general"
+        kind = "planar" if model.planar else "general"
         print(f"| {name} | {kind} | {peer:.2f} us | {bare:.3f} us | {whole:.3f} us | "
               f"{peer / bare:.0f}, {peer / whole:.0f} |")  # fmt: skip
-    scene = scene_of(human, KICK)
-    assert scene is not None
+    model = KernelModel.of(human, KICK)
+    assert model is not None
     assert KICK.air is not None
     postures, air = fine(human.joint_names), KICK.air
-    exact, read = (Outcomes(human, postures, KICK, error) for error in (0.0, CARRY_ERROR))
-    kernel = Kernel(scene, [1, 2, 3], list(postures.axes.values()), np.zeros(3), KICK.ball.mass)
-    launched = launches(scene, KICK, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
+    exact, read = (ChunkSolver(human, postures, KICK, each) for each in (0.0, CARRY_TOLERANCE))
+    exact.prepare()
+    read.prepare()
+    kernel = Kernel(model, human, postures)
+    launched = launches(model, KICK, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
     struck, by_hand, flown, swept = best(
         (loop(human), FEW),
         (lambda: fly_by_hand(launched, KICK.ball, air), len(launched.position)),
@@ -118,8 +120,8 @@ def main() -> None:
     )
     peer = struck + by_hand
     print(f"posture to landing: loop {peer:.0f} us; every ball flown {flown:.2f} us, ratio "
-          f"{peer / flown:.0f}; carries read off within {CARRY_ERROR:g} m {swept:.3f} us, ratio "
-          f"{peer / swept:.0f}")  # fmt: skip
+          f"{peer / flown:.0f}; carries interpolated within {CARRY_TOLERANCE:g} m {swept:.3f} us, "
+          f"ratio {peer / swept:.0f}")  # fmt: skip
 
 
 if __name__ == "__main__":

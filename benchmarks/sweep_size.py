@@ -3,38 +3,38 @@
     python benchmarks/sweep_size.py
 
 Cost per posture is that of the impulse alone, one thread, the best of thirty runs below 1e8. The
-processes are workers of dask.distributed (`pip install "kickdyn[cluster]"`) that fill a store with
-flight distances, after a sweep that warms them up; it lies in memory (/dev/shm) where the system
-has that, for they would share one disk. Beside them stands what two reach that share nothing, the
-impulse alone without a store: more this machine does not give. The grid of 1e9
-postures keeps none of them and is stopped on its way, so that only its memory counts.
+processes fill a store with flight distances; the time of a small sweep is subtracted, so that their
+start does not count. The store is in memory (/dev/shm) where the system has that, for they would
+share one disk. Beside them stands what two reach that share nothing, the impulse alone without a
+store: more this machine does not give. The grid of 1e9 postures keeps none of them and is stopped
+on its way, so that only its memory counts.
 """
 
 from __future__ import annotations
 
-import logging
 import resource
 import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from shutil import rmtree
 
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.errors import KickdynError
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_scene import scene_of
+from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import Kernel
 from kickdyn.sweeps.kick import Kick
-from kickdyn.sweeps.stream import stream
+from kickdyn.sweeps.sweep import sweep_chunks
 
 LEG, KICK = kd.Leg.human(), Kick(speed=12.0)
 RANGES = ((-0.5, 1.5), (0.0, 2.4), (-0.3, 0.8))
 CHUNK, SECONDS = 131_072, 20.0
-STORED, ALONE = 3e7, 1e7
+WARM, STORED, ALONE = 1e6, 3e7, 1e7
 MEMORY = Path("/dev/shm")
 
 
@@ -52,10 +52,9 @@ def repeats(most: float) -> int:
 
 def per_posture(most: float) -> float:
     """Return the cost of a posture of a grid of that size [us]."""
-    scene, postures = scene_of(LEG, KICK), grid(most)
-    assert scene is not None
-    axes = list(postures.axes.values())
-    kernel, times = Kernel(scene, [1, 2, 3], axes, np.zeros(3), KICK.ball.mass), []
+    model, postures = KernelModel.of(LEG, KICK), grid(most)
+    assert model is not None
+    kernel, times = Kernel(model, LEG, postures), []
     for _ in range(repeats(most)):
         begin = time.process_time()
         for first in range(0, postures.size, CHUNK):
@@ -66,44 +65,32 @@ def per_posture(most: float) -> float:
 
 def with_processes(count: int, folder: Path) -> tuple[float, float]:
     """Return postures per second of so many processes: into a store, and without one."""
-    from distributed import Client, LocalCluster
-
-    here = "127.0.0.1:0"
-    with LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=count, threads_per_worker=1, host="127.0.0.1", dashboard_address=here,
-        worker_dashboard_address=here, memory_limit=0, silence_logs=logging.CRITICAL,
-    ) as cluster:  # fmt: skip
-        where = cluster.scheduler_address
-        stream(folder / f"warm{count}.zarr", LEG, grid(1e6), KICK, cluster=where)
-        postures = grid(STORED)
+    rates = []
+    for size in (WARM, STORED):  # the difference does not count the start of the processes
         begin = time.perf_counter()
-        stream(folder / f"{count}.zarr", LEG, postures, KICK, cluster=where)
-        stored = postures.size / (time.perf_counter() - begin)
+        kd.sweep(LEG, grid(size).axes, KICK, store=folder / f"{count}.zarr", workers=count)
+        rates.append((time.perf_counter() - begin, grid(size).size))
         rmtree(folder / f"{count}.zarr")
-        with Client(cluster) as client:  # type: ignore[no-untyped-call]
-            begin = time.perf_counter()
-            alone = [client.submit(per_posture, ALONE, pure=False) for _ in range(count)]
-            client.gather(alone)
-            return stored, count * repeats(ALONE) * grid(ALONE).size / (time.perf_counter() - begin)
+    (short, few), (long, many) = rates
+    with ProcessPoolExecutor(count, get_context("spawn")) as pool:
+        list(pool.map(per_posture, [1e6] * count))
+        begin = time.perf_counter()
+        list(pool.map(per_posture, [ALONE] * count))
+        alone = count * repeats(ALONE) * grid(ALONE).size / (time.perf_counter() - begin)
+    return (many - few) / (long - short), alone
 
 
 def huge() -> None:
     """Sweep a part of 1e9 postures and print what it took."""
-    done: list[int] = []
-    times: list[float] = []
-
-    def stop(count: int) -> None:
-        done.append(count)
-        times.append(time.monotonic())
-        if times[-1] - times[0] > SECONDS:
-            raise KeyboardInterrupt
-
-    try:
-        stream(None, LEG, grid(1e9), KICK, progress=stop)
-    except KickdynError:
-        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-        print(f"grid of {grid(1e9).size:.0e}: {sum(done) / 1e6:.0f} million postures in, "
-              f"{most:.0f} MB at most")  # fmt: skip
+    done, begin = 0, time.monotonic()
+    for chunk in sweep_chunks(LEG, grid(1e9).axes, KICK):
+        done += chunk.status.size
+        if time.monotonic() - begin > SECONDS:
+            break
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(
+        f"grid of {grid(1e9).size:.0e}: {done / 1e6:.0f} million postures in, {most:.0f} MB at most"
+    )
 
 
 def main() -> None:

@@ -52,6 +52,6 @@ from .scene.simulate import simulate as simulate
 from .scene.simulation import Simulation as Simulation
 from .scene.toml_reader import load_scene as load_scene
 from .sweeps.kick import Kick as Kick
-from .sweeps.opened import open_sweep as open_sweep
-from .sweeps.run import sweep as sweep
+from .sweeps.store import open_sweep as open_sweep
+from .sweeps.sweep import sweep as sweep
 from .view.page import page as page

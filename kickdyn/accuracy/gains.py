@@ -15,7 +15,6 @@ from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.contact import Contact
 from kickdyn.core.vectors import cross
 from kickdyn.flight.forces import time_to_fall
-from kickdyn.sweeps.exact_sum import ExactSum
 
 
 class Gain(NamedTuple):
@@ -36,7 +35,7 @@ class Gain(NamedTuple):
 
 def gains() -> list[Gain]:
     """Return every such place, measured."""
-    return [_jump(), _straight(), _approach(), _far_base(), _fall(), _join(), _mean()]
+    return [_jump(), _straight(), _approach(), _far_base(), _fall(), _join()]
 
 
 def draws() -> list[Gain]:
@@ -172,17 +171,4 @@ def _join() -> Gain:
     return Gain(
         "weight of a join, Re 6e4 to 7e4", "polynomial of degree 7", "its mirror image, from 1",
         plain_error, our_error,
-    )  # fmt: skip
-
-
-def _mean() -> Gain:
-    """Return the gain in the mean of many kicks."""
-    values = np.random.default_rng(1).uniform(-10.0, 10.0, 100_000)
-    right = mp.fsum(numbers(values)) / len(values)
-    exact, total = _number(right), ExactSum(1)
-    total.add(np.zeros(len(values), np.int64), values)
-    return Gain(
-        "mean of 100,000 kicks left and right", "added one by one", "exact sums",
-        exact.error(float(np.cumsum(values)[-1]) / len(values)),
-        exact.error(total.mean(np.array([len(values)]))),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The postures of a sweep: a grid over named joints."""
+"""The grid of postures of a sweep: values of named joints, and the chunks it is computed in."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 
-MAX_POSTURES = 1_000_000
-"""Held in memory at once; more go to the disk chunk by chunk."""
+IN_MEMORY = 1_000_000
+"""Largest number of postures whose results are returned in memory (105 MB)."""
 
-MOST_POSTURES = 10**10
-"""About a terabyte on the disk."""
+LARGEST = 10**10
+"""Largest number of postures of a grid: about a terabyte on the disk."""
 
-BYTES = 105
-"""Per posture: thirteen numbers and the status."""
+BYTES_PER_POSTURE = 105
+"""Thirteen float64 and the status."""
 
 RATE = 2e5
-"""Postures per second that one core strikes and flies, about (`benchmarks/sweep.py`)."""
+"""Postures per second and core, roughly, to say how long a grid would take."""
 
 DEFAULT_STEP_DEG = 10.0
 
-DIGITS = 9
-"""Decimals of an angle [deg]: it is 30, not 29.999999999999996, whichever way it came."""
+DECIMALS = 9
+"""Decimals of an angle in degrees, so that it is 30, not 29.999999999999996."""
 
 _UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|degrees|°|rad|m|cm|mm)")
 
@@ -38,15 +39,51 @@ _UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|degrees|
 class Grid:
     """Every combination of joint values; joints that are not named stay at 0.
 
+    Postures are numbered from 0, the last joint running fastest.
+
     Attributes:
-        axes: joint name to its values, ascending [rad; m for prismatic joints].
+        axes: joint name to its values, ascending, each of shape `(k,)` [rad; m for prismatic
+            joints].
     """
 
     axes: Mapping[str, Array]
 
+    @classmethod
+    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> Grid:
+        """Return the grid over joints of a leg.
+
+        Args:
+            leg: the leg.
+            postures: joint name to a value or ascending values, shape `(k,)` [rad; m].
+
+        Raises:
+            InvalidInput: an unknown joint, values that are not ascending or outside the joint's
+                range, more than `LARGEST` postures.
+        """
+        if not isinstance(postures, Mapping) or not postures:
+            raise InvalidInput(
+                f"postures is {validation.brief(postures)}: it must map joint names to values"
+            )
+        axes: dict[str, Array] = {}
+        for name, given in postures.items():
+            leg.velocity_index(name)
+            values = np.atleast_1d(validation.floats(f"joint {name}", given))
+            if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
+                raise InvalidInput(
+                    f"joint {name} has {validation.brief(given)}: its values must be ascending, "
+                    "shape (k,)"
+                )
+            _check_range(leg, name, values, "swept")
+            axes[name] = values
+        for name in set(named_joints(leg)) - set(axes):
+            _check_range(leg, name, np.zeros(1), "not named, so at")
+        grid = cls(axes)
+        check_size(grid.shape, LARGEST)
+        return grid
+
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values per axis."""
+        """Number of values per joint."""
         return tuple(len(values) for values in self.axes.values())
 
     @property
@@ -55,60 +92,110 @@ class Grid:
         return math.prod(self.shape)
 
     def configuration(self, leg: Leg, number: int) -> Array:
-        """Return q of a posture by its number, the last axis running fastest."""
+        """Return q of a posture by its number, shape `(nq,)`."""
         index = np.unravel_index(number, self.shape)
         axes = zip(self.axes.items(), index, strict=True)
         return leg.configuration({name: values[i] for (name, values), i in axes})
 
     def configurations(self, leg: Leg) -> Iterator[Array]:
-        """Yield q of every posture, the last axis running fastest."""
-        names = list(self.axes)
-        for index in np.ndindex(self.shape):
-            values = (self.axes[name][i] for name, i in zip(names, index, strict=True))
-            yield leg.configuration(dict(zip(names, values, strict=True)))
+        """Yield q of every posture, in the order of their numbers."""
+        return (self.configuration(leg, number) for number in range(self.size))
 
 
-def grid(leg: Leg, joints: Iterable[str] = (), most: int = MAX_POSTURES) -> Grid:
-    """Read a grid as it is typed.
+@dataclass(frozen=True)
+class Chunks:
+    """The division of a grid into chunks of postures whose numbers follow each other.
+
+    Attributes:
+        grid_shape: shape of the grid.
+        shape: shape of a chunk; the last ones of an axis may be smaller.
+    """
+
+    grid_shape: tuple[int, ...]
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, grid_shape: tuple[int, ...], size: int) -> Chunks:
+        """Divide a grid into chunks of about `size` postures."""
+        shape, room = [1] * len(grid_shape), size
+        for axis in range(len(grid_shape) - 1, -1, -1):
+            length = grid_shape[axis]
+            shape[axis] = -(-length // -(-length // max(1, room)))  # equal parts
+            if shape[axis] < length:
+                break
+            room //= length
+        return cls(grid_shape, tuple(shape))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """Number of chunks along each axis."""
+        return tuple(-(-n // c) for n, c in zip(self.grid_shape, self.shape, strict=True))
+
+    def __len__(self) -> int:
+        return math.prod(self.counts)
+
+    def region(self, k: int) -> tuple[slice, ...]:
+        """Return the slices of the grid that chunk number `k` covers."""
+        index = np.unravel_index(k, self.counts)
+        return tuple(
+            slice(int(i) * c, min((int(i) + 1) * c, n))
+            for i, c, n in zip(index, self.shape, self.grid_shape, strict=True)
+        )
+
+    def span(self, k: int) -> tuple[int, int]:
+        """Return the first posture and the number of postures of a chunk."""
+        region = self.region(k)
+        begin = np.ravel_multi_index([part.start for part in region], self.grid_shape)
+        return int(begin), math.prod(part.stop - part.start for part in region)
+
+
+def check_size(shape: tuple[int, ...], largest: int) -> None:
+    """Raise `InvalidInput` where a grid has more postures than `largest`."""
+    size = math.prod(shape)
+    if size > largest:
+        limit = (
+            f"at most {largest:,} fit in memory: name a store, --out DIR.zarr (store= in Python)"
+            if largest < LARGEST
+            else f"at most {largest:,} can be swept"
+        )
+        raise InvalidInput(
+            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}), which fill "
+            f"{_bytes(size)} and take about {_time(size)} of one core: {limit}, or take larger "
+            "steps"
+        )
+
+
+def named_joints(leg: Leg) -> list[str]:
+    """Return the joints that have one value each: a floating base has none."""
+    return list(leg.single_joints)
+
+
+def read_postures(leg: Leg, joints: Iterable[str] = ()) -> dict[str, Array]:
+    """Return the postures that a command line asks for.
 
     Args:
-        leg: whose joints and ranges count.
-        joints: `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints]. None at all:
-            every joint of a leg of up to three, over its range, each 10 deg.
-        most: postures that are allowed.
+        leg: the leg, whose joints and ranges count.
+        joints: texts `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints]. Without
+            any, every joint of a leg of up to three is swept over its range in steps of 10 deg.
+
+    Returns:
+        Joint name to its values, as `Grid.of` takes them [rad; m].
 
     Raises:
-        InvalidInput: a text that cannot be read, an unknown joint, values outside the joint's
-            range, too many postures.
+        InvalidInput: a text that cannot be read, an unknown joint, a joint named twice, too many
+            values.
     """
     axes: dict[str, Array] = {}
     for text in joints:
-        name, values = _axis(leg, text)
+        name, values = _read_axis(leg, text)
         if name in axes:
-            raise InvalidInput(f"joint {name!r} is given twice: once is meant")
+            raise InvalidInput(f"joint {name!r} is given twice: give it once")
         axes[name] = values
-    if not axes:
-        axes = _default(leg)
-    result = Grid(axes)
-    if result.size > most:
-        raise InvalidInput(
-            f"the grid has {result.size:,} postures ({' x '.join(map(str, result.shape))}): they "
-            f"would fill {_bytes(result.size)} and take about {_time(result.size)} of one core; "
-            f"at most {most:,} are "
-            + (
-                "held at once: name a store, --out DIR.zarr (in Python, most=)"
-                if most < MOST_POSTURES
-                else "swept"
-            )
-            + ", or take larger steps"
-        )
-    for name in _joints(leg):
-        if name not in axes:
-            _inside(leg, name, np.zeros(1), "not named, so at")
-    return result
+    return axes or _default_postures(leg)
 
 
-def _axis(leg: Leg, text: str) -> tuple[str, Array]:
+def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
+    """Return name and values of a joint from its text."""
     name, equals, span = text.rpartition("=")
     parts = span.split(":")
     if not equals or len(parts) not in (1, 3):
@@ -117,7 +204,7 @@ def _axis(leg: Leg, text: str) -> tuple[str, Array]:
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
-        raise InvalidInput(f"joint {text!r} cannot be read: {_no_numbers(parts)}") from None
+        raise InvalidInput(f"joint {text!r} cannot be read: {_no_number(parts)}") from None
     for number in numbers:
         validation.number(f"joint {name}", number)
     low, high, step = numbers if len(numbers) == 3 else (numbers[0], numbers[0], 1.0)
@@ -128,51 +215,33 @@ def _axis(leg: Leg, text: str) -> tuple[str, Array]:
             f"joint {text!r}: LOW must not exceed HIGH: {name}={high:g}:{low:g}:{step:g}, perhaps"
         )
     intervals = (high - low) / step * (1 + 1e-12) + 1e-9  # so that 0:1:0.1 ends at 1
-    if intervals >= MAX_POSTURES:
+    if intervals >= IN_MEMORY:
         raise InvalidInput(
-            f"joint {text!r} alone has {intervals + 1:.3g} values, which would fill "
-            f"{_bytes(intervals)} and take about {_time(intervals)} of one core; at most "
-            f"{MAX_POSTURES:,} are swept: take a larger step"
+            f"joint {text!r} alone has {intervals + 1:.3g} values, which fill "
+            f"{_bytes(intervals)} and take about {_time(intervals)} of one core: at most "
+            f"{IN_MEMORY:,} can be swept, take a larger step"
         )
     values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
     values = values if leg.joint_unit(name) == "m" else np.radians(values)
-    _inside(leg, name, values, "swept")
+    _check_range(leg, name, values, "swept")
     return name, values
 
 
-def _no_numbers(parts: list[str]) -> str:
-    """Return what is wrong with the parts of a span, one of which is no number."""
+def _no_number(parts: list[str]) -> str:
+    """Return what is wrong with the parts of a span, one of which is not a number."""
     for part in parts:
         if found := _UNIT.fullmatch(part.strip()):
-            said = f"{part!r} has a unit: write plain numbers, in deg (in m for a prismatic joint)"
-            return said + (
-                f"; {part} are {math.degrees(float(found[1])):.6g} deg" if found[2] == "rad" else ""
+            advice = (
+                f"{part!r} has a unit: write plain numbers, in deg (in m for a prismatic joint)"
             )
+            degrees = f"; {part} are {math.degrees(float(found[1])):.6g} deg"
+            return advice + (degrees if found[2] == "rad" else "")
     return f"{':'.join(parts)!r} are not numbers"
 
 
-def _bytes(postures: float) -> str:
-    size = postures * BYTES
-    for unit, scale in (("TB", 1e12), ("GB", 1e9)):
-        if size >= scale:
-            return f"{size / scale:,.3g} {unit}"
-    return f"{size / 1e6:,.3g} MB"
-
-
-def _time(postures: float) -> str:
-    seconds = postures / RATE
-    for unit, scale, least in (("days", 86400, 2 * 86400), ("hours", 3600, 3600)):
-        if seconds >= least:
-            return f"{seconds / scale:,.3g} {unit}"
-    return f"{seconds:,.3g} s"
-
-
-def _joints(leg: Leg) -> list[str]:
-    return leg.single_joints  # a floating base has no one value
-
-
-def _default(leg: Leg) -> dict[str, Array]:
-    joints = _joints(leg)
+def _default_postures(leg: Leg) -> dict[str, Array]:
+    """Return the whole range of each of up to three joints."""
+    joints = named_joints(leg)
     if len(joints) > 3:
         raise InvalidInput(
             f"{leg.name} has {len(joints)} joints: name those to sweep, "
@@ -183,9 +252,9 @@ def _default(leg: Leg) -> dict[str, Array]:
         low, high = leg.joint_range(name)
         metres = leg.joint_unit(name) == "m"
         step = (high - low) / 9 if metres else math.radians(DEFAULT_STEP_DEG)
-        if not abs(low) + abs(high) < (1e6 if metres else MAX_POSTURES * step):
+        if not abs(low) + abs(high) < (1e6 if metres else IN_MEMORY * step):
             raise InvalidInput(
-                f"joint {name} ranges from {low:g} to {high:g}: name the part to sweep, "
+                f"joint {name} ranges from {low:g} to {high:g}: name the values to sweep, "
                 f"for example --joint {name}=0:30:5"
             )
         if step == 0.0 or metres:
@@ -198,7 +267,8 @@ def _default(leg: Leg) -> dict[str, Array]:
     return axes
 
 
-def _inside(leg: Leg, name: str, values: Array, how: str) -> None:
+def _check_range(leg: Leg, name: str, values: Array, how: str) -> None:
+    """Raise `InvalidInput` where a joint is outside its range."""
     low, high = leg.joint_range(name)
     slack = 1e-9 * max(1.0, abs(low), abs(high))
     outside = values[(values < low - slack) | (values > high + slack)]
@@ -208,3 +278,21 @@ def _inside(leg: Leg, name: str, values: Array, how: str) -> None:
             f"joint {name} is {how} {outside[0] * scale:g} {unit}: "
             f"its range is {low * scale:g} to {high * scale:g} {unit}"
         )
+
+
+def _bytes(postures: float) -> str:
+    """Return the size of the results as text."""
+    size = postures * BYTES_PER_POSTURE
+    for unit, scale in (("TB", 1e12), ("GB", 1e9)):
+        if size >= scale:
+            return f"{size / scale:,.3g} {unit}"
+    return f"{size / 1e6:,.3g} MB"
+
+
+def _time(postures: float) -> str:
+    """Return the time of the computation as text."""
+    seconds = postures / RATE
+    for unit, scale, least in (("days", 86400, 2 * 86400), ("hours", 3600, 3600)):
+        if seconds >= least:
+            return f"{seconds / scale:,.3g} {unit}"
+    return f"{seconds:,.3g} s"

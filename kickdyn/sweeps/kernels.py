@@ -1,8 +1,11 @@
-"""A kick from every posture of a grid, in machine code: the answers of `kick_from`, but the flight.
+"""The impact of many postures in machine code: the answers of `kick_from`, without the flight.
 
-`LANES` postures go side by side. What a kernel cannot vouch for to 1e-12 (a foot that can hardly
-move along the normal or across it, one far lighter than the ball, an inertia that has lost its
-digits) it marks, to be computed by `kick_from`.
+`LANES` postures go side by side through kinematics, inertia, impact and joint impulses. What a
+kernel cannot compute to 1e-12 (a foot that can hardly move along the normal or across it, one much
+lighter than the ball, an inertia that has lost its digits) it marks as doubtful.
+
+Two kernels are compiled from one text, `_sweep`: in space, and in a plane. They serve every leg:
+what differs between legs are arrays. Compiling takes seconds, so machine code is kept on the disk.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -22,28 +26,116 @@ from kickdyn.core.compilation import compiled, named
 from kickdyn.core.validation import Array
 from kickdyn.flight import lanes
 from kickdyn.flight.lanes import LANES
-from kickdyn.sweeps import arithmetic, factors, impulses, speed_use
-from kickdyn.sweeps import planar_kernel as planar
-from kickdyn.sweeps import spatial_kernel as spatial
-from kickdyn.sweeps import speed_use_kernel as quickness
-from kickdyn.sweeps.arithmetic import HOW, njit
-from kickdyn.sweeps.factors import factor, unweigh, weigh
-from kickdyn.sweeps.impulses import D33, gather, movable, slide, strike
-from kickdyn.sweeps.kernel_scene import Scene
+from kickdyn.robot.leg import Leg
+from kickdyn.sweeps import (
+    impact_kernel,
+    kernel_model,
+    kick,
+    planar_kernel,
+    spatial_kernel,
+    speed_use_kernel,
+)
+from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.impact_kernel import (
+    D33,
+    OPTIONS,
+    delassus_matrix,
+    doubt_singular,
+    factorize,
+    njit,
+    solve_impact,
+    solve_slip,
+    solve_velocity,
+    whiten,
+)
+from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.speed_use_kernel import least_speed_use
 
-TANGENT, ACROSS, NORMAL, GIVE, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
+TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
 """Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
-1 where in doubt; energy lost [J], joint speed over its limit, largest linear impulse in a joint
-[N s], residuals of restitution and momentum. The first five are all that `impulse only` fills."""
+1 where the posture is doubtful; energy lost [J], joint speed over its limit, largest linear impulse
+in a joint [N s], residuals of restitution and momentum. The impulse alone fills the first five."""
 
 ROWS = 10
 
-_LIMIT = spatial.LIMIT
+_tuple: Any = numba.types.UniTuple
+
+
+class Kernel:
+    """The kernel of a leg, a kick and a grid: call it with a range of postures.
+
+    Args:
+        model: constants of leg and kick.
+        leg: the leg.
+        grid: the postures.
+    """
+
+    def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
+        self._kernel = _compiled(model.planar)
+        joints = [1 + leg.joint_names.index(name) for name in grid.axes]
+        slides = [bool(model.slides[k]) for k in joints]
+        tables = [_motion(q, s) for q, s in zip(grid.axes.values(), slides, strict=True)]
+        steps = np.array(grid.shape, np.int64)
+        at_zero = [_motion(np.zeros(1), bool(slide)) for slide in model.slides]
+        self._grid = (
+            steps, np.array(joints, np.int64), np.cumsum(steps) - steps,
+            np.ascontiguousarray(np.concatenate(tables)),
+        )  # fmt: skip
+        self._model = (
+            np.ascontiguousarray(np.concatenate(at_zero)), model.parent, model.slides,
+            model.carries_foot, model.constants, model.foot, tuple(map(float, model.lever)),
+            (*model.ball_mobility, model.speed, model.restitution, model.friction),
+        )  # fmt: skip
+
+    def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
+        """Compute postures.
+
+        Args:
+            first: number of the first posture.
+            count: number of postures.
+            full: False computes the impulse alone, the first five rows.
+
+        Returns:
+            The answers, shape `(ROWS, count)`, rows as above.
+        """
+        answer = np.empty((ROWS, count))
+        self._kernel(*self._grid, first, *self._model, full, answer)
+        return answer
+
+
+def fill_variables(
+    answer: Array, model: KernelModel, kick: Kick, rows: Array, status: NDArray[np.int8]
+) -> NDArray[np.bool_]:
+    """Fill in the variables of a sweep from a kernel's answers, all but the carry.
+
+    Args:
+        answer: shape `(ROWS, n)`.
+        model: constants of leg and kick.
+        kick: the kick.
+        rows: filled in, shape `(13, n)`, in the order of `dataset.VARIABLES`.
+        status: flags, filled in.
+
+    Returns:
+        Which postures are doubtful: those that the kernel marks, and what is not finite.
+    """
+    doubtful = np.empty(len(status), bool)
+    ball = kick.ball
+    scalars = kick.speed, kick.restitution, ball.mass, ball.radius / ball.inertia
+    _compiled_fill()(answer, model.axes, scalars, rows, status, doubtful)
+    return doubtful
+
+
+def _motion(values: Array, slide: bool) -> NDArray[np.float64]:
+    """Return the two first rows of a joint: a slide's value and 0, or cosine and sine."""
+    if slide:
+        return np.column_stack([values, np.zeros(len(values))])
+    return np.column_stack([np.cos(values), np.sin(values)])
 
 
 @njit
-def _deal(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
-    """Fill in a joint's first two rows from where axis `a` stands, and move it on."""
+def _deal_axis(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
+    """Fill in a joint's first two rows from where axis `a` of the grid is, and move it on."""
     digit, done, i = at[a, 0], at[a, 1], 0
     while i < LANES:
         run = min(repeat - done, LANES - i)
@@ -58,23 +150,43 @@ def _deal(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
     at[a, 0], at[a, 1] = digit, done
 
 
-motion: Any = spatial
-"""What `_sweep` stands on; for a plane it is taken again on `planar`."""
+motion: Any = spatial_kernel
+"""Kinematics of `_sweep`; `_compiled` puts `planar_kernel` in its place for motion in a plane."""
+
 WIDTH = 3
-"""Columns of a Jacobian there."""
+"""Columns of the Jacobian; 2 in a plane."""
 
 
 def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
           foot, lever, kick, full, answer):  # fmt: skip
+    """Fill in the answers of consecutive postures, `LANES` at a time.
+
+    Args:
+        steps: number of values of each axis of the grid.
+        joints: joint of each axis.
+        offsets: where each axis begins in `table`.
+        table: the first two rows of a joint for every value of every axis.
+        first: number of the first posture.
+        still: the first two rows of each joint at 0.
+        parent: parent of each joint.
+        slides: whether each joint is prismatic.
+        carries: whether the foot moves with each joint.
+        constants: constants of each joint.
+        foot: the joint that carries the contact point.
+        lever: from its origin to the contact point.
+        kick: the ball's mobility across and along the normal, foot speed, restitution, friction.
+        full: whether more than the impulse is wanted.
+        answer: shape `(ROWS, count)`, filled in.
+    """
     n, count = len(parent), answer.shape[1]
-    across, along, speed, e, mu, per_mass = kick
+    across, along, speed, e, mu = kick
     x, inertia = np.zeros((n, motion.ROWS * LANES)), np.zeros((n, n, LANES))
     rows, jump = np.zeros((n, WIDTH * LANES)), np.zeros((n, LANES))
     point, delassus = np.zeros(7 * LANES), np.zeros(6 * LANES)
-    impulse, heard = np.zeros(3 * LANES), np.zeros(3 * LANES)
+    impulse, reaction = np.zeros(3 * LANES), np.zeros(3 * LANES)
     lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
     for i in range(LANES):
-        x[0, i] = 1.0  # the base is not turned
+        x[0, i] = 1.0  # the base is not rotated
         if WIDTH == 3:
             x[0, 4 * LANES + i] = x[0, 8 * LANES + i] = 1.0
         for k in range(1, n):
@@ -87,110 +199,97 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
         each *= steps[a]
     for begin in range(0, count, LANES):
         for a in range(len(steps)):
-            own, held = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
-            _deal(own[motion.COS :], own[motion.SIN :], held, repeats[a], a, at)
+            own, values = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
+            _deal_axis(own[motion.COS :], own[motion.SIN :], values, repeats[a], a, at)
         doubt[:] = 0.0
-        motion.place(parent, slides, constants, x)
-        motion.weights(parent, slides, constants, x, inertia)
-        motion.reach(parent, slides, carries, constants, foot, lever, x, rows, point)
-        if full:  # before the columns of the Jacobian are weighed
-            quickness.quickness(carries, rows, constants, _LIMIT, speed, use, doubt)
-        factor(parent, inertia, doubt)
-        weigh(parent, carries, inertia, rows)
-        gather(carries, rows, delassus)
-        strike(delassus, across, along, speed, e, mu, impulse, lost, doubt)
-        if WIDTH == 3:  # else nothing slips out of the plane, and it need not be compiled
-            slide(delassus, across, along, speed, e, mu, impulse, lost, doubt)
+        motion.place_bodies(parent, slides, constants, x)
+        motion.joint_space_inertia(parent, slides, constants, x, inertia)
+        motion.contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, point)
+        if full:  # before the Jacobian is whitened
+            least_speed_use(carries, rows, constants, speed, use, doubt)
+        factorize(parent, inertia, doubt)
+        whiten(parent, carries, inertia, rows)
+        delassus_matrix(carries, rows, delassus)
+        solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt)
+        if WIDTH == 3:  # else nothing slips out of the plane
+            solve_slip(delassus, across, along, speed, e, mu, impulse, lost, doubt)
         end = min(LANES, count - begin)
         if full:
-            movable(delassus, WIDTH == 2, doubt)
+            doubt_singular(delassus, WIDTH == 2, doubt)
             for k in range(1, n):
                 row, dv = rows[k], jump[k]
                 for i in range(LANES):
                     t, last = row[i] * impulse[i], row[(WIDTH - 1) * LANES + i]
                     t += row[LANES + i] * impulse[LANES + i] if WIDTH == 3 else 0.0
                     dv[i] = -(t + last * impulse[2 * LANES + i])
-            unweigh(parent, inertia, jump, doubt)
-            motion.jolt(parent, slides, constants, foot, impulse, jump, x, point, heard)
+            solve_velocity(parent, inertia, jump, doubt)
+            motion.joint_impulses(
+                parent, slides, constants, foot, impulse, jump, x, point, reaction
+            )
             for i in range(end):
                 c = begin + i
                 pressed = impulse[2 * LANES + i]
-                parting = pressed * per_mass - (speed + heard[2 * LANES + i])
+                parting = pressed * along - (speed + reaction[2 * LANES + i])
                 total = math.sqrt(impulse[i] ** 2 + impulse[LANES + i] ** 2 + pressed**2)
                 answer[LOST, c], answer[USE, c] = lost[i], use[i]
-                answer[WORST, c] = math.sqrt(heard[i])
+                answer[WORST, c] = math.sqrt(reaction[i])
                 answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
-                answer[MOMENTUM, c] = heard[LANES + i] / (math.sqrt(point[motion.SIZE + i]) * total)
+                answer[MOMENTUM, c] = reaction[LANES + i] / (
+                    math.sqrt(point[motion.SIZE + i]) * total
+                )
         for i in range(end):
             c = begin + i
             answer[TANGENT, c], answer[ACROSS, c] = impulse[i], impulse[LANES + i]
-            answer[NORMAL, c], answer[GIVE, c] = impulse[2 * LANES + i], delassus[D33 + i]
+            answer[NORMAL, c], answer[MOBILITY, c] = impulse[2 * LANES + i], delassus[D33 + i]
             answer[DOUBT, c] = doubt[i]
 
 
-_tuple: Any = numba.types.UniTuple
-_SIGNATURE = numba.void(
-    *(numba.int64[::1],) * 3, numba.float64[:, ::1], numba.int64, numba.float64[:, ::1],
-    numba.int64[::1], numba.boolean[::1], numba.boolean[::1], numba.float64[:, ::1], numba.int64,
-    _tuple(numba.float64, 3), _tuple(numba.float64, 6), numba.boolean,
-    numba.float64[:, ::1],
-)  # fmt: skip
-
-
+@cache
 def _compiled(in_plane: bool) -> Callable[..., None]:
-    """Return a kernel from the disk if it can be kept there: compiling takes seconds."""
-    on = planar if in_plane else spatial
+    """Return a kernel, from the disk where it is kept there."""
+    kinematics = planar_kernel if in_plane else spatial_kernel
     # numba looks for changes in this file only; the others are part of the name
-    parts = (lanes, arithmetic, factors, impulses, quickness, speed_use, on)
-    check_type = zlib.crc32(b"".join(Path(str(part.__file__)).read_bytes() for part in parts))
-    names = {**globals(), "motion": on, "WIDTH": 2 if in_plane else 3}
-    twin = named(FunctionType(_sweep.__code__, names), f"sweep_{check_type:08x}")
-    return compiled(twin, _SIGNATURE, **HOW)
+    modules = (lanes, kernel_model, impact_kernel, kick, speed_use_kernel, kinematics)
+    content = zlib.crc32(b"".join(Path(str(each.__file__)).read_bytes() for each in modules))
+    names = {**globals(), "motion": kinematics, "WIDTH": 2 if in_plane else 3}
+    variant = named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")
+    integers, flags, matrix = numba.int64[::1], numba.boolean[::1], numba.float64[:, ::1]
+    three, five = _tuple(numba.float64, 3), _tuple(numba.float64, 5)
+    signature = numba.void(
+        integers, integers, integers, matrix, numba.int64, matrix, integers, flags, flags, matrix,
+        numba.int64, three, five, numba.boolean, matrix,
+    )  # fmt: skip
+    return compiled(variant, signature, **OPTIONS)
 
 
-_kernels: dict[bool, Callable[..., None]] = {}
+def _fill(found, axes, scalars, rows, status, doubt):  # type: ignore[no-untyped-def]
+    """Fill in variables, status and doubt; scalars are v, e, m_B and r over I."""
+    speed, e, mass, turn = scalars
+    nx, ny, nz = axes[0, 2], axes[1, 2], axes[2, 2]
+    for i in range(found.shape[1]):
+        a, b, c = found[TANGENT, i], found[ACROSS, i], found[NORMAL, i]
+        px = axes[0, 0] * a + axes[0, 1] * b + nx * c
+        py = axes[1, 0] * a + axes[1, 1] * b + ny * c
+        pz = axes[2, 0] * a + axes[2, 1] * b + nz * c
+        size = math.sqrt(px * px + py * py + pz * pz)
+        effective_mass = 1.0 / found[MOBILITY, i]
+        rows[0, i], rows[1, i] = effective_mass, size
+        rows[2, i] = (1.0 + e) * speed * effective_mass
+        rows[3, i], rows[4, i] = size / mass, size / mass / speed
+        rows[5, i] = math.atan2(pz, math.sqrt(px * px + py * py))
+        rows[6, i] = 0.0 - (pz * nx - px * nz) * turn
+        rows[7, i], rows[8, i], rows[9, i] = found[WORST, i], found[LOST, i], found[USE, i]
+        rows[11, i], rows[12, i] = found[RESTITUTION, i], found[MOMENTUM, i]
+        status[i] = 1 if found[USE, i] > 1.0 else 0
+        total = 0.0
+        for k in range(found.shape[0]):
+            total += 0.0 * found[k, i]  # nan if one of them is not finite
+        doubt[i] = found[DOUBT, i] != 0.0 or total != 0.0
 
 
-class Kernel:
-    """The kernel of a scene over a grid: call it with a range of postures.
-
-    Args:
-        scene: what kicks.
-        joints: number of the joint (from 1) of each axis of the grid.
-        values: of each axis, shape `(k,)` [rad; m for slides]; the last axis runs fastest.
-        still: value of every joint, shape `(n,)`, for those without an axis.
-        ball_mass: [kg].
-    """
-
-    def __init__(
-        self, scene: Scene, joints: list[int], values: list[Array], still: Array, ball_mass: float
-    ) -> None:
-        if scene.planar not in _kernels:
-            _kernels[scene.planar] = _compiled(scene.planar)
-        self._kernel = _kernels[scene.planar]
-        steps = np.array([len(axis) for axis in values], np.int64)
-        table = [_turn(axis, scene.slides[k]) for axis, k in zip(values, joints, strict=True)]
-        alone = np.array(
-            [_turn(np.array([q]), s)[0] for q, s in zip(still, scene.slides[1:], strict=True)]
-        )
-        offsets = np.cumsum(steps) - steps
-        whole = np.ascontiguousarray(np.concatenate(table))
-        self._grid = (steps, np.array(joints, np.int64), offsets, whole)
-        self._scene = (
-            np.ascontiguousarray(np.vstack([np.zeros((1, 2)), alone])), scene.parent, scene.slides,
-            scene.carries, scene.constants, scene.foot, tuple(map(float, scene.lever)),
-            (*scene.give, scene.speed, scene.restitution, scene.friction, 1.0 / ball_mass),
-        )  # fmt: skip
-
-    def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
-        """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`."""
-        answer = np.empty((ROWS, count))
-        self._kernel(*self._grid, first, *self._scene, full, answer)
-        return answer
-
-
-def _turn(values: Array, slide: bool | np.bool_) -> NDArray[np.float64]:
-    """Return what a joint's rows begin with: a slide's value, or cosine and sine."""
-    if slide:
-        return np.column_stack([values, np.zeros(len(values))])
-    return np.column_stack([np.cos(values), np.sin(values)])
+@cache
+def _compiled_fill() -> Callable[..., None]:
+    """Return `_fill` in machine code."""
+    matrix, four = numba.float64[:, ::1], _tuple(numba.float64, 4)
+    flags, doubts = numba.int8[::1], numba.boolean[::1]
+    return compiled(_fill, numba.void(matrix, matrix, four, matrix, flags, doubts))

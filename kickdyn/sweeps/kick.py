@@ -1,10 +1,11 @@
-"""What all postures of a sweep share: how the foot comes, and what it meets."""
+"""One kick from one posture: the foot's velocity, the joint speeds it needs, impact and flight."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from enum import StrEnum
+from itertools import combinations
 
 import numpy as np
 
@@ -13,31 +14,37 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
-from kickdyn.sweeps.speed_use import least_use, least_used, speed_use
 
-Status = Literal["ok", "too fast", "out of reach"]
-STATUSES: tuple[Status, ...] = ("ok", "too fast", "out of reach")
+ROUNDING = 1e-12
+"""Relative size below which a sum of products is taken for the rounding error of its terms."""
 
-CARRY_ERROR = 1e-6
-"""What the carry of a large sweep may be off by unless something else is asked for [m]."""
+UNLIMITED = 1e300
+"""Velocity limit from which on there is none: Pinocchio's default is the largest float64."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kick:
-    """A foot that arrives at a given velocity and strikes the ball centrally.
+    r"""A foot that arrives with a given velocity and strikes a resting ball centrally.
+
+    The contact point moves with :math:`v\,n`, and :math:`n` is also the contact normal:
+    :math:`n = (\cos\alpha, 0, \sin\alpha)` with the attack angle :math:`\alpha`.
 
     Args:
-        speed: of the foot's contact point [m/s], above 0.
-        attack: its direction above the horizontal in the x-z plane [rad]; the contact normal is
-            the same.
-        restitution: coefficient e; 0.8 is what the paper's Table 2 needs.
-        friction: coefficient mu; 0.4 is the paper's.
-        ball: struck at rest.
-        air: for the flight; None is the vacuum.
+        speed: :math:`v` of the foot's contact point [m/s], above 0.
+        attack: :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
+            :math:`[-\pi/2, \pi/2]`.
+        restitution: coefficient e; 0.8 reproduces the paper's Table 2.
+        friction: Coulomb's coefficient mu; 0.4 is the paper's.
+        ball: the ball, at rest before the impact.
+        air: air of the flight; None is the vacuum.
+
+    Raises:
+        InvalidInput: a value outside its range.
     """
 
     speed: float = 1.0
@@ -51,11 +58,13 @@ class Kick:
         validation.number("foot speed", self.speed, above=0, at_most=1e6, unit="m/s")
         limit = math.pi / 2
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
+        validation.check_type(Ball, ball=self.ball)
+        validation.check_type(Air, optional=True, air=self.air)
         Contact(self.direction, self.restitution, self.friction)
 
     @property
     def direction(self) -> Array:
-        """Unit vector of the foot's velocity, shape `(3,)` [world frame]."""
+        """Unit vector n of the foot's velocity, shape `(3,)` [world frame]."""
         return np.array([math.cos(self.attack), 0.0, math.sin(self.attack)])
 
     @property
@@ -64,40 +73,190 @@ class Kick:
         return Contact(self.direction, self.restitution, self.friction)
 
 
+class PostureStatus(StrEnum):
+    """Whether a leg can kick from a posture.
+
+    `ok`: some joint velocity within the limits moves the foot as asked. `too-fast`: each joint
+    velocity that does so exceeds a limit. `out-of-reach`: the foot cannot move in the direction of
+    the kick at all (a stretched leg along itself); there is no impact. `not-computed`: the sweep
+    has not come to the posture yet.
+    """
+
+    OK = "ok"
+    TOO_FAST = "too-fast"
+    OUT_OF_REACH = "out-of-reach"
+    NOT_COMPUTED = "not-computed"
+
+    @property
+    def flag(self) -> int:
+        """The number that stands for the status in a dataset; -1 is `not-computed`."""
+        return -1 if self is PostureStatus.NOT_COMPUTED else list(PostureStatus).index(self)
+
+
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What one posture makes of a kick.
+class PostureOutcome:
+    """The result of a kick from one posture.
 
     Attributes:
-        posture: the leg.
-        status: `ok`; `too fast`, where a joint would have to exceed its velocity limit; `out of
-            reach`, where the foot cannot move along the attack direction at all.
-        speed_use: largest joint speed over its limit, the least with which the foot can come so;
-            nan out of reach.
-        hit: the impact; None out of reach.
-        carry: distance to where the ball is back at its launch height [m]; nan out of reach.
+        posture: the posture of the leg.
+        status: whether the leg can kick so.
+        speed_use: the least possible value of the largest joint speed over its limit; nan where the
+            posture is out of reach.
+        impact: the impact; None out of reach.
+        carry: horizontal distance to where the ball is back at its launch height [m]; nan out of
+            reach.
     """
 
     posture: Posture
-    status: Status
+    status: PostureStatus
     speed_use: float
-    hit: Impact | None
+    impact: Impact | None
     carry: float
 
 
-def kick_from(posture: Posture, kick: Kick) -> Outcome:
+def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     """Strike and fly from one posture.
 
-    The joint velocity is that of least kinetic energy, or, where that is too fast for a joint,
-    that of least `speed_use`; the impulse is the same.
+    The joint velocity is that of least kinetic energy, or, where that exceeds a joint's limit,
+    that of least `speed_use`. The impulse on the ball is the same for both: it depends on the
+    velocity of the foot only.
+
+    Args:
+        posture: the posture of the leg.
+        kick: the kick.
+
+    Returns:
+        The outcome, whatever its status.
     """
-    wish = kick.speed * kick.direction
-    v = posture.try_joint_velocity(wish)
+    foot_velocity = kick.speed * kick.direction
+    v = posture.try_joint_velocity(foot_velocity)
     if v is None:
-        return Outcome(posture, "out of reach", math.nan, None, math.nan)
-    use = least_use(posture, wish)
+        return PostureOutcome(posture, PostureStatus.OUT_OF_REACH, math.nan, None, math.nan)
+    use = least_speed_use(posture, foot_velocity)
     if use <= 1 < speed_use(posture, v):
-        v = least_used(posture, wish)
-    hit = strike(posture, v, kick.ball, kick.contact)
-    path = fly(hit.ball_after, kick.ball, kick.air)
-    return Outcome(posture, "ok" if use <= 1 else "too fast", use, hit, path.range)
+        v = slowest_joint_velocity(posture, foot_velocity)
+    impact = strike(posture, v, kick.ball, kick.contact)
+    path = fly(impact.ball_after, kick.ball, kick.air)
+    status = PostureStatus.OK if use <= 1 else PostureStatus.TOO_FAST
+    return PostureOutcome(posture, status, use, impact, path.range)
+
+
+def speed_use(posture: Posture, v: Array) -> float:
+    r"""Return the largest joint speed over its limit, :math:`\max_i |v_i| / l_i`.
+
+    Args:
+        posture: the posture, whose leg has the limits :math:`l_i`.
+        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+    """
+    limit, needed = posture.leg.velocity_limit, np.abs(v)
+    use = np.divide(needed, limit, out=np.where(needed > 0, np.inf, 0.0), where=limit > 0)
+    return float(use.max())
+
+
+def least_speed_use(posture: Posture, foot_velocity: Array) -> float:
+    r"""Return the least `speed_use` with which the contact point moves as asked.
+
+    More than three joints, or two in a plane, can move a foot in many ways. The least
+    :math:`\max_i |v_i| / l_i` under :math:`J v = w` is a linear programme, whose dual is
+
+    .. math:: \max_y \frac{w \cdot y}{\sum_i l_i |a_i \cdot y|}
+
+    over all directions :math:`y`, with :math:`a_i` the columns of :math:`J`. Its maximum lies at a
+    :math:`y` that is orthogonal to as many columns as fix it, two in space and one in a plane, so
+    that all candidates can be tried (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5).
+
+    Args:
+        posture: the posture.
+        foot_velocity: w, velocity of the contact point within reach, shape `(3,)` [m/s, world].
+
+    Returns:
+        The least use; inf where only joints whose limit is 0 could move the foot so.
+    """
+    if posture.constraint_projector is not None:
+        return speed_use(posture, slowest_joint_velocity(posture, foot_velocity))
+    limit = posture.leg.velocity_limit
+    moving = posture.jacobian[:, limit > 0]
+    if not moving.any():
+        return math.inf
+    left, gains, _ = np.linalg.svd(moving)
+    rank = int((gains > ROUNDING * gains[0]).sum())
+    unreachable = left[:, rank:].T @ foot_velocity
+    if unreachable.size and np.abs(unreachable).max() > 1e-9 * np.abs(foot_velocity).max():
+        return math.inf
+    columns, w, limit = (
+        left[:, :rank].T @ moving,
+        left[:, :rank].T @ foot_velocity,
+        limit[limit > 0],
+    )
+    y = _dual_candidates(columns)
+    along, gain = np.abs(y @ columns), np.abs(y @ w)
+    size = np.linalg.norm(y, axis=1)
+    along[along <= ROUNDING * size[:, None] * np.linalg.norm(columns, axis=0)] = 0.0
+    unlimited = limit > UNLIMITED
+    largest = float(limit[~unlimited].max(initial=1e-300))
+    capacity = along[:, ~unlimited] @ (limit[~unlimited] / largest)
+    capacity[along[:, unlimited].any(axis=1)] = math.inf
+    gain[gain <= ROUNDING * size * np.linalg.norm(w)] = 0.0
+    uses = np.divide(gain, capacity, out=np.where(gain > 0, math.inf, 0.0), where=capacity > 0)
+    return float(uses.max(initial=0.0)) / largest
+
+
+def _dual_candidates(columns: Array) -> Array:
+    """Return every direction orthogonal to one less of the columns than there are rows."""
+    if len(columns) == 1:
+        return np.ones((1, 1))
+    if len(columns) == 2:
+        return np.column_stack([-columns[1], columns[0]])
+    pairs = np.array(list(combinations(range(columns.shape[1]), 2)))
+    first, second = columns.T[pairs[:, 0]], columns.T[pairs[:, 1]]
+    y = np.cross(first, second)
+    lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    return np.asarray(y[np.linalg.norm(y, axis=1) > ROUNDING * lengths])
+
+
+def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
+    """Return a joint velocity of the least `speed_use` that moves the contact point as asked.
+
+    Args:
+        posture: the posture; supports and loops of its leg are kept.
+        foot_velocity: velocity of the contact point within reach, shape `(3,)` [m/s, world].
+
+    Returns:
+        v, shape `(nv,)` [rad/s; m/s]; that of least kinetic energy where no joint velocity is
+        within any limits.
+
+    Raises:
+        KickdynError: the linear programme has no solution.
+    """
+    from scipy.optimize import linprog  # its import takes a quarter of a second
+
+    least_energy = posture.try_joint_velocity(foot_velocity)
+    assert least_energy is not None
+    constraint_rows = (
+        np.zeros((0, least_energy.size))
+        if posture.constraint_projector is None
+        else posture.constraint_projector.rows
+    )
+    all_rows = np.vstack([posture.jacobian, constraint_rows])
+    moves = posture.leg.velocity_limit > 0
+    rows, limit = all_rows[:, moves], posture.leg.velocity_limit[moves]
+    size = np.linalg.norm(foot_velocity)
+    bound = np.eye(limit.size)[limit <= UNLIMITED]
+    bounds = limit[limit <= UNLIMITED, None]
+    solution = linprog(
+        np.append(np.zeros(limit.size), 1.0),
+        A_ub=np.vstack([np.hstack([bound, -bounds]), np.hstack([-bound, -bounds])]),
+        b_ub=np.zeros(2 * len(bound)),
+        A_eq=np.column_stack([rows, np.zeros(len(rows))]),
+        b_eq=all_rows @ (least_energy / size),
+        bounds=[(None, None)] * limit.size + [(0.0, None)],
+        method="highs",
+    )
+    if solution.status == 2:  # infeasible: a joint that must move has limit 0
+        return least_energy
+    if not solution.success:
+        raise KickdynError(f"no joint velocity found for {posture!r}: {solution.message}")
+    v = np.zeros(least_energy.size)
+    v[moves] = size * solution.x[:-1]  # to the solver's tolerance
+    v[moves] += np.linalg.lstsq(rows, all_rows @ (least_energy - v), rcond=ROUNDING)[0]
+    return v

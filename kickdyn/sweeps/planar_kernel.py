@@ -1,7 +1,9 @@
-"""What `spatial` does for legs that move in one plane with the normal, in a quarter of the time.
+"""What `spatial_kernel` computes, for legs that move in one plane, in a quarter of the time.
 
-Coordinates are (u, w), along the normal and along the tangent in the plane; turns are positive from
-u to w. Every body's own axes are those of the contact while all joints are at 0.
+The plane contains the contact normal. Coordinates are (u, w), along the normal and along the
+tangent in the plane; angles are positive from u to w. While all joints are at 0, the axes of every
+body are those of the contact. The functions have the names and arguments of those of
+`spatial_kernel`.
 """
 
 from __future__ import annotations
@@ -9,35 +11,41 @@ from __future__ import annotations
 import math
 
 from kickdyn.flight.lanes import LANES
-from kickdyn.sweeps.arithmetic import njit
+from kickdyn.sweeps.impact_kernel import njit
+from kickdyn.sweeps.kernel_model import (
+    ARMATURE,
+    CARRIED,
+    MASS,
+    MOMENT,
+    PLANAR_AXIS,
+    PLANAR_INERTIA,
+    PLANAR_PLACE,
+    PLANAR_SENSE,
+)
 
 (C, S, OU, OW, COS, SIN, AU, AW, BU, BW, HU, HW, TURNED, TURN, VU, VW, FU, FW, N) = (
     row * LANES for row in range(19)
 )
-"""Rows of a joint: rotation, origin from the parent's, the joint's own cosine and sine (a slide's
-value first), axis of a slide; first moment of mass of its body, then of all it carries, and their
-second moment; jump of angular and linear velocity; linear and angular impulse from the parent."""
+"""Rows of a joint: cosine and sine of its body's rotation; origin from the parent's; cosine and
+sine of the joint's own angle (a slide's value first); axis of a slide; first moment of mass of the
+body (B), and of all bodies the joint carries (H) with their second moment (TURNED); jump of angular
+(TURN) and linear velocity (V); linear (F) and angular (N) impulse that the parent transmits."""
 
 ROWS = 19
 
-MASS, CARRIED, ARMATURE, LIMIT, H, INERTIA, PLACE, SENSE, AXIS = 0, 1, 2, 3, 4, 6, 7, 9, 10
-"""Columns of a joint's constants: mass, mass carried, armature, velocity limit, first and
-second moment of mass, origin in the parent's frame (2), sense of a hinge, axis of a slide (2)."""
-
-CONSTANTS = 12
-
 TU, TW, SIZE, DU, DW = 0, LANES, 3 * LANES, 4 * LANES, 5 * LANES
-"""Rows of the contact point: its place from the foot's joint, the sum of squares of its Jacobian,
-its place from one joint after the other."""
+"""Rows of the contact point: its position from the foot's joint, the sum of squares of its
+Jacobian, its position from one joint after the other."""
 
 
 @njit
-def place(parent, slides, constants, x):  # type: ignore[no-untyped-def]
-    """Fill in rotation, origin and moments of mass of every joint."""
+def place_bodies(parent, slides, constants, x):  # type: ignore[no-untyped-def]
+    """Fill in rotation, origin and moments of mass of every body; see `spatial_kernel`."""
     for k in range(1, len(parent)):
         own, above, p, slide = x[k], x[parent[k]], constants[k], slides[k]
-        a, b, sense, hu, hw, inertia = p[PLACE], p[PLACE + 1], p[SENSE], p[H], p[H + 1], p[INERTIA]
-        axis_u, axis_w = p[AXIS], p[AXIS + 1]
+        a, b, sense = p[PLANAR_PLACE], p[PLANAR_PLACE + 1], p[PLANAR_SENSE]
+        hu, hw, inertia = p[MOMENT], p[MOMENT + 1], p[PLANAR_INERTIA]
+        axis_u, axis_w = p[PLANAR_AXIS], p[PLANAR_AXIS + 1]
         for i in range(LANES):
             c, s = above[C + i], above[S + i]
             cos, sin = (1.0, 0.0) if slide else (own[COS + i], sense * own[SIN + i])
@@ -53,11 +61,11 @@ def place(parent, slides, constants, x):  # type: ignore[no-untyped-def]
 
 
 @njit
-def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-def]
-    """Fill in the joint-space inertia, each joint's row up to the base (CRBA)."""
+def joint_space_inertia(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-def]
+    """Fill in the joint-space inertia; see `spatial_kernel`."""
     for k in range(len(parent) - 1, 0, -1):
         own, entry, mass, slide = x[k], inertia[k, k], constants[k, CARRIED], slides[k]
-        armature, sense = constants[k, ARMATURE], constants[k, SENSE]
+        armature, sense = constants[k, ARMATURE], constants[k, PLANAR_SENSE]
         for i in range(LANES):
             hu, hw = own[HU + i], own[HW + i]
             au, aw = own[AU + i], own[AW + i]
@@ -67,7 +75,7 @@ def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-d
             own[N + i] = hu * aw - hw * au if slide else sense * own[TURNED + i]
         a, below = parent[k], own
         while a > 0:
-            above, coupled, sense = x[a], inertia[k, a], constants[a, SENSE]
+            above, coupled, sense = x[a], inertia[k, a], constants[a, PLANAR_SENSE]
             slide = slides[a]
             for i in range(LANES):
                 fu, fw = own[FU + i], own[FW + i]
@@ -87,7 +95,7 @@ def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-d
 
 
 @njit
-def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # type: ignore[no-untyped-def]
+def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, point):  # type: ignore[no-untyped-def]
     """Fill in the contact point and the columns of its Jacobian, tangent and normal."""
     a, b, _ = lever
     own = x[foot]
@@ -100,7 +108,7 @@ def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # t
             rows[k] = 0.0
     k = foot
     while k > 0:
-        own, row, slide, sense = x[k], rows[k], slides[k], constants[k, SENSE]
+        own, row, slide, sense = x[k], rows[k], slides[k], constants[k, PLANAR_SENSE]
         for i in range(LANES):
             du, dw = point[DU + i], point[DW + i]
             row[i] = own[AW + i] if slide else sense * du
@@ -112,12 +120,12 @@ def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # t
 
 
 @njit
-def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # type: ignore[no-untyped-def]
-    """Pass a jump of the joints' velocity up the tree and the impulses down it; see `spatial`."""
+def joint_impulses(parent, slides, constants, foot, impulse, jump, x, point, answer):  # type: ignore[no-untyped-def]
+    """Compute the impulses inside the joints from their jump of velocity; see `spatial_kernel`."""
     for k in range(1, len(parent)):
         own, above, dv = x[k], x[parent[k]], jump[k]
-        slide, sense, mass = slides[k], constants[k, SENSE], constants[k, MASS]
-        inertia = constants[k, INERTIA]
+        slide, sense, mass = slides[k], constants[k, PLANAR_SENSE], constants[k, MASS]
+        inertia = constants[k, PLANAR_INERTIA]
         for i in range(LANES):
             du, dw = own[OU + i], own[OW + i]
             turned, slid = (0.0, dv[i]) if slide else (sense * dv[i], 0.0)
@@ -139,7 +147,7 @@ def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # t
         answer[2 * LANES + i] = own[VU + i] - own[TURN + i] * dw
     for k in range(len(parent) - 1, 0, -1):
         own, dv, slide = x[k], jump[k], slides[k]
-        armature, sense = constants[k, ARMATURE], constants[k, SENSE]
+        armature, sense = constants[k, ARMATURE], constants[k, PLANAR_SENSE]
         for i in range(LANES):
             fu, fw = own[FU + i], own[FW + i]
             along = own[AU + i] * fu + own[AW + i] * fw

@@ -1,8 +1,10 @@
 """Kinematics, inertia and Newton-Euler of any tree of hinges and slides, `LANES` postures at once.
 
-All vectors have the contact's axes (first and second tangent, normal); moments are about the
+All vectors have the contact's axes (first and second tangent, normal). Moments are about the
 joint's own origin, so that a light foot far from the hip loses no digits. Every joint turns about,
-or slides along, the z of its own frame.
+or slides along, the z axis of its own frame. The algorithms are those of Featherstone, Rigid Body
+Dynamics Algorithms, 2008, written out in components: loops over lanes become vector instructions
+only where no small matrices are allocated.
 """
 
 from __future__ import annotations
@@ -10,38 +12,52 @@ from __future__ import annotations
 import math
 
 from kickdyn.flight.lanes import LANES
-from kickdyn.sweeps.arithmetic import njit
+from kickdyn.sweeps.impact_kernel import njit
+from kickdyn.sweeps.kernel_model import (
+    ARMATURE,
+    CARRIED,
+    MASS,
+    MOMENT,
+    SPATIAL_INERTIA,
+    SPATIAL_PLACE,
+    SPATIAL_TURN,
+)
 
 (R00, R01, R02, R10, R11, R12, R20, R21, R22, OX, OY, OZ, COS, SIN,
  BX, BY, BZ, BXX, BXY, BXZ, BYY, BYZ, BZZ,
  HX, HY, HZ, IXX, IXY, IXZ, IYY, IYZ, IZZ,
  WX, WY, WZ, VX, VY, VZ, FX, FY, FZ, NX, NY, NZ) = (row * LANES for row in range(44))  # fmt: skip
-"""Rows of a joint: rotation, origin from the parent's, the joint's own cosine and sine (a slide's
-value first); first and second moment of mass of its body, then of all it carries; jump of angular
-and linear velocity; linear and angular impulse from the parent."""
+"""Rows of a joint: rotation of its body (R); origin from the parent's (O); cosine and sine of the
+joint's own angle (a slide's value first); first and second moment of mass of the body (B), and of
+all bodies the joint carries (H, I); jump of angular (W) and linear velocity (V); linear (F) and
+angular (N) impulse that the parent transmits."""
 
 ROWS = 44
 
-MASS, CARRIED, ARMATURE, LIMIT, H, INERTIA, PLACE, TURN = 0, 1, 2, 3, 4, 7, 13, 16
-"""Columns of a joint's constants: mass, mass carried, armature, velocity limit, first and
-second moment of mass (3, 6), origin in the parent's frame (3) and rotation there (9)."""
-
-CONSTANTS = 25
-
 TX, TY, TZ, SIZE, DX, DY, DZ = (row * LANES for row in range(7))
-"""Rows of the contact point: its place from the foot's joint, the sum of squares of its Jacobian,
-its place from one joint after the other."""
+"""Rows of the contact point: its position from the foot's joint, the sum of squares of its
+Jacobian, its position from one joint after the other."""
 
 
 @njit
-def place(parent, slides, constants, x):  # type: ignore[no-untyped-def]
-    """Fill in rotation, origin and moments of mass of every joint."""
+def place_bodies(parent, slides, constants, x):  # type: ignore[no-untyped-def]
+    r"""Fill in rotation, origin and moments of mass of every body, from the base to the tips.
+
+    :math:`R_k = R_{parent} Q_k R_z(q_k)` with the constant rotation :math:`Q_k`; of a slide, the
+    origin moves along its z axis instead.
+
+    Args:
+        parent: parent of each joint.
+        slides: whether each joint is prismatic.
+        constants: constants of each joint, columns as in `kernel_model`.
+        x: rows of each joint, shape `(n + 1, ROWS * LANES)`; COS and SIN are given.
+    """
     for k in range(1, len(parent)):
         own, above, p = x[k], x[parent[k]], constants[k]
-        a, b, c = p[PLACE], p[PLACE + 1], p[PLACE + 2]
-        q00, q01, q02 = p[TURN], p[TURN + 1], p[TURN + 2]
-        q10, q11, q12 = p[TURN + 3], p[TURN + 4], p[TURN + 5]
-        q20, q21, q22 = p[TURN + 6], p[TURN + 7], p[TURN + 8]
+        a, b, c = p[SPATIAL_PLACE], p[SPATIAL_PLACE + 1], p[SPATIAL_PLACE + 2]
+        q00, q01, q02 = p[SPATIAL_TURN], p[SPATIAL_TURN + 1], p[SPATIAL_TURN + 2]
+        q10, q11, q12 = p[SPATIAL_TURN + 3], p[SPATIAL_TURN + 4], p[SPATIAL_TURN + 5]
+        q20, q21, q22 = p[SPATIAL_TURN + 6], p[SPATIAL_TURN + 7], p[SPATIAL_TURN + 8]
         slide = slides[k]
         for r in range(0, 9 * LANES, 3 * LANES):
             o = OX + r // 3
@@ -61,10 +77,10 @@ def place(parent, slides, constants, x):  # type: ignore[no-untyped-def]
 
 @njit
 def _mass(x, p):  # type: ignore[no-untyped-def]
-    """Turn a body's moments of mass into the contact's axes."""
-    a, b, c = p[H], p[H + 1], p[H + 2]
-    xx, xy, xz = p[INERTIA], p[INERTIA + 1], p[INERTIA + 2]
-    yy, yz, zz = p[INERTIA + 3], p[INERTIA + 4], p[INERTIA + 5]
+    r"""Fill in a body's moments of mass in the contact's axes, :math:`R h` and :math:`R I R^T`."""
+    a, b, c = p[MOMENT], p[MOMENT + 1], p[MOMENT + 2]
+    xx, xy, xz = p[SPATIAL_INERTIA], p[SPATIAL_INERTIA + 1], p[SPATIAL_INERTIA + 2]
+    yy, yz, zz = p[SPATIAL_INERTIA + 3], p[SPATIAL_INERTIA + 4], p[SPATIAL_INERTIA + 5]
     for i in range(LANES):
         r00, r01, r02 = x[R00 + i], x[R01 + i], x[R02 + i]
         r10, r11, r12 = x[R10 + i], x[R11 + i], x[R12 + i]
@@ -101,8 +117,20 @@ def _mass(x, p):  # type: ignore[no-untyped-def]
 
 
 @njit
-def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-def]
-    """Fill in the joint-space inertia, each joint's row up to the base (CRBA)."""
+def joint_space_inertia(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-def]
+    """Fill in the joint-space inertia M, each joint's row up to the base.
+
+    The composite rigid body algorithm (Featherstone 2008, table 6.2): the moment of momentum that a
+    unit velocity of a joint gives to all bodies it carries is passed to the joints below, whose
+    axes it is projected on.
+
+    Args:
+        parent: parent of each joint.
+        slides: whether each joint is prismatic.
+        constants: constants of each joint.
+        x: rows of each joint as `place_bodies` leaves them.
+        inertia: M, shape `(n + 1, n + 1, LANES)`, lower triangle.
+    """
     for k in range(len(parent) - 1, 0, -1):
         own, entry, mass = x[k], inertia[k, k], constants[k, CARRIED]
         armature, slide = constants[k, ARMATURE], slides[k]
@@ -132,7 +160,7 @@ def weights(parent, slides, constants, x, inertia):  # type: ignore[no-untyped-d
 
 @njit
 def _couple(own, below, above, slide, entry):  # type: ignore[no-untyped-def]
-    """Fill in what a joint's motion asks of one that carries it, and move its moment there."""
+    """Fill in one entry of M, and move the momentum of a joint's motion to the joint below."""
     for i in range(LANES):
         fx, fy, fz = own[FX + i], own[FY + i], own[FZ + i]
         dx, dy, dz = below[OX + i], below[OY + i], below[OZ + i]
@@ -146,7 +174,7 @@ def _couple(own, below, above, slide, entry):  # type: ignore[no-untyped-def]
 
 @njit
 def _carry(own, above, m):  # type: ignore[no-untyped-def]
-    """Add a joint's moments of mass to its parent's."""
+    """Add a joint's moments of mass to its parent's, about the parent's origin."""
     for i in range(LANES):
         dx, dy, dz = own[OX + i], own[OY + i], own[OZ + i]
         hx, hy, hz = own[HX + i], own[HY + i], own[HZ + i]
@@ -164,8 +192,23 @@ def _carry(own, above, m):  # type: ignore[no-untyped-def]
 
 
 @njit
-def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # type: ignore[no-untyped-def]
-    """Fill in the contact point and the columns of its Jacobian: two tangents, normal."""
+def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, point):  # type: ignore[no-untyped-def]
+    r"""Fill in the contact point and the columns of its Jacobian.
+
+    A hinge with axis :math:`a` at distance :math:`d` from the contact point moves it with
+    :math:`a \times d`, a slide with :math:`a`.
+
+    Args:
+        parent: parent of each joint.
+        slides: whether each joint is prismatic.
+        carries: whether the foot moves with each joint.
+        constants: constants of each joint.
+        foot: the joint that carries the contact point.
+        lever: from its origin to the contact point, in its axes.
+        x: rows of each joint as `place_bodies` leaves them.
+        rows: columns of J, one row per joint, shape `(n + 1, 3 * LANES)`: two tangents, normal.
+        point: rows of the contact point.
+    """
     a, b, c = lever
     own = x[foot]
     for i in range(LANES):
@@ -197,20 +240,24 @@ def reach(parent, slides, carries, constants, foot, lever, x, rows, point):  # t
 
 
 @njit
-def jolt(parent, slides, constants, foot, impulse, jump, x, point, answer):  # type: ignore[no-untyped-def]
-    """Pass a jump of the joints' velocity up the tree and the impulses down it (Newton-Euler).
+def joint_impulses(parent, slides, constants, foot, impulse, jump, x, point, answer):  # type: ignore[no-untyped-def]
+    """Compute the impulses inside the joints from the jump of the joints' velocity.
+
+    The recursive Newton-Euler algorithm (Featherstone 2008, table 5.1) for jumps: velocities from
+    the base to the tips, impulses back. What remains along a joint's axis, where nothing but the
+    rotor's inertia can take it, is the residual of the momentum balance.
 
     Args:
-        parent: of each joint.
-        slides: whether it is prismatic.
-        constants: of each joint.
-        x: its rows.
+        parent: parent of each joint.
+        slides: whether each joint is prismatic.
+        constants: constants of each joint.
+        foot: the joint that carries the contact point.
+        impulse: impulse on the ball, three rows [N s]; the foot takes its opposite.
+        jump: jump of the joints' velocity, shape `(n + 1, LANES)` [rad/s; m/s].
+        x: rows of each joint.
         point: rows of the contact point.
-        foot: joint that `impulse`, flat, is taken from at the contact point.
-        impulse: on the ball [N s].
-        jump: shape `(n + 1, LANES)` [rad/s].
-        answer: three rows: square of the largest linear impulse in a joint, largest momentum left
-            over, jump of the foot's velocity along the normal.
+        answer: three rows, filled in: square of the largest linear impulse in a joint, largest
+            residual, jump of the foot's velocity along the normal.
     """
     for k in range(1, len(parent)):
         own, above, dv = x[k], x[parent[k]], jump[k]

@@ -1,7 +1,7 @@
-"""The least share of their limits that joint speeds need, of many postures: `speed_use`, in lanes.
+"""The least use of the joints' speed limits: `kick.least_speed_use`, many postures at once.
 
-The directions y of its dual are tried one after the other; of the foot's velocity, which is along
-the normal, they need the last entry only.
+The candidates y of the dual linear programme are tried one after the other. The foot's velocity is
+along the normal, so that w y is its speed times the last entry of y.
 """
 
 from __future__ import annotations
@@ -11,38 +11,38 @@ import math
 import numpy as np
 
 from kickdyn.flight.lanes import LANES
-from kickdyn.sweeps.arithmetic import njit
-from kickdyn.sweeps.speed_use import ROUNDING, UNLIMITED
+from kickdyn.sweeps.impact_kernel import njit
+from kickdyn.sweeps.kernel_model import LIMIT
+from kickdyn.sweeps.kick import ROUNDING, UNLIMITED
 
 PARALLEL, ASKEW = ROUNDING**2, 1e-8
-"""Squared sine of two columns up to which they count as one, and from which on their cross product
-has digits enough; between them a posture is doubted."""
+"""Squared sine of two columns up to which they count as parallel, and from which on their cross
+product has digits enough; between them a posture is doubtful."""
 
 QUICK = 1e3
-"""A limit from which on rounding times it may count beside other joints."""
+"""Velocity limit from which on its product with a rounding error may count beside other joints."""
 
 MOST = 1e9
-"""A share from which on a posture is doubted: the foot can hardly move so."""
+"""Use from which on a posture is doubtful: the foot can hardly move so."""
 
 
 @njit
-def quickness(carries, rows, constants, limit, speed, use, doubt):  # type: ignore[no-untyped-def]
-    """Fill in the least largest joint speed over its limit that brings the foot along the normal.
+def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignore[no-untyped-def]
+    """Fill in the least possible value of the largest joint speed over its limit.
 
     Args:
-        carries: whether a joint moves the foot.
-        rows: columns of the foot's Jacobian, one row for each joint, two or three times `LANES`.
-        constants: of the joints.
-        limit: the column of them that holds the velocity limit.
-        speed: of the foot [m/s].
-        use: what is filled in.
-        doubt: where that has lost its digits.
+        carries: whether the foot moves with each joint.
+        rows: columns of the foot's Jacobian, one row per joint, two or three times `LANES`.
+        constants: constants of each joint.
+        speed: foot speed along the normal [m/s].
+        use: filled in.
+        doubt: set to 1 where the use has lost its digits.
     """
     n, flat = len(carries), rows.shape[1] == 2 * LANES
     y, movers, bound = np.zeros(rows.shape[1]), 0, 0
     for k in range(1, n):
-        movers += 1 if carries[k] and constants[k, limit] > 0.0 else 0
-        bound += 1 if carries[k] and constants[k, limit] <= UNLIMITED else 0
+        movers += 1 if carries[k] and constants[k, LIMIT] > 0.0 else 0
+        bound += 1 if carries[k] and constants[k, LIMIT] <= UNLIMITED else 0
     use[:] = 0.0
     for j in range(1, n):
         if not carries[j] or bound == 0:
@@ -51,7 +51,7 @@ def quickness(carries, rows, constants, limit, speed, use, doubt):  # type: igno
         if flat:
             for i in range(LANES):
                 y[i], y[LANES + i] = -a[LANES + i], a[i]
-            _try(carries, rows, constants, limit, speed, y, use)
+            _raise_to_candidate(carries, rows, constants, speed, y, use)
             continue
         for k in range(j + 1, n):
             if not carries[k]:
@@ -66,17 +66,17 @@ def quickness(carries, rows, constants, limit, speed, use, doubt):  # type: igno
                 doubt[i] = 1.0 if PARALLEL < apart < ASKEW else doubt[i]
                 sound = 1.0 if apart >= ASKEW else 0.0
                 y[i], y[LANES + i], y[2 * LANES + i] = sound * y1, sound * y2, sound * y3
-            _try(carries, rows, constants, limit, speed, y, use)
+            _raise_to_candidate(carries, rows, constants, speed, y, use)
     for i in range(LANES):
         doubt[i] = doubt[i] if use[i] < MOST and movers >= (2 if flat else 3) else 1.0
 
 
 @njit
-def _try(carries, rows, constants, limit, speed, y, use):  # type: ignore[no-untyped-def]
-    """Raise `use` to what the direction y asks for, where that is more."""
+def _raise_to_candidate(carries, rows, constants, speed, y, use):  # type: ignore[no-untyped-def]
+    r"""Raise `use` to the value of a candidate, :math:`w \cdot y / \sum_i l_i |a_i \cdot y|`."""
     taken, last = np.zeros(LANES), len(y) - LANES
     for k in range(1, len(carries)):
-        most, row = constants[k, limit], rows[k]
+        most, row = constants[k, LIMIT], rows[k]
         if not carries[k] or most == 0.0:
             continue
         if most > QUICK:

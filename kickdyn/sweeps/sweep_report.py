@@ -1,29 +1,143 @@
-"""A sweep in words: the table on the screen, and the same as JSON."""
+"""The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from textwrap import fill
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.core.console import PROSE, WIDE, fits, screen_width
+from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.kick import Kick
-from kickdyn.sweeps.provenance import provenance
-from kickdyn.sweeps.summary import Line
+from kickdyn.sweeps.dataset import provenance, variables_of
+from kickdyn.sweeps.grid import DECIMALS, Grid, named_joints
+from kickdyn.sweeps.kick import Kick, PostureOutcome, PostureStatus, kick_from
+from kickdyn.sweeps.summary import Summary
+
+PAPER_POSTURES = {
+    "paper a": ((5.0, 10.0, -5.0), 1.554),
+    "paper b": ((5.0, 10.0, 15.0), 0.944),
+    "paper c": ((5.0, 10.0, 40.0), 0.646),
+}
+"""Hip, knee, ankle [deg] of Fig. 7, the foot at 0, 20 and 45 deg, and Table 2's total [N s].
+
+The paper prints the foot's angle; hip and knee are those that reproduce Table 2 within 0.2 %.
+"""
+
+PAPER_KICK = Kick()
+"""Foot speed, attack and restitution that Table 2 is for; its rows fit no other."""
 
 
-def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Table:
-    """Return the table of the summary's postures: a line each, or a column where that is too wide.
+@dataclass(frozen=True, eq=False)
+class ReportLine:
+    """One posture of the report.
+
+    Attributes:
+        label: name of the posture.
+        angles: joint name to value, to nine decimals [deg; m for prismatic joints].
+        outcome: the outcome of the kick.
+        values: those of `dataset.VARIABLES`.
+        paper: the paper's impulse on an immovable obstacle [N s], where it prints one.
+        explanation: reason of the ball speed, of the best and the worst posture.
+    """
+
+    label: str
+    angles: dict[str, float]
+    outcome: PostureOutcome
+    values: dict[str, float]
+    paper: float | None = None
+    explanation: str = ""
+
+    def posture(self) -> str:
+        """Return the joints' values with their units."""
+        leg = self.outcome.posture.leg
+        return ", ".join(
+            f"{name} {value:.4g} {'m' if leg.joint_unit(name) == 'm' else 'deg'}"
+            for name, value in self.angles.items()
+        )
+
+    def as_json(self) -> dict[str, object]:
+        """Return plain values; what does not exist is None, not nan."""
+        impact = self.outcome.impact
+        return {
+            "posture": self.label,
+            "angles": self.angles,
+            "status": self.outcome.status.value,
+            **{k: v if math.isfinite(v) else None for k, v in self.values.items()},
+            "impulse_vector": None if impact is None else impact.impulse.tolist(),
+            "worst_joint": None if impact is None else impact.worst_joint[0],
+            "paper_immovable_impulse": self.paper,
+            "explanation": self.explanation or None,
+        }
+
+
+def paper_lines(leg: Leg, kick: Kick) -> list[ReportLine]:
+    """Return the paper's three postures of the human leg."""
+    as_printed = leg.frame == "toe" and all(
+        getattr(kick, name) == getattr(PAPER_KICK, name)
+        for name in ("speed", "attack", "restitution")
+    )
+    return [
+        _line(leg, kick, label, np.radians(angles), paper=total if as_printed else None)
+        for label, (angles, total) in PAPER_POSTURES.items()
+    ]
+
+
+def extreme_lines(leg: Leg, grid: Grid, kick: Kick, summary: Summary) -> list[ReportLine]:
+    """Return the postures of highest and lowest ball speed; none where no posture counts."""
+    if not summary.chosen:
+        return []
+    extremes = {"best": int(summary.best_numbers[0]), "worst": summary.worst}
+    return [
+        _line(leg, kick, label, grid.configuration(leg, number), explained=True)
+        for label, number in extremes.items()
+    ]
+
+
+def _line(
+    leg: Leg, kick: Kick, label: str, q: Array, *, paper: float | None = None,
+    explained: bool = False,
+) -> ReportLine:  # fmt: skip
+    """Return the line of one configuration."""
+    outcome = kick_from(leg.posture(q), kick)
+    joints = leg.display_values(q)
+    angles = {name: round(value, DECIMALS) + 0.0 for name, (value, _) in joints.items()}
+    values = variables_of(outcome, kick)
+    explanation = _explanation(values, kick) if explained else ""
+    return ReportLine(label, angles, outcome, values, paper, explanation)
+
+
+def _explanation(values: Mapping[str, float], kick: Kick) -> str:
+    """Return why the ball leaves as fast as it does."""
+    heavier = values["effective_mass"] / kick.ball.mass
+    return (
+        f"along the kick the leg weighs {values['effective_mass']:.3g} kg, {heavier:.3g} times the "
+        f"ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
+        f"(1 + e = {1 + kick.restitution:.3g} for an endlessly heavy leg); "
+        f"its joints need {values['speed_use']:.0%} of their speed limits"
+    )
+
+
+def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) -> None:
+    """Print table and text as wide as the screen is; no number is cut off."""
+    width = screen_width()
+    Console(highlight=False, width=WIDE).print(table(leg, kick, lines, width))
+    print(text(summary, lines, min(PROSE, width)))
+
+
+def table(leg: Leg, kick: Kick, lines: Sequence[ReportLine], width: int = WIDE) -> Table:
+    """Return the table of postures: a row each, or a column where that is too wide.
 
     Args:
         leg: the leg.
-        kick: what the postures share.
+        kick: the kick of all postures.
         lines: the postures.
         width: of the screen, in characters.
     """
@@ -33,72 +147,62 @@ def table(leg: Leg, kick: Kick, lines: Sequence[Line], width: int = WIDE) -> Tab
         f"e {kick.restitution:g}, mu {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
-    joints = leg.single_joints  # a floating base has no one angle
+    joints = named_joints(leg)
     units = {name: "m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
-    heads = (" / " if len(joints) <= 3 else " /\n").join(joints)
-    paper = any(line.paper for line in lines)
-    odd = any(line.outcome.status != "ok" for line in lines)
-    head = (
-        "posture",
-        escape(heads) + "\n" + ", ".join(sorted({*units.values()})),
-        "eff. mass\nkg",
-        "impulse\nN s",
-        "ball /\nfoot",
-        "launch\ndeg",
-        "back spin\nrad/s",
-        "carry\nm",
-        "worst joint\nN s",
-        "immovable\nN s",
-        *(("Table 2\nN s",) if paper else ()),
-        *(("status",) if odd else ()),
-    )
-    rows = [
-        (
-            line.label,
-            " / ".join(f"{value:.4g}" for value in line.angles.values()),
-            *_numbers(line),
-            *((f"{line.paper:.3f}" if line.paper else "",) if paper else ()),
-            *((line.outcome.status,) if odd else ()),
-        )
-        for line in lines
-    ]
-    upright = _laid(title, head, rows)
+    names = (" / " if len(joints) <= 3 else " /\n").join(joints)
+    columns: dict[str, list[str]] = {
+        "posture": [line.label for line in lines],
+        escape(names) + "\n" + ", ".join(sorted({*units.values()})): [
+            " / ".join(f"{value:.4g}" for value in line.angles.values()) for line in lines
+        ],
+        "eff. mass\nkg": _cells(lines, "effective_mass", ".4g"),
+        "impulse\nN s": _cells(lines, "impulse", ".4f"),
+        "ball /\nfoot": _cells(lines, "speed_ratio", ".4f"),
+        "launch\ndeg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),
+        "back spin\nrad/s": _cells(lines, "back_spin", ".3f"),
+        "carry\nm": _cells(lines, "carry", ".4g"),
+        "worst joint\nN s": [_worst_joint(line, " ") for line in lines],
+        "immovable\nN s": _cells(lines, "immovable_impulse", ".4g"),
+    }
+    if any(line.paper for line in lines):
+        columns["Table 2\nN s"] = [f"{line.paper:.3f}" if line.paper else "" for line in lines]
+    if any(line.outcome.status is not PostureStatus.OK for line in lines):
+        columns["status"] = [line.outcome.status.value for line in lines]
+    upright = _table(title, list(columns), list(zip(*columns.values(), strict=True)))
     if fits(upright, width):
         return upright
-    names = [name.replace("\n", ", ").replace("/, ", "/ ") for name in head]
-    first, _, *others = zip(names, *rows, strict=True)
+    columns["worst joint\nN s"] = [_worst_joint(line, "\n") for line in lines]
+    names_in_line = [name.replace("\n", ", ").replace("/, ", "/ ") for name in columns]
+    rows = [(name, *cells) for name, cells in zip(names_in_line, columns.values(), strict=True)]
     angles = [
         (f"{escape(name)}, {unit}", *(f"{line.angles[name]:.4g}" for line in lines))
         for name, unit in units.items()
     ]
-    loads = others[6][0], *(cell.replace(" ", "\n") for cell in others[6][1:])
-    others[6] = loads  # the joint's name over its number
-    return _laid(title, first, [*angles, *others])
+    return _table(title, rows[0], [*angles, *rows[2:]])
 
 
-def show(
-    leg: Leg,
-    kick: Kick,
-    counted: dict[str, int],
-    residual: float,
-    lines: Sequence[Line],
-    chosen: tuple[str, int] | None = None,
-) -> None:
-    """Print table and text as wide as the screen is; no number is cut off."""
-    width = screen_width()
-    Console(highlight=False, width=WIDE).print(table(leg, kick, lines, width))
-    print(text(counted, residual, lines, chosen, min(PROSE, width)))
+def _cells(lines: Sequence[ReportLine], name: str, form: str, scale: float = 1.0) -> list[str]:
+    """Return a variable of each line as text, empty where there was no impact."""
+    return [
+        "" if line.outcome.impact is None else format(scale * line.values[name], form)
+        for line in lines
+    ]
 
 
-def _laid(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+def _worst_joint(line: ReportLine, separator: str) -> str:
+    """Return the joint that bears the largest impulse, and the impulse."""
+    impact = line.outcome.impact
+    if impact is None:
+        return ""
+    return escape(impact.worst_joint[0]) + f"{separator}{impact.worst_joint[1]:.4f}"
+
+
+def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """Return a table, its first column to the left and the others to the right."""
     result = Table(
-        title=title,
-        title_justify="left",
-        title_style="bold",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
+        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False,
         padding=(0, 1),
-    )
+    )  # fmt: skip
     for number, name in enumerate(head):
         result.add_column(name, justify="right" if number else "left", no_wrap=True)
     for row in rows:
@@ -106,61 +210,45 @@ def _laid(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Tab
     return result
 
 
-def _numbers(line: Line) -> list[str]:
-    n, hit = line.numbers, line.outcome.hit
-    if hit is None:
-        return [""] * 8
-    return [
-        f"{n['effective_mass']:.4g}",
-        f"{n['impulse']:.4f}",
-        f"{n['speed_ratio']:.4f}",
-        f"{math.degrees(n['launch_angle']):.2f}",
-        f"{n['back_spin']:.3f}",
-        f"{n['carry']:.4g}",
-        escape(hit.worst_joint[0]) + f" {n['worst_joint_impulse']:.4f}",
-        f"{n['immovable_impulse']:.4g}",
-    ]
-
-
-def text(
-    counted: dict[str, int],
-    residual: float,
-    lines: Sequence[Line],
-    chosen: tuple[str, int] | None = None,
-    width: int = PROSE,
-) -> str:
-    """Return what is to be said below the table: why, how many, how exact.
+def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> str:
+    """Return the text below the table: explanations, counts, and the largest residual.
 
     Args:
-        counted: postures by status.
-        residual: the largest of restitution and momentum.
-        lines: of the summary.
-        chosen: a condition, and how many postures that are ok fulfil it.
-        width: of a line, in characters; a word that is longer is not broken.
+        summary: the summary of the sweep.
+        lines: the postures of the table.
+        width: of a line, in characters; a longer word is not broken.
     """
-    said = [f"{line.label} ({line.posture()}): {line.why}." for line in lines if line.why]
-    parts = ", ".join(f"{number} {name}" for name, number in counted.items() if number)
-    said.append(f"{sum(counted.values())} postures: {parts}.")
-    if chosen is not None:
-        said.append(f"Best and worst are of the {chosen[1]} that are ok where {chosen[0]}.")
-    if math.isfinite(residual):
-        power = math.ceil(math.log10(max(residual, 1e-17))) + 1
-        said.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
-    return "\n".join(fill(each, width, break_long_words=False) for each in said)
+    sentences = [
+        f"{line.label} ({line.posture()}): {line.explanation}."
+        for line in lines
+        if line.explanation
+    ]
+    counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
+    sentences.append(f"{summary.postures} postures: {counts}.")
+    if summary.where is not None:
+        sentences.append(
+            f"Best and worst are of the {summary.chosen} that are ok where {summary.where}."
+        )
+    if math.isfinite(summary.residual):
+        power = math.ceil(math.log10(max(summary.residual, 1e-17))) + 1
+        sentences.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
+    return "\n".join(fill(each, width, break_long_words=False) for each in sentences)
 
 
 def as_json(
-    leg: Leg,
-    kick: Kick,
-    counted: dict[str, int],
-    lines: Sequence[Line],
-    chosen: tuple[str, int] | None = None,
+    leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]
 ) -> dict[str, object]:
-    """Return the summary as plain values."""
+    """Return the report as plain values."""
+    where = {} if summary.where is None else {"where": summary.where, "chosen": summary.chosen}
+    counts = {
+        status.value: number
+        for status, number in summary.counts.items()
+        if status is not PostureStatus.NOT_COMPUTED
+    }
     return {
         **provenance(leg, kick),
-        "postures": sum(counted.values()),
-        "status": counted,
-        **({} if chosen is None else {"where": chosen[0], "chosen": chosen[1]}),
+        "postures": summary.postures,
+        "status": counts,
+        **where,
         "lines": [line.as_json() for line in lines],
     }

@@ -5,9 +5,13 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
-from kickdyn.sweeps.grid import grid
+from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, read_postures
 
 LEG = kd.Leg.human()
+
+
+def grid(leg, joints=()):
+    return Grid.of(leg, read_postures(leg, joints))
 
 
 def test_ends_are_included_and_degrees_become_radians():
@@ -60,7 +64,6 @@ def test_configurations_run_the_last_axis_fastest():
         (["knee=-1"], "its range is 0 to 140 deg"),
         (["hip=1", "hip=2"], "'hip' is given twice"),
         (["hip=0:100:1e-9"], "take a larger step"),
-        (["hip=0:100:0.1", "knee=0:100:0.1"], "1,002,001 postures"),
     ],
 )
 def test_bad_grids(joints, words):
@@ -119,7 +122,7 @@ def chain(kind, low, high):
 @pytest.mark.parametrize("far", [1e9, 1e300])
 @pytest.mark.parametrize("kind", [pin.JointModelRY(), pin.JointModelPX()], ids=["turn", "slide"])
 def test_an_endless_range_must_be_narrowed(kind, far):
-    with pytest.raises(kd.InvalidInput, match=r"joint only ranges from -1e.*name the part"):
+    with pytest.raises(kd.InvalidInput, match=r"joint only ranges from -1e.*name the values"):
         grid(chain(kind, -far, far))
 
 
@@ -128,15 +131,56 @@ def test_a_range_of_one_value_is_one_posture():
 
 
 @pytest.mark.parametrize(
-    ("most", "step", "words"),
+    ("largest", "step", "words"),
     [
-        (10**6, 0.1, r"2,004,002 postures \(1001 x 1001 x 2\): they would fill 210 MB and take "
-         r"about 10 s of one core; at most 1,000,000 .* name a store, --out DIR\.zarr "
-          r"\(in Python, most=\), or take"),
-        (10**10, 0.001, r"would fill 2\.1 TB and take about 27.8 hours .* at most 10,000,000,000 "
-         r"are swept, or take larger steps"),
+        (IN_MEMORY, 0.1, r"2,004,002 postures \(1001 x 1001 x 2\), which fill 210 MB and take "
+         r"about 10 s of one core: at most 1,000,000 fit in memory: name a store, --out DIR\.zarr"),
+        (LARGEST, 0.001, r"fill 2\.1 TB and take about 27.8 hours .* at most 10,000,000,000 "
+         r"can be swept, or take larger steps"),
     ],
 )  # fmt: skip
-def test_too_many_postures_say_what_they_would_need(most, step, words):
+def test_too_many_postures_say_what_they_would_need(largest, step, words):
+    steps = round(100 / step) + 1
     with pytest.raises(kd.InvalidInput, match=words):
-        grid(LEG, [f"hip=0:100:{step}", f"knee=0:100:{step}", "ankle=0:1:1"], most)
+        check_size((steps, steps, 2), largest)
+
+
+@pytest.mark.parametrize(
+    ("postures", "words"),
+    [
+        ({}, "must map joint names to values"),
+        (["hip=3"], "must map joint names to values"),
+        ({"toe": 0.0}, "joint 'toe' is unknown"),
+        ({"hip": [0.2, 0.1]}, "joint hip has .*values must be ascending"),
+        ({"hip": []}, "must be ascending"),
+        ({"hip": [[0.1, 0.2]]}, "must be ascending"),
+        ({"hip": [0.1, math.nan]}, "hip"),
+        ({"hip": "fast"}, "hip"),
+        ({"knee": [0.0, 30.0]}, "joint knee is swept 1718.87 deg: its range is 0 to 140 deg"),
+    ],
+)
+def test_bad_postures(postures, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        Grid.of(LEG, postures)
+
+
+def test_a_single_value_is_an_axis_of_one():
+    assert Grid.of(LEG, {"hip": 0.2, "knee": [0.1, 0.3]}).shape == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("shape", "chunk"),
+    [((7, 7, 6), (1, 7, 6)), ((10, 10, 300), (1, 1, 50)), ((3, 4), (3, 4)), ((100,), (50,)),
+     ((51,), (26,)), ((9, 30), (1, 30)), ((4, 12), (4, 12)), ((5, 12), (3, 12))],
+)  # fmt: skip
+def test_chunks_are_consecutive_postures_of_like_size(shape, chunk):
+    chunks = Chunks.of(shape, 50)
+    assert chunks.shape == chunk
+    number = np.arange(np.prod(shape)).reshape(shape)
+    seen = []
+    for k in range(len(chunks)):
+        first, count = chunks.span(k)
+        here = number[chunks.region(k)].ravel().tolist()
+        assert here == list(range(first, first + count))
+        seen += here
+    assert seen == list(range(number.size))

@@ -5,18 +5,20 @@ from chains import floating_leg, random_leg
 
 import kickdyn as kd
 from kickdyn.accuracy.extreme_impacts import chain
+from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kernel_scene import scene_of
+from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import (
     DOUBT,
-    GIVE,
     LOST,
+    MOBILITY,
     MOMENTUM,
     NORMAL,
     RESTITUTION,
     USE,
     WORST,
     Kernel,
+    fill_variables,
 )
 from kickdyn.sweeps.kick import Kick, kick_from
 
@@ -24,10 +26,8 @@ LEG = kd.Leg.human()
 
 
 def answers(leg, kick, axes, planar=None, first=0, count=None):
-    scene = scene_of(leg, kick, planar)
-    joints = [1 + leg.joint_names.index(name) for name in axes]
-    kernel = Kernel(scene, joints, list(axes.values()), np.zeros(leg.nv), kick.ball.mass)
-    return scene, kernel(first, Grid(axes).size if count is None else count)
+    model, grid = KernelModel.of(leg, kick, planar), Grid(axes)
+    return model, Kernel(model, leg, grid)(first, grid.size if count is None else count)
 
 
 def agree(leg, kick, axes, planar=None, speeds=1e-12):
@@ -35,24 +35,24 @@ def agree(leg, kick, axes, planar=None, speeds=1e-12):
 
     Joint speeds are compared to `speeds`.
     """
-    scene, found = answers(leg, kick, axes, planar)
+    model, found = answers(leg, kick, axes, planar)
     seen = {"sticks": 0, "slips": 0, "doubt": 0}
     for answer, q in zip(found.T, Grid(axes).configurations(leg), strict=True):
         if answer[DOUBT]:
             seen["doubt"] += 1
             continue
         outcome = kick_from(leg.posture(q), kick)
-        hit = outcome.hit
-        size = np.linalg.norm(hit.impulse)
-        assert np.linalg.norm(scene.axes @ answer[: NORMAL + 1] - hit.impulse) < 1e-12 * size
-        assert 1 / answer[GIVE] == pytest.approx(hit.effective_mass, rel=1e-12)
-        assert answer[LOST] == pytest.approx(hit.energy_lost, rel=1e-12, abs=1e-13 * size)
+        impact = outcome.impact
+        size = np.linalg.norm(impact.impulse)
+        assert np.linalg.norm(model.axes @ answer[: NORMAL + 1] - impact.impulse) < 1e-12 * size
+        assert 1 / answer[MOBILITY] == pytest.approx(impact.effective_mass, rel=1e-12)
+        assert answer[LOST] == pytest.approx(impact.energy_lost, rel=1e-12, abs=1e-13 * size)
         assert answer[USE] == pytest.approx(outcome.speed_use, rel=speeds)
-        assert answer[WORST] == pytest.approx(hit.worst_joint[1], rel=1e-12)
+        assert answer[WORST] == pytest.approx(impact.worst_joint[1], rel=1e-12)
         assert answer[RESTITUTION] < 1e-12
         assert answer[MOMENTUM] < 1e-12
-        seen["sticks" if hit.sticking else "slips"] += 1
-    return scene.planar, seen
+        seen["sticks" if impact.sticking else "slips"] += 1
+    return model.planar, seen
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.05, 0.4])
@@ -171,5 +171,25 @@ def test_a_range_of_postures_is_a_part_of_the_whole():
 
 
 def test_only_fixed_trees_of_hinges_and_slides_have_a_kernel():
-    assert scene_of(floating_leg(np.random.default_rng(1)), Kick()) is None
-    assert scene_of(kd.Leg.from_robot("bolt", base="floating"), Kick()) is None
+    assert KernelModel.of(floating_leg(np.random.default_rng(1)), Kick()) is None
+    assert KernelModel.of(kd.Leg.from_robot("bolt", base="floating"), Kick()) is None
+
+
+def test_what_is_not_finite_is_doubtful():
+    model = KernelModel.of(LEG, Kick())
+    found = np.ones((10, 12))
+    found[DOUBT] = 0.0
+    for row in range(10):
+        found[row, row] = np.inf if row % 2 else np.nan
+    found[USE, 11] = 2.0
+    rows, status = np.zeros((13, 12)), np.zeros(12, np.int8)
+    doubtful = fill_variables(found, model, Kick(restitution=0.5), rows, status)
+    assert doubtful.tolist() == [True] * 10 + [False] * 2
+    assert status[10:].tolist() == [0, 1]
+    values = dict(zip(VARIABLES, rows[:, 10], strict=True))
+    ball = Kick().ball
+    assert values["effective_mass"] == values["energy_lost"] == values["speed_use"] == 1.0
+    assert values["impulse"] == pytest.approx(3**0.5)
+    assert values["immovable_impulse"] == pytest.approx(1.5)
+    assert values["ball_speed"] == values["speed_ratio"] == pytest.approx(3**0.5 / ball.mass)
+    assert values["worst_joint_impulse"] == values["momentum_residual"] == 1.0

@@ -2,66 +2,103 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.sweeps.grid import grid
-from kickdyn.sweeps.kick import Kick
-from kickdyn.sweeps.opened import Sweep
-from kickdyn.sweeps.run import sweep
-from kickdyn.sweeps.summary import best_and_worst, counts, paper_lines
-from kickdyn.sweeps.sweep_report import table
+from kickdyn.sweeps import chunk_solver, summary
+from kickdyn.sweeps.dataset import describe
+from kickdyn.sweeps.grid import Grid, read_postures
+from kickdyn.sweeps.queries import condition, pareto_front, possible
+from kickdyn.sweeps.summary import Summary, summarize
+from kickdyn.sweeps.sweep import sweep_chunks
 
 LEG = kd.Leg.human()
+KICK = kd.Kick(speed=4.0, attack=0.0, friction=0.1, air=None)
+POSTURES = read_postures(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])
+WHERE = "knee > 5 and ball_speed < 6.1"
 
 
-def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
-    kick = Kick(speed=7.0)
-    data = sweep(LEG, grid(LEG, ["hip=0:60:20", "knee=0:60:20"]), kick)
-    assert counts(data)["too fast"] > 0
-    best, worst = best_and_worst(LEG, Sweep(data), kick)
-    possible = data.ball_speed.values[data.status.values == 0]
-    assert best.numbers["ball_speed"] == possible.max()
-    assert worst.numbers["ball_speed"] == possible.min()
-    assert f"weighs {best.numbers['effective_mass']:.3g} kg" in best.why
-    assert best.outcome.status == worst.outcome.status == "ok"
-    at = data.sel({n: np.radians(best.angles[n]) for n in ("hip", "knee")}, method="nearest")
-    assert float(at.ball_speed) == best.numbers["ball_speed"]
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 50)
+    monkeypatch.setattr(summary, "SAMPLE", 7)
 
 
-def test_none_where_nothing_is_possible():
-    kick = Kick(speed=500.0)
-    data = sweep(LEG, grid(LEG, ["knee=0:20:10"]), kick)
-    assert best_and_worst(LEG, Sweep(data), kick) == []
-    assert counts(data) == {"ok": 0, "too fast": 3, "out of reach": 0}
+@pytest.fixture(scope="module")
+def data():
+    return kd.sweep(LEG, POSTURES, KICK)
 
 
-def test_the_papers_postures_meet_table_2():
-    for line in paper_lines(LEG, Kick()):
-        assert line.numbers["immovable_impulse"] == pytest.approx(line.paper, rel=0.003)
+def by_chunks(where=None):
+    found = Summary(describe(LEG, Grid.of(LEG, POSTURES), KICK, 0.0), where)
+    for chunk in sweep_chunks(LEG, POSTURES, KICK):
+        found.add(chunk)
+    return found
 
 
-def test_json_holds_no_nan():
-    line = paper_lines(LEG, Kick())[0].as_json()
-    assert line["posture"] == "paper a"
-    assert line["angles"] == {"hip": 5, "knee": 10, "ankle": -5}
-    assert np.linalg.norm(line["impulse_vector"]) == pytest.approx(line["impulse"])
+@pytest.mark.parametrize("where", [None, WHERE])
+def test_chunks_give_what_the_whole_dataset_gives(data, where):
+    for found in (by_chunks(where), summarize(data, where)):
+        chosen = possible(data) if where is None else possible(data) & condition(data, where)
+        speed = data.ball_speed.where(chosen)
+        assert found.counts["ok"] == int(possible(data).sum()) < found.postures == 294
+        assert found.counts["too-fast"] == int((data.status == 1).sum())
+        residuals = data.restitution_residual.max(), data.momentum_residual.max()
+        assert found.residual == max(residuals)
+        assert found.chosen == int(chosen.sum()) > 20
+        ordered = np.sort(speed.values[chosen.values])[::-1]
+        best = dict(zip(found.columns, found.best.T, strict=True))
+        assert best["ball_speed"].tolist() == ordered[:10].tolist()
+        assert data.ball_speed.values.ravel()[found.best_numbers].tolist() == ordered[:10].tolist()
+        assert data.ball_speed.values.ravel()[found.worst] == ordered[-1]
+        for values, knee in zip(data.knee_deg.values[[0, 3]], (0, 3), strict=True):
+            assert found.marginals["knee",].values["knee"][knee] == values
+        for name in ("hip", "knee", "ankle"):
+            others = [each for each in POSTURES if each != name]
+            marginal = found.marginals[name,]
+            assert marginal.best == pytest.approx(speed.max(others).values, nan_ok=True)
+            assert marginal.mean == pytest.approx(speed.mean(others).values, nan_ok=True)
+            assert marginal.count.tolist() == chosen.sum(others).values.tolist()
+        pair = found.marginals["hip", "ankle"]
+        assert pair.best == pytest.approx(speed.max("knee").values, nan_ok=True)
+        front = pareto_front(data, where=where)
+        assert found.front[:, 0].tolist() == front.ball_speed.values.tolist()
+        sample = dict(zip(found.columns, found.sample.T, strict=True))
+        assert len(sample["carry"]) == 7
+        assert set(sample["carry"]) <= set(data.carry.values[chosen.values])
 
 
-def test_angles_come_back_as_they_were_given():
-    kick = Kick()
-    data = sweep(LEG, grid(LEG, ["hip=29", "knee=0:60:0.2", "ankle=0.3:0.3:1"]), kick)
-    given = np.arange(301) / 5
-    assert (data.knee_deg.values == given).all()
-    for line in best_and_worst(LEG, Sweep(data), kick):
-        assert (line.angles["hip"], line.angles["ankle"]) == (29, 0.3)
-        assert line.angles["knee"] in given
-    assert [line.angles["ankle"] for line in paper_lines(LEG, kick)] == [-5, 15, 40]
+def test_the_sample_is_random_and_repeatable():
+    assert (by_chunks().sample == by_chunks().sample).all()
+    assert len(np.unique(by_chunks().sample, axis=0)) == 7
 
 
-def test_a_whole_robot_is_swept_by_its_named_joints():
-    robot = kd.Leg.from_robot("bolt", base="floating")
-    leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
-    kick = Kick(speed=2.0)
-    data = sweep(leg, grid(leg, ["FR_HFE=-30:30:30", "FR_KFE=-60:0:30"]), kick)
-    assert data.ball_speed.shape == (3, 3)
-    lines = best_and_worst(leg, Sweep(data), kick)
-    assert list(lines[0].angles) == list(leg.joint_names[1:])
-    assert str(table(leg, kick, lines).columns[1].header).startswith("FL_HAA /\nFL_HFE")
+def test_nothing_to_choose_from(data):
+    found = summarize(data, "knee > 100")
+    assert (found.chosen, found.worst, len(found.best), found.counts["ok"] > 0) == (0, -1, 0, True)
+    assert found.as_json()["marginals"]["hip"]["best"] == [None] * 7
+
+
+def test_what_is_kept_is_plain(data):
+    kept = summarize(data).as_json()
+    assert set(kept) == {"best", "front", "marginals", "sample"}
+    assert kept["best"]["hip"][0] in data.hip_deg.values
+    assert len(kept["front"]["knee"]) == len(kept["front"]["ball_speed"])
+    assert set(kept["marginals"]["knee"]) == {"knee", "best", "mean", "count"}
+
+
+def test_without_details_nothing_is_drawn_or_kept(data):
+    found = Summary(data, detailed=False)
+    found.add(data)
+    assert (found.marginals, len(found.sample), len(found.best)) == ({}, 0, 10)
+
+
+def test_neighbours_go_together(data, monkeypatch):
+    monkeypatch.setattr(summary, "BINS", 2)
+    marginal = summarize(data).marginals["ankle",]
+    assert marginal.values["ankle"] == pytest.approx([10.0, 40.0])
+    speed = data.ball_speed.where(possible(data)).max(("hip", "knee")).values
+    assert marginal.best == pytest.approx([speed[:3].max(), speed[3:].max()])
+
+
+def test_bad_conditions_are_refused_before_anything_is_computed():
+    described = describe(LEG, Grid.of(LEG, POSTURES), KICK, 0.0)
+    with pytest.raises(kd.InvalidInput, match="names 'kne', which is unknown"):
+        Summary(described, "kne < 30")

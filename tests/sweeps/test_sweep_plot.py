@@ -3,21 +3,21 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.sweeps import sweep_plot as picture
-from kickdyn.sweeps.grid import grid
-from kickdyn.sweeps.kick import Kick
-from kickdyn.sweeps.opened import Sweep
-from kickdyn.sweeps.run import sweep
-from kickdyn.sweeps.summary import best_and_worst
+from kickdyn.sweeps import summary as summaries
+from kickdyn.sweeps.grid import Grid, read_postures
+from kickdyn.sweeps.summary import summarize
 from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
+from kickdyn.sweeps.sweep_report import extreme_lines
 
-LEG, KICK = kd.Leg.human(), Kick()
+LEG, KICK = kd.Leg.human(), kd.Kick()
 
 
-def drawn(*joints):
-    data = sweep(LEG, grid(LEG, joints), KICK)
-    lines = best_and_worst(LEG, Sweep(data), KICK)
-    return data, lines, sweep_figure(Sweep(data), lines)
+def drawn(*joints, where=None):
+    grid = Grid.of(LEG, read_postures(LEG, joints))
+    data = kd.sweep(LEG, grid.axes, KICK)
+    summary = summarize(data, where)
+    lines = extreme_lines(LEG, grid, KICK, summary)
+    return data, lines, sweep_figure(summary, lines)
 
 
 def test_the_map_shows_the_best_over_the_other_joints():
@@ -34,7 +34,7 @@ def test_the_map_shows_the_best_over_the_other_joints():
         assert (panel.get_xlabel(), panel.get_ylabel()) == tuple(f"{n} [deg]" for n in names)
         assert panel.get_title().endswith(f"best over {over}")
         lowest = min(data.speed_ratio.max(each).min() for each in data.speed_ratio.dims)
-        assert mesh.get_clim() == (lowest, data.speed_ratio.max())
+        assert mesh.get_clim() == pytest.approx((float(lowest), float(data.speed_ratio.max())))
 
 
 def test_the_price_marks_best_and_worst():
@@ -43,12 +43,12 @@ def test_the_price_marks_best_and_worst():
     assert [text.get_text() for text in right.texts] == ["best", "worst"]
     front, *marks = right.lines
     assert (front.get_xdata()[-1], front.get_ydata()[-1]) == (
-        lines[0].numbers["worst_joint_impulse"],
-        lines[0].numbers["speed_ratio"],
+        lines[0].values["worst_joint_impulse"],
+        lines[0].values["speed_ratio"],
     )
     for line, mark in zip(lines, marks, strict=True):
-        assert mark.get_ydata() == pytest.approx([line.numbers["speed_ratio"]])
-        assert mark.get_xdata() == pytest.approx([line.numbers["worst_joint_impulse"]])
+        assert mark.get_ydata() == pytest.approx([line.values["speed_ratio"]])
+        assert mark.get_xdata() == pytest.approx([line.values["worst_joint_impulse"]])
 
 
 def test_one_joint_is_a_curve():
@@ -58,10 +58,9 @@ def test_one_joint_is_a_curve():
 
 
 def test_conditions_and_large_sweeps_leave_out(monkeypatch):
-    data, _, _ = drawn("hip=0:40:10", "knee=0:30:10", "ankle=0:40:20")
-    monkeypatch.setattr(picture, "DOTS", 7)
-    monkeypatch.setattr(picture, "PIXELS", 2)
-    figure = Sweep(data).where("knee < 10").plot()
+    monkeypatch.setattr(summaries, "SAMPLE", 7)
+    monkeypatch.setattr(summaries, "BINS", 2)
+    data, _, figure = drawn("hip=0:40:10", "knee=0:30:10", "ankle=0:40:20", where="knee < 10")
     assert "where knee < 10" in figure.get_suptitle()
     *maps, right = figure.axes[:4]
     shown = np.ma.filled(maps[0].collections[0].get_array(), np.nan).reshape(2, 2)
@@ -71,9 +70,15 @@ def test_conditions_and_large_sweeps_leave_out(monkeypatch):
     assert len(right.collections[0].get_offsets()) == 7
 
 
+def test_an_unfinished_sweep_says_its_share():
+    data, _, _ = drawn("hip=0:40:10", "knee=0:30:10")
+    data.status[2:] = -1
+    assert "unfinished: 40% of the postures" in sweep_figure(summarize(data)).get_suptitle()
+
+
 def test_nothing_possible_is_still_a_picture(tmp_path):
-    data, _, _ = drawn("hip=0:40:20", "knee=0:30:15")
-    Sweep(data).where("hip < 0").plot(tmp_path / "none.png")
+    _, _, figure = drawn("hip=0:40:20", "knee=0:30:15", where="hip < 0")
+    save_figure(figure, tmp_path / "none.png")
     assert (tmp_path / "none.png").stat().st_size > 0
 
 

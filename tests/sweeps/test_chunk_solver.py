@@ -4,13 +4,24 @@ from chains import random_leg
 
 import kickdyn as kd
 from kickdyn.accuracy.extreme_impacts import chain
-from kickdyn.sweeps import outcomes
+from kickdyn.sweeps import chunk_solver
+from kickdyn.sweeps.chunk_solver import ChunkSolver
+from kickdyn.sweeps.dataset import variables_of
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kick import STATUSES, Kick, kick_from
-from kickdyn.sweeps.outcomes import Outcomes
-from kickdyn.sweeps.run import numbers
+from kickdyn.sweeps.kick import Kick, kick_from
 
 KICK = Kick(speed=3.0, attack=0.5, restitution=0.6, friction=0.15, air=None)
+
+
+@pytest.fixture(autouse=True)
+def small_grids_take_the_kernel(monkeypatch):
+    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
+
+
+def solver(leg, grid):
+    found = ChunkSolver(leg, grid, KICK)
+    found.prepare()
+    return found
 
 
 @pytest.mark.parametrize("last", [1e-3, 1e-7])
@@ -19,18 +30,18 @@ def test_sweeps_of_short_light_feet_are_kick_from_and_do_not_stop(planar, last):
     rods = chain((0.4, 0.4, 0.3 * last), (2.0, 2.0, last))
     leg = rods if planar else random_leg(np.random.default_rng(3), 5, last=last)
     grid = Grid({name: np.linspace(-1.5, 1.4, 3) for name in leg.joint_names})
-    rows, status = Outcomes(leg, grid, KICK)(0, grid.size)
+    rows, status = solver(leg, grid)(0, grid.size)
     for i in range(0, grid.size, 9):
         outcome = kick_from(leg.posture(grid.configuration(leg, i)), KICK)
-        assert STATUSES[status[i]] == outcome.status
-        alone = np.array(list(numbers(outcome, KICK).values()))
+        assert status[i] == outcome.status.flag
+        alone = np.array(list(variables_of(outcome, KICK).values()))
         assert rows[:, i] == pytest.approx(alone, rel=1e-11, abs=1e-12, nan_ok=True)
 
 
 def test_a_disagreement_is_said_in_plain_numbers(monkeypatch):
-    monkeypatch.setattr(outcomes, "AGREEMENT", -1.0)
+    monkeypatch.setattr(chunk_solver, "AGREEMENT", -1.0)
     leg = kd.Leg.human()
     grid = Grid({"hip": np.array([0.1, 0.2])})
     said = r"^posture 0: the sweep has effective_mass \d+\.\d+, a single kick \d+\.\d+$"
     with pytest.raises(kd.KickdynError, match=said):
-        Outcomes(leg, grid, KICK)(0, 2)
+        solver(leg, grid)(0, 2)

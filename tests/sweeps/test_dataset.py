@@ -7,9 +7,9 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.sweeps.grid import Grid, grid
+from kickdyn.sweeps.dataset import VARIABLES, describe, difference, provenance, with_variables
+from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.kick import Kick
-from kickdyn.sweeps.provenance import axes, difference, provenance
 
 KICK = Kick(attack=0.3)
 
@@ -66,54 +66,55 @@ def test_functions_of_someones_own_count():
     assert different(chunk_summary(human(), one), chunk_summary(human(), other)) == {"air_sha256"}
 
 
-def test_every_value_of_an_axis_counts():
-    values = np.linspace(0.0, 1.0, 5)
-    moved = values.copy()
-    moved[2] = np.nextafter(0.5, 1.0)
-    one, other = axes(Grid({"hip": values})), axes(Grid({"hip": moved}))
-    assert one["hip"][:3] == other["hip"][:3] == [5, 0.0, 1.0]
-    assert one != other
+def described(*joints, kick=KICK):
+    leg = kd.Leg.human()
+    return describe(leg, Grid.of(leg, read_postures(leg, joints)), kick, 0.0)
 
 
-HERE = ("hip=-30:90:0.5", "knee=0:140:0.5")
+def stored(data):
+    shape = tuple(data.sizes.values())
+    rows = np.zeros((len(VARIABLES), int(np.prod(shape))))
+    return with_variables(data, rows, np.zeros(rows.shape[1], np.int8))
+
+
+HERE = ("hip=-30:90:0.5", "knee=0:140:10")
 
 
 @pytest.mark.parametrize(
-    ("there", "said"),
+    ("there", "words"),
     [
         (HERE, None),
         (HERE[:1], "its joints are hip, this one's hip, knee"),
         (HERE[::-1], "its joints are knee, hip, this one's hip, knee"),
-        ((HERE[0], "knee=0:140:1"), "knee has 141 values from 0 to 140 deg there, 281 values here"),
         (
-            ("hip=-30:0:0.3", "knee=20"),
-            "hip has 101 values from -30 to 0 deg there, 241 values from -30 to 90 deg here; "
-            "knee has 1 value of 20 deg there, 281 values from 0 to 140 deg here",
+            (HERE[0], "knee=0:140:20"),
+            "its knee has 8 values from 0 to 140 deg, this one's 15 values",
+        ),
+        (
+            (HERE[0], "knee=20"),
+            "its knee has 1 value of 20 deg, this one's 15 values from 0 to 140",
         ),
     ],
 )
-def test_another_grid_is_told_by_its_joints(there, said):
-    leg = kd.Leg.human()
-    found, wanted = ({"grid": axes(grid(leg, each))} for each in (there, HERE))
-    assert difference(found, wanted, dict.fromkeys(("hip", "knee"), "rad")) == said
+def test_another_grid_is_told_by_its_joints(there, words):
+    found = difference(stored(described(*there)), described(*HERE))
+    assert found is None if words is None else found.startswith(words)
+
+
+def test_every_value_of_an_axis_counts():
+    one, other = stored(described(*HERE)), described(*HERE)
+    moved = one.knee.values.copy()
+    moved[2] = np.nextafter(moved[2], 1.0)
+    one = one.assign_coords(knee=("knee", moved, one.knee.attrs))
+    found = difference(one, other)
+    assert found == (
+        "its knee has 15 values from 0 to 140 deg, this one's 15 values from 0 to 140 deg, but not "
+        "the same ones"
+    )
 
 
 @pytest.mark.parametrize(
-    "there", [None, [], {"hip": 3}, {"hip": [1, 0.0, 0.0]}, {"hip": ["1"] * 4}]
-)
-def test_a_grid_that_is_none_is_another(there):
-    wanted = {"grid": axes(Grid({"hip": np.zeros(1)}))}
-    assert difference({"grid": there}, wanted, {"hip": "rad"}).startswith(f"its grid is {there!r}")
-
-
-def test_an_axis_that_looks_the_same_is_told_too():
-    found, wanted = ({"grid": axes(Grid({"rail": np.array([0.0, end])}))} for end in (0.3, 0.1 * 3))
-    said = "rail has 2 values from 0 to 0.3 m there as here, but not the same ones"
-    assert difference(found, wanted, {"rail": "m"}) == said
-
-
-@pytest.mark.parametrize(
-    ("leg", "kick", "said"),
+    ("leg", "kick", "words"),
     [
         (human(1.1), KICK, "its leg's model is not this one's: masses"),
         (human(), replace(KICK, speed=2.0), "its foot_speed_m_s is 1.0, this one's 2.0"),
@@ -121,12 +122,20 @@ def test_an_axis_that_looks_the_same_is_told_too():
         (
             human(),
             replace(KICK, air=kd.Air(density=kd.Air().density + 1e-9)),
-            "its air is not this one's: digits that are not shown",
+            "its air is not this one's: digits that are not printed",
         ),
     ],
 )
-def test_another_leg_or_kick_is_told_in_words(leg, kick, said):
-    told_so = difference(chunk_summary(human(), KICK), chunk_summary(leg, kick), {})
-    assert told_so.startswith(said)
-    assert len(told_so) < 400
-    assert "sha256" not in told_so
+def test_another_leg_or_kick_is_told_in_words(leg, kick, words):
+    grid = Grid({"hip": np.zeros(1)})
+    one, other = (describe(*each, 0.0) for each in ((human(), grid, KICK), (leg, grid, kick)))
+    found = difference(stored(one), other)
+    assert found.startswith(words)
+    assert len(found) < 400
+    assert "sha256" not in found
+
+
+def test_a_joint_must_not_have_the_name_of_a_variable():
+    for name in ("carry", "status", "a/b", "."):
+        with pytest.raises(kd.InvalidInput, match=f"joint '{name}' cannot be swept"):
+            describe(human(), Grid({name: np.zeros(1)}), KICK, 0.0)

@@ -1,0 +1,188 @@
+"""Carries of a planar sweep, interpolated between flights within a tolerance.
+
+Where all motion is in one plane, a kick is two numbers: the impulse along the normal and, over it,
+that along the tangent. Both are bounded before any posture is known: the first by (1 + e) v m, that
+of an endlessly heavy leg, the second by the friction. So thousands of flights serve millions of
+postures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.ball import BallState
+from kickdyn.core.compilation import compiled
+from kickdyn.core.validation import Array
+from kickdyn.flight.batch import fly_many
+from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.kick import Kick
+
+NODES, CHECKS = 8, 9
+"""Flights per side of a patch, to fit its polynomial and to check it."""
+
+DEPTH = 7
+"""How often the rectangle of impulses is halved at most."""
+
+MOST_PATCHES = 1500
+"""Patches that are tried per halving at most: some ten seconds in all."""
+
+SAFETY = 2.0
+"""Factor by which the errors of checks must stay below the tolerance."""
+
+TOL = 1e-11
+"""Relative tolerance of the flights."""
+
+_tuple: Any = numba.types.UniTuple
+
+
+def launches(model: KernelModel, kick: Kick, impulse: Array) -> BallState:
+    r"""Return balls after impulses, :math:`v = p / m` and :math:`\omega = (r / I)\,p \times n`.
+
+    Args:
+        model: the contact's axes.
+        kick: ball and normal.
+        impulse: along the contact's axes, shape `(n, 3)` [N s].
+    """
+    p = impulse @ model.axes.T
+    spin = np.cross(p, kick.direction) * (kick.ball.radius / kick.ball.inertia)
+    return BallState(np.zeros(p.shape), p / kick.ball.mass, spin, np.zeros(len(p)))
+
+
+class CarryTable:
+    """Polynomials of the carry over patches of the impulses' rectangle.
+
+    The rectangle is halved until on every patch a polynomial of degree `NODES - 1` through flights
+    at Chebyshev's points (of the carry over the squared normal impulse, which is smooth at 0)
+    agrees with other flights within the tolerance. Patches that do not get there, and impulses
+    whose ball does not land, are left to be flown.
+
+    Args:
+        model: constants of a planar leg and a kick.
+        kick: the kick, with air.
+        tolerance: largest error of a carry [m], above 0.
+
+    Attributes:
+        largest_error: largest error of the checks [m].
+        flights: number of flights.
+        patches: number of patches with a polynomial.
+    """
+
+    def __init__(self, model: KernelModel, kick: Kick, tolerance: float) -> None:
+        self._model, self._kick = model, kick
+        self._largest_impulse = (1.0 + kick.restitution) * kick.speed * kick.ball.mass
+        self._largest_slope = max(kick.friction, 1e-3)
+        self.largest_error, self.flights = 0.0, 0
+        patches: list[Array] = []
+        self._index = np.full((2**DEPTH, 2 * 2**DEPTH), -1, np.int64)
+        corners = np.array([[0, 0], [0, 1]])
+        for depth in range(DEPTH + 1):
+            if depth > 1:  # larger patches are checked at too few places
+                coefficients, errors = self._fit(corners, depth)
+                good = errors * SAFETY <= tolerance
+                self.largest_error = max(self.largest_error, float(errors[good].max(initial=0.0)))
+                for corner, polynomial in zip(corners[good], coefficients[good], strict=True):
+                    side = 2 ** (DEPTH - depth)
+                    i, j = corner * side
+                    self._index[i : i + side, j : j + side] = len(patches)
+                    box = np.append((corner + 0.5) / 2**depth - [0.0, 1.0], 0.5 / 2**depth)
+                    patches.append(np.concatenate([box, polynomial]))
+                corners = corners[~good]
+            corners = np.concatenate([2 * corners + each for each in np.ndindex(2, 2)])
+            if not 0 < len(corners) <= MOST_PATCHES:
+                break
+        self.patches = len(patches)
+        self._patches = np.array(patches) if patches else np.zeros((1, 3 + NODES**2))
+        self._evaluate = _compiled_evaluate()
+
+    def __call__(self, normal: Array, tangent: Array, carry: Array) -> NDArray[np.bool_]:
+        """Fill in the carries of impulses.
+
+        Args:
+            normal: along the normal, shape `(n,)` [N s].
+            tangent: along the tangent, shape `(n,)` [N s].
+            carry: filled in, shape `(n,)` [m].
+
+        Returns:
+            Which balls must be flown instead, shape `(n,)`.
+        """
+        to_fly = np.empty(len(normal), bool)
+        size = self._largest_impulse, self._largest_slope
+        self._evaluate(normal, tangent, size, self._index, self._patches, carry, to_fly)
+        return to_fly
+
+    def _fit(self, corners: NDArray[np.int64], depth: int) -> tuple[Array, Array]:
+        """Return coefficients of each patch, lowest powers first, and its largest error [m]."""
+        nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # Chebyshev's, first kind
+        checks = np.linspace(-1.0, 1.0, CHECKS)
+        fitted, checked = (
+            np.stack(np.meshgrid(points, points, indexing="ij"), -1).reshape(-1, 2)
+            for points in (nodes, checks)
+        )
+        places = np.concatenate([fitted, checked])
+        middle = (corners[:, None] + 0.5 * (1.0 + places)) / 2**depth - [0.0, 1.0]
+        share, slope = np.maximum(middle[..., 0], 1e-6), middle[..., 1] * self._largest_slope
+        flown = self._fly(share.ravel(), slope.ravel()).reshape(share.shape)
+        inverse = np.linalg.inv(np.vander(nodes, increasing=True))
+        values = (flown / share**2)[:, : len(fitted)].reshape(-1, NODES, NODES)
+        coefficients = np.einsum("ai,nij,bj->nab", inverse, values, inverse)
+        powers = [np.vander(column, NODES, increasing=True) for column in checked.T]
+        again = np.einsum("ka,nab,kb->nk", powers[0], coefficients, powers[1])
+        again *= share[:, len(fitted) :] ** 2
+        errors = np.abs(again - flown[:, len(fitted) :]).max(axis=1)
+        errors = np.where(np.isfinite(errors), errors, np.inf)
+        return coefficients.reshape(len(coefficients), -1), errors
+
+    def _fly(self, share: Array, slope: Array) -> Array:
+        """Return carries [m] of normal impulses over the largest and tangential over normal ones.
+
+        Where a ball does not land, the carry is nan.
+        """
+        self.flights += len(share)
+        normal = share * self._largest_impulse
+        impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
+        balls = launches(self._model, self._kick, impulse)
+        flown = fly_many(balls, self._kick.ball, self._kick.air, tol=TOL)
+        return np.asarray(np.where(flown.status.values == 0, flown.range.values, np.nan))
+
+
+def _evaluate(normal, tangent, size, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
+    """Fill in carries by Horner's scheme, and where there is no polynomial."""
+    largest, slope = size
+    rows, columns = index.shape
+    for i in range(len(normal)):
+        share = normal[i] / largest
+        aside = tangent[i] / (normal[i] * slope)
+        to_fly[i] = not (0.0 < share < 1.0 + 1e-9 and -1.0 - 1e-9 < aside < 1.0 + 1e-9)
+        if to_fly[i]:
+            continue
+        a = min(int(share * rows), rows - 1)
+        b = max(min(int((aside + 1.0) * 0.5 * columns), columns - 1), 0)
+        k = index[a, b]
+        to_fly[i] = k < 0
+        if k < 0:
+            continue
+        u = (share - patches[k, 0]) / patches[k, 2]
+        v = (aside - patches[k, 1]) / patches[k, 2]
+        total = 0.0
+        for c in range(NODES - 1, -1, -1):
+            begin, inner = 3 + c * NODES, 0.0
+            for d in range(NODES - 1, -1, -1):
+                inner = inner * v + patches[k, begin + d]
+            total = total * u + inner
+        carry[i] = total * share * share
+
+
+@cache
+def _compiled_evaluate() -> Callable[..., None]:
+    """Return `_evaluate` in machine code."""
+    vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
+    size = _tuple(numba.float64, 2)
+    flags = numba.boolean[::1]
+    signature = numba.void(vector, vector, size, index, patches, vector, flags)
+    return compiled(_evaluate, signature, error_model="numpy")

@@ -1,0 +1,146 @@
+"""All variables of a range of postures: a compiled kernel, flights, and a check of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
+from kickdyn.robot.leg import Leg
+from kickdyn.sweeps.dataset import VARIABLES, variables_of
+from kickdyn.sweeps.grid import Grid
+from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.kick import Kick, kick_from
+
+KERNEL_FROM = 2000
+"""Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""
+
+CHUNK = 131_072
+"""Postures per chunk, roughly."""
+
+SLOW_CHUNK = 2048
+"""Postures per chunk where each of them is one `kick_from`: about a second."""
+
+AGREEMENT = 1e-9
+"""Relative difference between kernel and `kick_from` at which a sweep stops."""
+
+CARRY_AGREEMENT = 1e-7
+"""The same of carries, beside their tolerance: both are flown to 1e-9."""
+
+_CARRY = list(VARIABLES).index("carry")
+_CHECKED = ("effective_mass", "impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry")
+
+
+class ChunkSolver:
+    """Computes all variables of ranges of postures; safe to call from several threads.
+
+    A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
+    (a floating base, supports, loops, wind that changes with height), and where the kernel marks a
+    posture as doubtful, it is one `kick_from`, a thousand times slower.
+
+    Args:
+        leg: the leg.
+        grid: the postures.
+        kick: the kick.
+        tolerance: largest error of a carry [m], where balls of the air are interpolated between
+            flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
+
+    Attributes:
+        chunk: number of postures to compute at a time.
+        carry_tolerance: `tolerance` where carries are interpolated, else 0.
+    """
+
+    def __init__(self, leg: Leg, grid: Grid, kick: Kick, tolerance: float = 0.0) -> None:
+        self._leg, self._grid, self._kick = leg, grid, kick
+        windy = kick.air is not None and callable(kick.air.wind)
+        few = grid.size < KERNEL_FROM
+        self._model = None if few or windy else KernelModel.of(leg, kick)
+        self.chunk = min(CHUNK, SLOW_CHUNK) if self._model is None else CHUNK
+        planar = self._model is not None and self._model.planar
+        self.carry_tolerance = tolerance if planar and kick.air is not None else 0.0
+        self._kernel: Callable[[int, int], Array] | None = None
+        self._table: Callable[[Array, Array, Array], NDArray[np.bool_]] | None = None
+
+    def prepare(self) -> None:
+        """Compile the kernel and fly the balls of the carry table; to be called before threads."""
+        if self._model is None:
+            return
+        from kickdyn.sweeps.kernels import Kernel  # numba is needed by large grids only
+
+        self._kernel = Kernel(self._model, self._leg, self._grid)
+        if self.carry_tolerance > 0.0:
+            from kickdyn.sweeps.carry_table import CarryTable
+
+            self._table = CarryTable(self._model, self._kick, self.carry_tolerance)
+
+    def __call__(self, first: int, count: int) -> tuple[Array, NDArray[np.int8]]:
+        """Compute postures.
+
+        Args:
+            first: number of the first posture.
+            count: how many follow each other.
+
+        Returns:
+            Variables in the order of `VARIABLES`, shape `(len(VARIABLES), count)`, and status
+            flags, shape `(count,)`.
+
+        Raises:
+            InvalidInput: as `kick_from`.
+            KickdynError: the kernel and `kick_from` disagree.
+        """
+        rows = np.full((len(VARIABLES), count), np.nan)
+        status = np.zeros(count, np.int8)
+        if self._model is None:
+            doubtful = np.ones(count, bool)
+        else:
+            doubtful = self._compute(self._model, first, rows, status)
+            sure = np.flatnonzero(~doubtful)
+            if sure.size:
+                self._verify(first, int(sure[0]), rows)
+        for i in np.flatnonzero(doubtful).tolist():
+            rows[:, i], status[i] = self._one(first + i)
+        return rows, status
+
+    def _compute(
+        self, model: KernelModel, first: int, rows: Array, status: NDArray[np.int8]
+    ) -> NDArray[np.bool_]:
+        """Fill in what kernel and flights give; return which postures are doubtful."""
+        from kickdyn.flight.batch import fly_many
+        from kickdyn.sweeps.carry_table import launches
+        from kickdyn.sweeps.kernels import NORMAL, TANGENT, fill_variables
+
+        assert self._kernel is not None
+        kick = self._kick
+        answer = self._kernel(first, len(status))
+        doubtful = fill_variables(answer, model, kick, rows, status)
+        to_fly = np.ones(len(status), bool)
+        if self._table is not None:
+            to_fly = self._table(answer[NORMAL], answer[TANGENT], rows[_CARRY])
+        flown = np.flatnonzero(to_fly & ~doubtful)
+        if flown.size:
+            flights = fly_many(launches(model, kick, answer[:3, flown].T), kick.ball, kick.air)
+            rows[_CARRY, flown] = flights.range.values
+            doubtful[flown[flights.status.values != 0]] = True
+        return doubtful
+
+    def _one(self, number: int) -> tuple[Array, int]:
+        """Return variables and status flag of one posture by `kick_from`."""
+        posture = self._leg.posture(self._grid.configuration(self._leg, number))
+        outcome = kick_from(posture, self._kick)
+        return np.array(list(variables_of(outcome, self._kick).values())), outcome.status.flag
+
+    def _verify(self, first: int, i: int, rows: Array) -> None:
+        """Raise `KickdynError` where a posture of a chunk is not what `kick_from` computes."""
+        row, _ = self._one(first + i)
+        for k, name in enumerate(VARIABLES):
+            slack = (CARRY_AGREEMENT if k == _CARRY else AGREEMENT) * abs(row[k])
+            if k == _CARRY:  # a launch that is level but for rounding comes down at once
+                slack += self.carry_tolerance or 1e-9
+            if name in _CHECKED and not abs(rows[k, i] - row[k]) <= slack:
+                raise KickdynError(
+                    f"posture {first + i}: the sweep has {name} {float(rows[k, i])!r}, a single "
+                    f"kick {float(row[k])!r}"
+                )

@@ -1,0 +1,213 @@
+"""The dataset of a sweep: its variables with units, the status flags, and its provenance."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from kickdyn._version import __version__
+from kickdyn.air import Air
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.compiling import fingerprint
+from kickdyn.impact.laws import normal_impulse
+from kickdyn.robot.leg import Leg
+from kickdyn.sweeps.grid import DECIMALS, Grid
+from kickdyn.sweeps.kick import Kick, PostureOutcome, PostureStatus
+
+VARIABLES = {
+    "effective_mass": ("kg", "effective mass of the leg along the normal"),
+    "impulse": ("N s", "impulse on the ball"),
+    "immovable_impulse": ("N s", "impulse on an obstacle that cannot move, the paper's Table 2"),
+    "ball_speed": ("m/s", "speed of the ball after the impact"),
+    "speed_ratio": ("1", "ball speed over foot speed"),
+    "launch_angle": ("rad", "launch above the horizontal"),
+    "back_spin": ("rad/s", "spin of the ball after the impact about -y; negative is top spin"),
+    "worst_joint_impulse": ("N s", "largest linear impulse inside a joint"),
+    "energy_lost": ("J", "kinetic energy lost in the impact"),
+    "speed_use": ("1", "least possible value of the largest joint speed over its limit"),
+    "carry": ("m", "horizontal distance to where the ball is back at its launch height"),
+    "restitution_residual": ("1", "relative error of Newton's restitution"),
+    "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),
+}
+"""Name of every float64 variable of a dataset, with its unit and meaning."""
+
+STATUS_ATTRIBUTES: dict[str, Any] = {
+    "long_name": "whether the leg can kick so",
+    "flag_values": np.array([status.flag for status in PostureStatus], np.int8),
+    "flag_meanings": " ".join(PostureStatus),
+}
+"""Attributes of the int8 variable `status`, as the CF conventions have flags."""
+
+_DIFFERENT_HASH = {
+    "leg_sha256": "the text of its leg's URDF is not this one's",
+    "model_sha256": "its leg's model is not this one's: masses, lengths, armature, locked joints, "
+    "supports or loops",
+    "air_sha256": "its air is not this one's: digits that are not printed, or functions",
+}
+"""What a difference of two hashes means."""
+
+
+def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dataset:
+    """Return the dataset of a sweep without its variables: coordinates and provenance.
+
+    Args:
+        leg: the leg.
+        grid: the postures.
+        kick: the kick.
+        carry_tolerance: largest error of carries that are interpolated [m]; 0 where every ball is
+            flown.
+
+    Returns:
+        A dataset with a coordinate per joint [rad; m] and, of angles, the same in degrees under
+        the name `JOINT_deg`. Its attribute `finished` is 0.
+
+    Raises:
+        InvalidInput: the name of a joint is also that of a variable.
+    """
+    _check_names(grid)
+    attributes = {**provenance(leg, kick), "carry_tolerance_m": carry_tolerance, "finished": 0}
+    data = xr.Dataset(attrs=attributes)
+    for name, values in grid.axes.items():
+        unit = leg.joint_unit(name)
+        data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
+        if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
+            degrees = np.round(np.degrees(values), DECIMALS) + 0.0  # no -0
+            data.coords[f"{name}_deg"] = (name, degrees, {"units": "deg"})
+    return data
+
+
+def with_variables(described: xr.Dataset, rows: Array, status: NDArray[np.int8]) -> xr.Dataset:
+    """Return a dataset that has been described, with its variables.
+
+    Args:
+        described: coordinates and attributes.
+        rows: values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`.
+        status: flags, shape `(n,)`.
+    """
+    data = described.copy()
+    dims = [str(name) for name in described.dims]
+    shape = tuple(described.sizes[name] for name in dims)
+    for (name, (unit, meaning)), row in zip(VARIABLES.items(), rows, strict=True):
+        data[name] = (dims, row.reshape(shape), {"units": unit, "long_name": meaning})
+    data["status"] = (dims, status.reshape(shape), dict(STATUS_ATTRIBUTES))
+    return data
+
+
+def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
+    """Return the values of `VARIABLES` for one posture; nan where it is out of reach."""
+    impact = outcome.impact
+    if impact is None:
+        return dict.fromkeys(VARIABLES, math.nan)
+    return {
+        "effective_mass": float(impact.effective_mass),
+        "impulse": math.hypot(*impact.impulse),
+        "immovable_impulse": normal_impulse(
+            impact.approach_speed, kick.restitution, impact.effective_mass
+        ),
+        "ball_speed": float(impact.ball_after.speed),
+        "speed_ratio": impact.speed_ratio,
+        "launch_angle": float(impact.ball_after.elevation),
+        "back_spin": 0.0 - float(impact.ball_after.spin[1]),
+        "worst_joint_impulse": impact.worst_joint[1],
+        "energy_lost": impact.energy_lost,
+        "speed_use": outcome.speed_use,
+        "carry": outcome.carry,
+        "restitution_residual": impact.restitution_residual,
+        "momentum_residual": impact.momentum_residual,
+    }
+
+
+def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
+    """Return what a sweep was made of, enough to compute it again, as plain values."""
+    air = kick.air
+    text = "" if leg.urdf is None else leg.urdf.text
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
+    return {
+        "title": f"kicking postures of {leg.name}",
+        "source": f"kickdyn {__version__} ({versions})",
+        "leg": leg.name,
+        "leg_sha256": _sha256(text.encode()) if text else "",
+        "model_sha256": _sha256(_model_text(leg).encode()),
+        "frame": leg.frame,
+        "foot_speed_m_s": kick.speed,
+        "attack_deg": round(float(np.degrees(kick.attack)), 10),
+        "attack_rad": kick.attack,
+        "restitution": kick.restitution,
+        "friction": kick.friction,
+        "impact_law": "newton",
+        "ball_mass_kg": kick.ball.mass,
+        "ball_radius_m": kick.ball.radius,
+        "ball_inertia_factor": kick.ball.inertia_factor,
+        "air": "none" if air is None else repr(air),
+        "air_sha256": "" if air is None else _air_hash(air),
+    }
+
+
+def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
+    """Return the first difference between two described sweeps as a sentence, None without one.
+
+    Every attribute but `finished` and every value of the grid is compared, to the last digit.
+    """
+    dims = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
+    if dims[0] != dims[1]:
+        return f"its joints are {dims[0]}, this one's {dims[1]}"
+    for name, values in wanted.coords.items():
+        if name not in stored.coords:
+            return f"it has no coordinate {name}"
+        if not np.array_equal(stored[name].values, values.values):
+            one, other = _span(stored, str(name)), _span(wanted, str(name))
+            same = ", but not the same ones" if one == other else ""
+            return f"its {name} has {one}, this one's {other}{same}"
+    for attribute, value in wanted.attrs.items():
+        found = stored.attrs.get(attribute)
+        if attribute != "finished" and found != value:
+            plain = f"its {attribute} is {found!r}, this one's {value!r}"
+            return _DIFFERENT_HASH.get(attribute, plain)
+    return None
+
+
+def _check_names(grid: Grid) -> None:
+    """Raise `InvalidInput` where a joint's name would hide a variable of the dataset."""
+    for name in grid.axes:
+        taken = name in VARIABLES or name == "status"
+        shadowed = name.endswith("_deg") and name.removesuffix("_deg") in grid.axes
+        if taken or shadowed or "/" in name or name.strip(".") == "":
+            raise InvalidInput(
+                f"joint {name!r} cannot be swept: in the dataset its name is that of a variable, "
+                "or cannot be a name: rename it"
+            )
+
+
+def _span(data: xr.Dataset, name: str) -> str:
+    """Return number, first and last of a joint's values as text."""
+    shown = f"{name}_deg" if f"{name}_deg" in data.coords else name
+    values, unit = data[shown].values, data[shown].attrs.get("units", "")
+    if len(values) == 1:
+        return f"1 value of {values[0]:.12g} {unit}"
+    return f"{len(values)} values from {values[0]:.12g} to {values[-1]:.12g} {unit}"
+
+
+def _model_text(leg: Leg) -> str:
+    """Return every number of a leg's model, its supports and loops as a text."""
+    constraints = leg.constraints
+    supports, loops = ([], []) if constraints is None else (constraints.supports, constraints.loops)
+    return f"{leg.model.saveToString()} {[(s.frame, s.point) for s in supports]} {list(loops)}"
+
+
+def _air_hash(air: Air) -> str:
+    """Return a hash of all digits and functions; empty where a function is not plain Python."""
+    wind = air.wind if callable(air.wind) else tuple(air.wind.tolist())
+    numbers = (air.density, air.viscosity, air.buoyancy)
+    return fingerprint((*numbers, wind, air.drag, air.lift, air.torque)) or ""
+
+
+def _sha256(content: bytes) -> str:
+    """Return the SHA-256 of some bytes in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()

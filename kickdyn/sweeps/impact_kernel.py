@@ -1,0 +1,309 @@
+"""From the joint-space inertia and the Jacobian to the impulse, many postures at once.
+
+`LANES` postures are computed side by side, so that each loop over them becomes vector instructions;
+a row of a matrix is `LANES` numbers, see `kickdyn.flight.lanes`. What cannot be computed to 1e-12
+is marked in `doubt`, and is left to `kick_from`. Joints count from 1, as Pinocchio's do.
+
+Kernels must give the same bits whether they were compiled now or are read from the disk, or a
+resumed sweep would differ from one that ran at once. So `njit` allows no fused multiply-adds: which
+of them the compiler finds depends on what it inlines.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from kickdyn.flight.lanes import LANES, WITHIN
+
+OPTIONS: dict[str, Any] = {"error_model": "numpy"}
+"""How the kernels are compiled."""
+
+njit: Any = numba.njit(**OPTIONS, **WITHIN)
+
+PIVOT = 1e-9
+"""Share of its diagonal that a pivot must keep, or the posture is doubtful."""
+
+LOSS = 300.0
+"""Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
+legs have about 10, and a link before one ten times as long some hundreds."""
+
+
+@njit
+def factorize(parent, inertia, doubt):  # type: ignore[no-untyped-def]
+    r"""Factorize the joint-space inertia in place, :math:`M = L^T L` with lower triangular L.
+
+    In this order, from the tip to the base, L has an entry only where one joint carries the other:
+    the branches of a tree cost nothing to each other (Featherstone, Rigid Body Dynamics Algorithms,
+    2008, table 6.3).
+
+    Args:
+        parent: parent of each joint.
+        inertia: M, shape `(n + 1, n + 1, LANES)`, becomes L with its diagonal inverted; row 0, of
+            the base, becomes the diagonal of M.
+        doubt: set to 1 where a pivot has lost its digits.
+    """
+    diagonal = inertia[0]  # of no joint: free to keep M's diagonal
+    for k in range(1, len(parent)):
+        kept, entry = diagonal[k], inertia[k, k]
+        for i in range(LANES):
+            kept[i] = entry[i]
+    for k in range(len(parent) - 1, 0, -1):
+        pivot, kept = inertia[k, k], diagonal[k]
+        for i in range(LANES):
+            doubt[i] = doubt[i] if pivot[i] > PIVOT * kept[i] else 1.0
+            pivot[i] = 1.0 / math.sqrt(pivot[i])
+        a = parent[k]
+        while a > 0:
+            entry = inertia[k, a]
+            for i in range(LANES):
+                entry[i] *= pivot[i]
+            a = parent[a]
+        a = parent[k]
+        while a > 0:
+            left, b = inertia[k, a], a
+            while b > 0:
+                right, entry = inertia[k, b], inertia[a, b]
+                for i in range(LANES):
+                    entry[i] -= left[i] * right[i]
+                b = parent[b]
+            a = parent[a]
+
+
+@njit
+def whiten(parent, carries, lower, rows):  # type: ignore[no-untyped-def]
+    r"""Replace the rows of :math:`J^T` by those of :math:`W = L^{-T} J^T`.
+
+    Its product :math:`W^T W = J M^{-1} J^T` is the Delassus matrix.
+
+    Args:
+        parent: parent of each joint.
+        carries: whether the foot moves with each joint; rows of others are 0.
+        lower: L, as `factorize` leaves it.
+        rows: shape `(n + 1, 3 * LANES)`, or 2 in a plane: `LANES` numbers per column of J^T.
+    """
+    width = rows.shape[1]
+    for k in range(len(parent) - 1, 0, -1):
+        if not carries[k]:
+            continue
+        own, pivot = rows[k], lower[k, k]
+        for c in range(0, width, LANES):
+            for i in range(LANES):
+                own[c + i] *= pivot[i]
+        a = parent[k]
+        while a > 0:
+            entry, above = lower[k, a], rows[a]
+            for c in range(0, width, LANES):
+                for i in range(LANES):
+                    above[c + i] -= entry[i] * own[c + i]
+            a = parent[a]
+
+
+@njit
+def solve_velocity(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
+    r"""Replace :math:`z` by the joint velocity :math:`v = L^{-1} z`.
+
+    A relative error e of M's diagonal changes the energy :math:`v^T M v = z^T z` by about
+    :math:`e \sum_i M_{ii} v_i^2`: where this is more than `LOSS` times the energy, too few digits
+    are left.
+
+    Args:
+        parent: parent of each joint.
+        lower: L, as `factorize` leaves it.
+        v: z, shape `(n + 1, LANES)`, becomes v.
+        doubt: set to 1 where the rounding of M is seen in v.
+    """
+    whole, parts = v[0], lower[0, 0]  # of no joint
+    whole[:] = 0.0
+    parts[:] = 0.0
+    for k in range(1, len(parent)):
+        own, pivot, diagonal, a = v[k], lower[k, k], lower[0, k], parent[k]
+        for i in range(LANES):
+            whole[i] += own[i] * own[i]
+        while a > 0:
+            entry, above = lower[k, a], v[a]
+            for i in range(LANES):
+                own[i] -= entry[i] * above[i]
+            a = parent[a]
+        for i in range(LANES):
+            own[i] *= pivot[i]
+            parts[i] += diagonal[i] * (own[i] * own[i])
+    for i in range(LANES):
+        doubt[i] = doubt[i] if parts[i] <= LOSS * whole[i] else 1.0
+
+
+KEPT = 1e-3
+"""Share that a difference must keep of its terms, or the posture is doubtful."""
+
+NEAR = 1e-6
+"""The same of the square of a direction that is made orthogonal to others."""
+
+D11, D12, D22, D13, D23, D33 = (row * LANES for row in range(6))
+"""Rows of the Delassus matrix: entries along first tangent (1), second tangent (2), normal (3)."""
+
+
+@njit
+def delassus_matrix(carries, rows, delassus):  # type: ignore[no-untyped-def]
+    r"""Fill in the Delassus matrix of the foot, :math:`G = W^T W`, from whitened rows.
+
+    Args:
+        carries: whether the foot moves with each joint.
+        rows: W as `whiten` leaves it, two or three columns.
+        delassus: six rows, filled in; in a plane those of the second tangent stay 0.
+    """
+    delassus[:] = 0.0
+    for k in range(1, len(carries)):
+        if not carries[k]:
+            continue
+        row = rows[k]
+        if rows.shape[1] == 2 * LANES:
+            for i in range(LANES):
+                t, n = row[i], row[LANES + i]
+                delassus[D11 + i] += t * t
+                delassus[D13 + i] += t * n
+                delassus[D33 + i] += n * n
+        else:
+            for i in range(LANES):
+                s, t, n = row[i], row[LANES + i], row[2 * LANES + i]
+                delassus[D11 + i] += s * s
+                delassus[D12 + i] += s * t
+                delassus[D22 + i] += t * t
+                delassus[D13 + i] += s * n
+                delassus[D23 + i] += t * n
+                delassus[D33 + i] += n * n
+
+
+@njit
+def solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
+    r"""Fill in the impulse on the ball and the energy lost, law `newton`.
+
+    With the ball's mobility on its diagonal, :math:`G` maps the impulse :math:`p` to the change of
+    the relative velocity. Sticking asks for no tangential velocity and Newton's restitution along
+    the normal, :math:`G p = (0, 0, (1 + e) v)`: the tangential parts over the normal one,
+    :math:`s = p_1 / p_3` and :math:`t = p_2 / p_3`, solve the first two rows. In a plane
+    (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows. See
+    `kickdyn.impact.newton_law` for one posture.
+
+    Args:
+        delassus: G of the foot, six rows.
+        across: the ball's mobility along the tangents [1/kg].
+        along: the ball's mobility along the normal [1/kg].
+        speed: foot speed v [m/s].
+        e: restitution.
+        mu: friction.
+        impulse: three rows, filled in [N s].
+        lost: energy lost, filled in [J].
+        doubt: set to 1 where terms cancel: a foot much lighter than the ball, which gives way
+            along one direction.
+    """
+    push = (1.0 + e) * speed
+    for i in range(LANES):
+        g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
+        g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
+        share = g12 / g11  # Cholesky's order: Cramer's rule would lose digits twice
+        h22, h23 = g22 - share * g12, g23 - share * g13
+        t = -h23 / h22
+        s = -(g13 + g12 * t) / g11
+        sticks = s * s + t * t <= mu * mu
+        flat = g12 == 0.0 and g23 == 0.0
+        s = min(max(s, -mu), mu) if flat or mu == 0.0 else s
+        t = 0.0 if flat or mu == 0.0 else t
+        resistance = g33 + (g13 * s + g23 * t)
+        sound = resistance > KEPT * g33 and (flat or mu == 0.0 or h22 > KEPT * g22)
+        doubt[i] = doubt[i] if sound else 1.0
+        p = push / resistance
+        sliding = 0.0 if sticks else (g11 * s + g13) * p
+        impulse[i], impulse[LANES + i], impulse[2 * LANES + i] = s * p, t * p, p
+        lost[i] = 0.5 * p * (speed * (1.0 - e) - s * sliding)
+
+
+@njit
+def solve_slip(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
+    """Put impulses that leave the friction cone on it, out of a plane; arguments as before."""
+    for i in range(LANES):
+        g12, g23 = delassus[D12 + i], delassus[D23 + i]
+        s, t, most = impulse[i], impulse[LANES + i], mu * impulse[2 * LANES + i]
+        if s * s + t * t <= most * most or (g12 == 0.0 and g23 == 0.0) or doubt[i] > 0.0:
+            continue
+        g11, g22 = delassus[D11 + i] + across, delassus[D22 + i] + across
+        g13, g33 = delassus[D13 + i], delassus[D33 + i] + along
+        found = _slip_impulse(
+            g11, g12, g22, g13, g23, g33, (1.0 + e) * speed, mu, speed * (1.0 - e)
+        )
+        impulse[i], impulse[LANES + i], impulse[2 * LANES + i], lost[i] = found
+
+
+@njit
+def _slip_impulse(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
+    r"""Return impulse on the friction cone and energy lost.
+
+    The friction :math:`p_3 \mu (\cos a, \sin a)` opposes the sliding velocity, which is the first
+    two rows of :math:`G p`: their cross product vanishes, a sum of waves of :math:`a` and
+    :math:`2a`. Of its roots that oppose, the one that loses most energy is taken, as
+    `kickdyn.impact.newton_law` does.
+    """
+    cos1, sin1, cos2, sin2 = -g23, g13, -mu * g12, 0.5 * mu * (g11 - g22)
+    best = (math.nan, math.nan, math.nan, -math.inf)
+    for angle in _roots(cos1, sin1, cos2, sin2):
+        for _ in range(3):
+            c, s = math.cos(angle), math.sin(angle)
+            c2, s2 = c * c - s * s, 2.0 * c * s
+            value = cos1 * c + sin1 * s + cos2 * c2 + sin2 * s2
+            slope = -cos1 * s + sin1 * c + 2.0 * (sin2 * c2 - cos2 * s2)
+            angle -= value / slope if slope != 0.0 else 0.0
+        s, t = mu * math.cos(angle), mu * math.sin(angle)
+        resistance = g13 * s + g23 * t + g33
+        p = push / resistance
+        slide_s, slide_t = (g11 * s + g12 * t + g13) * p, (g12 * s + g22 * t + g23) * p
+        if resistance <= 0.0 or slide_s * s + slide_t * t > 0.0:
+            continue
+        lost = 0.5 * p * (parting - (s * slide_s + t * slide_t))
+        if lost > best[3]:
+            best = (s * p, t * p, p, lost)
+    return best
+
+
+@njit
+def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
+    r"""Return every angle a with :math:`c_1 \cos a + s_1 \sin a + c_2 \cos 2a + s_2 \sin 2a = 0`.
+
+    These are the roots on the unit circle of a quartic in :math:`e^{ia}`, eigenvalues of its
+    companion matrix; `np.roots`, which does the same, takes seconds to compile. They are accurate
+    enough to begin Newton's iteration with.
+    """
+    angles, count = np.empty(4), 0
+    if max(abs(cos2), abs(sin2)) <= 1e-17 * max(abs(cos1), abs(sin1)):
+        angles[0], angles[1] = math.atan2(-cos1, sin1), math.atan2(cos1, -sin1)
+        return angles[:2]
+    first, companion = complex(cos2, -sin2), np.zeros((4, 4), np.complex128)
+    companion[0, 0], companion[0, 2] = -complex(cos1, -sin1) / first, -complex(cos1, sin1) / first
+    companion[0, 3] = -complex(cos2, sin2) / first
+    companion[1, 0] = companion[2, 1] = companion[3, 2] = 1.0
+    for root in np.linalg.eigvals(companion):
+        if abs(abs(root) - 1.0) < 1e-4:
+            angles[count] = math.atan2(root.imag, root.real)
+            count += 1
+    return angles[:count]
+
+
+@njit
+def doubt_singular(delassus, flat, doubt):  # type: ignore[no-untyped-def]
+    """Set `doubt` to 1 where the foot can hardly move along the normal alone, or across it.
+
+    Args:
+        delassus: G of the foot, six rows.
+        flat: whether all motion is in a plane.
+        doubt: of each posture.
+    """
+    for i in range(LANES):
+        d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
+        d13, d23, d33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i]
+        share = d12 / d11
+        h22, h23 = d22 - share * d12, d23 - share * d13
+        square = d33 - d13 / d11 * d13 - (0.0 if flat else h23 / h22 * h23)
+        apart = flat or (d22 > NEAR * d33 and h22 > NEAR * d22)
+        sound = d11 > NEAR * d33 and apart and square > NEAR * max(max(d11, d22), d33)
+        doubt[i] = doubt[i] if sound else 1.0

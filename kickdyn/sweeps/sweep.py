@@ -1,0 +1,341 @@
+"""The sweep: one kick from every posture of a grid."""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import (
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from itertools import islice
+from multiprocessing import get_context
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from kickdyn.core import validation
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput, Unfinished
+from kickdyn.robot.leg import Leg
+from kickdyn.sweeps.chunk_solver import ChunkSolver
+from kickdyn.sweeps.dataset import VARIABLES, describe, with_variables
+from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
+from kickdyn.sweeps.kick import Kick, PostureStatus
+from kickdyn.sweeps.store import SweepStore, open_sweep
+
+CARRY_TOLERANCE = 1e-6
+"""Largest error of an interpolated carry unless another is asked for [m]."""
+
+CLUSTER_TIMEOUT = 5.0
+"""How long the answer of a cluster is waited for [s]."""
+
+Progress = Callable[[int, float], None]
+"""Is called with the number of postures computed since the last call, and the highest ball speed
+among those that the leg can kick from [m/s], nan without any."""
+
+T = TypeVar("T")
+_SPEED = list(VARIABLES).index("ball_speed")
+
+
+def sweep(
+    leg: Leg,
+    postures: Mapping[str, ArrayLike],
+    kick: Kick,
+    *,
+    store: str | PathLike[str] | None = None,
+    resume: bool = False,
+    tolerance: float = CARRY_TOLERANCE,
+    threads: int | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    r"""Strike a ball from every posture of a grid, and fly it.
+
+    From each posture the foot moves with the velocity of the kick. The impulse on the ball follows
+    from the leg's effective mass along the contact normal, :math:`1 / (n^T J M^{-1} J^T n)`,
+    Newton's restitution and Coulomb's friction; the ball then flies through the air. The answers
+    are those of `kickdyn.strike` and `kickdyn.fly`, and agree with them to 1e-9.
+
+    Args:
+        leg: the leg.
+        postures: joint name to a value or ascending values, shape `(k,)` [rad; m for prismatic
+            joints]. Every combination is a posture; joints that are not named stay at 0.
+        kick: foot velocity, contact, ball and air.
+        store: folder ending in `.zarr` to write to, chunk by chunk, so that memory does not grow
+            with the grid; None returns up to a million postures in memory.
+        resume: compute only what `store` lacks.
+        tolerance: largest error of `carry` [m] where balls fly through air in the plane of the leg,
+            whose carries are interpolated between flights; 0 flies every ball, to 1e-9 of its
+            carry.
+        threads: threads of this process; None takes one per core.
+        workers: processes of this machine instead of threads.
+        cluster: address of a scheduler of dask.distributed whose workers are used instead; they
+            must see `store` and have the same versions.
+        progress: function that is called as postures are computed.
+
+    Returns:
+        A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
+        `PostureStatus` by its flag. Units and provenance are in the attributes. Variables are nan
+        where the posture is out of reach. With `store`, the dataset is the opened store.
+
+    Raises:
+        InvalidInput: postures that the leg does not have, more than fit, a store that is there
+            without `resume` or is of another sweep, a cluster that does not answer.
+        Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
+        KickdynError: the compiled kernel and `kickdyn.strike` disagree.
+    """
+    validation.check_type(Leg, leg=leg)
+    validation.check_type(Kick, kick=kick)
+    if sum(each is not None for each in (threads, workers, cluster)) > 1:
+        raise InvalidInput("threads, workers and cluster exclude each other: give one of them")
+    grid = Grid.of(leg, postures)
+    solver = ChunkSolver(leg, grid, kick, _checked_tolerance(tolerance))
+    described = describe(leg, grid, kick, solver.carry_tolerance)
+    if store is None:
+        if resume or workers is not None or cluster is not None:
+            raise InvalidInput("resume, workers and cluster need a store: name it with store=")
+        check_size(grid.shape, IN_MEMORY)
+        rows, status = np.empty((len(VARIABLES), grid.size)), np.empty(grid.size, np.int8)
+        for first, chunk_rows, chunk_status in _computed(solver, grid, threads, progress):
+            part = slice(first, first + len(chunk_status))
+            rows[:, part], status[part] = chunk_rows, chunk_status
+        return with_variables(described.assign_attrs(finished=1), rows, status)
+    filled = SweepStore(store, described, solver.chunk, resume=resume)
+    job = _StoreJob(Path(store).absolute(), leg, grid, kick, tolerance)
+    with _resumable(filled, store), _pool(threads, workers, cluster) as pool:
+        missing = filled.missing()
+        if progress is not None:
+            progress(grid.size - sum(filled.chunks.span(k)[1] for k in missing), math.nan)
+        for count, speed in _in_order(pool, _task(job, pool), missing):
+            if progress is not None:
+                progress(count, speed)
+        filled.finish()
+    return open_sweep(store)
+
+
+def sweep_chunks(
+    leg: Leg,
+    postures: Mapping[str, ArrayLike],
+    kick: Kick,
+    *,
+    tolerance: float = CARRY_TOLERANCE,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Iterator[xr.Dataset]:
+    """Yield a sweep of any size chunk by chunk, each as the dataset of its postures; none is kept.
+
+    Arguments and errors are those of `sweep`. The chunks come in the order of the grid.
+    """
+    grid = Grid.of(leg, postures)
+    solver = ChunkSolver(leg, grid, kick, _checked_tolerance(tolerance))
+    described = describe(leg, grid, kick, solver.carry_tolerance)
+    chunks = Chunks.of(grid.shape, solver.chunk)
+    computed = _computed(solver, grid, threads, progress)
+    for k, (_, rows, status) in enumerate(computed):
+        region = dict(zip(grid.axes, chunks.region(k), strict=True))
+        yield with_variables(described.isel(region), rows, status)
+
+
+def _computed(
+    solver: ChunkSolver, grid: Grid, threads: int | None, progress: Progress | None
+) -> Iterator[tuple[int, Array, NDArray[np.int8]]]:
+    """Yield first posture, variables and status of each chunk of a grid, in order."""
+    solver.prepare()
+    chunks = Chunks.of(grid.shape, solver.chunk)
+
+    def compute(k: int) -> tuple[int, Array, NDArray[np.int8]]:
+        first, count = chunks.span(k)
+        return first, *solver(first, count)
+
+    with _pool(threads) as pool:
+        for first, rows, status in _in_order(pool, compute, range(len(chunks))):
+            if progress is not None:
+                progress(len(status), _highest_speed(rows, status))
+            yield first, rows, status
+
+
+@dataclass(frozen=True, eq=False)
+class _StoreJob:
+    """Computes chunks into a store, in this process or another, which need not share memory."""
+
+    path: Path
+    leg: Leg
+    grid: Grid
+    kick: Kick
+    tolerance: float
+
+    @cached_property
+    def _solver(self) -> ChunkSolver:
+        return ChunkSolver(self.leg, self.grid, self.kick, self.tolerance)
+
+    @cached_property
+    def _store(self) -> SweepStore:
+        if not self.path.is_dir():
+            raise InvalidInput(f"a worker does not see {self.path}")
+        tolerance = self._solver.carry_tolerance
+        described = describe(self.leg, self.grid, self.kick, tolerance)
+        return SweepStore(self.path, described, self._solver.chunk, resume=True)
+
+    def prepare(self) -> None:
+        """Open the store and compile what all chunks need; to be called before threads."""
+        _ = self._store
+        self._solver.prepare()
+
+    def __call__(self, k: int) -> tuple[int, float]:
+        """Compute and write a chunk; return its number of postures and highest ball speed."""
+        first, count = self._store.chunks.span(k)
+        rows, status = self._solver(first, count)
+        self._store.write(k, rows, status)
+        return count, _highest_speed(rows, status)
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """Threads, processes or a cluster behind one interface, and how many work at a time."""
+
+    executor: Executor
+    size: int
+    shares_memory: bool = False
+
+
+def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
+    """Yield what a function returns for numbers, in their order; a few are computed ahead."""
+    waiting, under_way = iter(numbers), deque[Future[T]]()
+    while True:
+        for number in islice(waiting, 2 * pool.size - len(under_way)):
+            under_way.append(pool.executor.submit(function, number))
+        if not under_way:
+            return
+        yield under_way.popleft().result()
+
+
+@contextmanager
+def _pool(
+    threads: int | None, workers: int | None = None, cluster: str | None = None
+) -> Iterator[_Pool]:
+    """Give what computes chunks; on leaving, chunks under way are completed and others dropped."""
+    if cluster is not None:
+        with _cluster(cluster) as pool:
+            yield pool
+        return
+    executor: Executor
+    if workers is not None:
+        size = int(validation.number("workers", workers, at_least=1))
+        executor = ProcessPoolExecutor(size, get_context("spawn"), _ignore_interrupt)
+    else:
+        size = cores() if threads is None else threads
+        executor = ThreadPoolExecutor(int(validation.number("threads", size, at_least=1)))
+    try:
+        yield _Pool(executor, size, shares_memory=workers is None)
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[_Pool]:
+    """Give the workers of a cluster of dask.distributed."""
+    try:
+        import distributed
+    except ImportError:
+        raise InvalidInput(
+            'a cluster needs dask.distributed: pip install "kickdyn[cluster]"'
+        ) from None
+    dask: Any = distributed
+    try:
+        dask.comm.get_address_host_port(address, strict=True)  # a client would try for 10 s
+        client = dask.Client(address, timeout=CLUSTER_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InvalidInput(f"no cluster answers at {address} ({reason})") from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=CLUSTER_TIMEOUT)
+        except TimeoutError:
+            raise InvalidInput("the cluster has no workers") from None
+        try:
+            yield _Pool(client.get_executor(pure=False), sum(client.nthreads().values()))
+        except dask.KilledWorker as error:
+            raise ChildProcessError(f"workers died again and again ({error})") from None
+
+
+def _ignore_interrupt() -> None:
+    """Let Ctrl-C, which a terminal sends to every process, end the main process only."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _task(job: _StoreJob, pool: _Pool) -> Callable[[int], tuple[int, float]]:
+    """Return a job as the pool can call it."""
+    if pool.shares_memory:
+        job.prepare()
+        return job
+    try:
+        return partial(_call_pickled, pickle.dumps(job))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
+
+
+@lru_cache(maxsize=1)
+def _unpickled(job: bytes) -> _StoreJob:
+    """Return a job in another process, ready to compute chunks."""
+    found: _StoreJob = pickle.loads(job)
+    found.prepare()
+    return found
+
+
+def _call_pickled(job: bytes, k: int) -> tuple[int, float]:
+    """Compute a chunk in another process."""
+    return _unpickled(job)(k)
+
+
+@contextmanager
+def _resumable(store: SweepStore, path: str | PathLike[str]) -> Iterator[None]:
+    """Raise `Unfinished` where a sweep is stopped; remove a new store that holds no chunk."""
+    try:
+        yield
+    except InvalidInput:
+        if store.created and len(store.missing()) == len(store.chunks):
+            store.remove()
+        raise
+    except (KeyboardInterrupt, OSError, BrokenExecutor, CancelledError) as error:
+        reason = {
+            KeyboardInterrupt: "interrupted",
+            CancelledError: "the cluster is lost",
+        }.get(type(error), getattr(error, "strerror", None) or " ".join(str(error).split()))
+        done = len(store.chunks) - len(store.missing())
+        raise Unfinished(
+            f"{reason}: {done} of {len(store.chunks)} chunks are in {path}, --resume goes on "
+            "from there"
+        ) from None
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _highest_speed(rows: Array, status: NDArray[np.int8]) -> float:
+    """Return the highest ball speed among possible postures [m/s], nan without any."""
+    possible = rows[_SPEED, status == PostureStatus.OK.flag]
+    return float(possible.max()) if possible.size else math.nan
+
+
+def _checked_tolerance(tolerance: float) -> float:
+    """Return the tolerance of carries [m], or raise `InvalidInput`."""
+    return validation.number("tolerance", tolerance, at_least=0, unit="m")

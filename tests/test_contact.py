@@ -63,3 +63,12 @@ def test_offset_is_none_or_kept():
     assert contact.offset.tolist() == [0.1, 0.0, 0.02]
     with pytest.raises(ValueError, match="read-only"):
         contact.offset[0] = 1
+
+
+def test_equal_numbers_make_equal_contacts():
+    contact = kd.Contact(**GOOD, offset=(0.1, 0, 0))
+    assert contact == kd.Contact((2, 0, 0), 0.8, 0.4, (0.1, 0, 0))
+    assert hash(contact) == hash(kd.Contact(**GOOD, offset=(0.1, 0, 0)))
+    others = [kd.Contact(**GOOD), kd.Contact((1, 0, 0), 0.7, 0.4, (0.1, 0, 0))]
+    assert len({contact, *others}) == 3
+    assert contact != "contact"

@@ -13,6 +13,7 @@ import math
 import types
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -110,16 +111,10 @@ def _call(scene: Any, state: Any, rate: Any) -> None:
 
 def _forget(folder: Path) -> None:
     """Remove the oldest equations that are kept on the disk, all but `_ON_DISK` files."""
-    for file in sorted(folder.glob("*.equations_*"), key=_age)[_ON_DISK:]:
-        file.unlink(missing_ok=True)
-
-
-def _age(file: Path) -> float:
-    """Return a number that is larger the older a file is."""
-    try:
-        return -file.stat().st_mtime
-    except FileNotFoundError:  # another process was faster
-        return 0.0
+    with suppress(FileNotFoundError):  # another process was faster
+        files = sorted(folder.glob("*.equations_*"), key=lambda file: file.stat().st_mtime)
+        for file in files[:-_ON_DISK]:
+            file.unlink()
 
 
 def _refusing(model: CoefficientModel) -> Coefficient:

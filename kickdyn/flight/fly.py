@@ -297,10 +297,8 @@ def _refuse_outside(path: Flight, strict: bool) -> None:
     If `strict`, every model does.
     """
     models = () if path.air is None else (path.air.drag, path.air.lift)
-    if not (strict or any(getattr(model, "refuses", False) for model in models)):
-        return
-    for model, share in path.outside():
-        if share > 0 and (strict or model.refuses):
-            raise InvalidInput(
-                f"the flight leaves a coefficient's range: {warning_of(model, share)}"
-            )
+    if strict or any(getattr(model, "refuses", False) for model in models):
+        for model, share in path.outside():
+            if share > 0 and (strict or model.refuses):
+                warning = warning_of(model, share)
+                raise InvalidInput(f"the flight leaves a coefficient's range: {warning}")

@@ -122,7 +122,7 @@ def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluati
                 for c in range(7):
                     rates[0, c * LANES + i] = begin[row, c]
                 climb, lifted = begin[row, 2], begin[row, 5]
-                counts[_ROW, i], counts[_CALLS, i], counts[_REJECTED, i] = row, 2, 0
+                counts[_ROW, i], counts[_CALLS, i], counts[_REJECTED, i] = row, 1, 0
                 counts[_RISES, i] = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
                 _set_step(i, begin[row, 7], limit, lane, counts)
                 flying += 1
@@ -236,50 +236,41 @@ def _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane):
 
 
 @njit
-def _scaled_norm(i, a, b, y, rtol, scale):
-    """Return the root mean square of a - b over what is tolerated."""
+def _scaled_norm(i, a, y, rtol, scale):
+    """Return the root mean square of a lane's numbers over what is tolerated."""
     total = 0.0
     for c in range(0, SIZE, LANES):
-        total += ((a[c + i] - b[c + i]) / (scale[c + i] + rtol * abs(y[c + i]))) ** 2
+        total += (a[c + i] / (scale[c + i] + rtol * abs(y[c + i]))) ** 2
     return math.sqrt(total / STATES)
 
 
 @njit
 def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations):
-    """Find the first rates of every flight, and scipy's guess of its first step.
+    """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner, II.4.
 
-    Hairer, Norsett & Wanner, II.4. A flight that cannot begin, or ends at once, is given a status.
+    A flight that cannot begin, or ends at once, is given a status.
     """
-    scene, scale = np.zeros(5 * LANES), np.ones(SIZE)
-    y, new, still, h = np.zeros(SIZE), np.empty(SIZE), np.zeros(SIZE), np.empty(SIZE)
+    scene, scale, y = np.zeros(5 * LANES), np.ones(SIZE), np.zeros(SIZE)
     lane = np.zeros((_LANE_ROWS, LANES))
     n = len(starts)
     for first in range(0, n, LANES):
         for i in range(LANES):
             _load_flight(i, min(first + i, n - 1), scenes, velocities, tol, scene, y, scale, lane)
         rates_of(scene, y, rates[0])
-        for i in range(LANES):
-            d0 = _scaled_norm(i, y, still, y, rtol, scale)
-            d1 = _scaled_norm(i, rates[0], still, y, rtol, scale)
-            lane[T, i] = d1
-            lane[H, i] = min(1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1, limit)
-        _broadcast(lane[H], h)
-        _add_scaled(y, h, rates[0], new)
-        rates_of(scene, new, rates[1])
         for i in range(min(LANES, n - first)):
-            row, h0, d1 = first + i, lane[H, i], lane[T, i]
-            d2 = _scaled_norm(i, rates[1], rates[0], y, rtol, scale) / h0
-            steepest = max(d1, d2)
-            h1 = max(1e-6, h0 * 1e-3) if steepest <= 1e-15 else (0.01 / steepest) ** 0.125
-            starts[row, 7] = min(100.0 * h0, h1, limit)
-            evaluations[row], status[row] = 2, ALOFT
+            row = first + i
+            d0 = _scaled_norm(i, y, y, rtol, scale)
+            d1 = _scaled_norm(i, rates[0], y, rtol, scale)
+            h = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else min(d0 / d1, (0.01 / d1) ** 0.125)
+            starts[row, 7] = min(h, limit)
+            evaluations[row], status[row] = 1, ALOFT
             for c in range(7):
                 starts[row, c] = rates[0, c * LANES + i]
                 if not math.isfinite(starts[row, c]):
-                    evaluations[row], status[row] = 1, FAILED
+                    status[row] = FAILED
             climb = starts[row, 2]
             if scenes[row, 5] == 0.0 and (climb < 0.0 or (climb == 0.0 and starts[row, 5] <= 0.0)):
-                evaluations[row], status[row] = 1, LANDED
+                status[row] = LANDED
 
 
 @njit

@@ -113,7 +113,7 @@ NO_TANGENTIAL_IMPULSE: Array = np.frombuffer(bytes(24))
 """Tangential impulse of a contact without friction."""
 
 
-def solve_frictionless(problem: ContactProblem) -> Solution:
+def frictionless(problem: ContactProblem) -> Solution:
     r"""Return the impulse along the normal of Eq. (10), :math:`p = (1 + e)\, m_\mathrm{eff}\, u_n`.
 
     The effective mass is that of leg and ball together. Laws `newton` and `stronge` agree on it.

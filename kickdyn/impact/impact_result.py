@@ -24,9 +24,8 @@ from kickdyn.impact.constraint_impulses import (
     named_impulses,
 )
 from kickdyn.impact.contact_problem import Solution
-from kickdyn.impact.digits import digits_left, impulse_rounding, joint_digits
 from kickdyn.impact.laws import ImpactLaw
-from kickdyn.impact.leg_response import LegResponse, leg_response
+from kickdyn.impact.leg_response import LegResponse, digits_left, joint_digits, leg_response
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.robot.leg import Posture
@@ -123,7 +122,7 @@ class Impact(ReprMixin):
     @cached_property
     def leg_response(self) -> LegResponse:
         """What the impulse does to the leg; its parts are attributes of the impact, too."""
-        return leg_response(self.posture, self.v_before, self.impulse)
+        return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
 
     @property
     def v_after(self) -> Array:
@@ -166,7 +165,7 @@ class Impact(ReprMixin):
 
     @property
     def footing(self) -> dict[str, Footing]:
-        """What ground that pushes but does not pull would let each support do; see `Footing`.
+        """How each support moves on ground that can push but not pull; see `Footing`.
 
         Where a support does not stand, `unilateral_strike` computes what happens.
         """
@@ -174,17 +173,17 @@ class Impact(ReprMixin):
             self.posture.constraint_projector, self.constraint_impulses, math.hypot(*self.impulse)
         )
 
-    @cached_property
+    @property
     def restitution_residual(self) -> float:
         r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` from the velocities after.
 
         Law `paper` has restitution along the attack direction and law `stronge` that of work: where
         this makes a difference, the residual shows it.
         """
-        foot_velocity_after = self.posture.jacobian.dot(self.v_after)
-        separation = self.contact.normal.dot(self.ball_after.velocity - foot_velocity_after)
-        expected = self.contact.restitution * self.approach_speed
-        return float(abs(separation - expected)) / self.approach_speed
+        approach, contact = self.approach, self.approach.contact
+        foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
+        separation = float(contact.normal.dot(self.ball_after.velocity - foot_velocity_after))
+        return abs(separation - contact.restitution * approach.speed) / approach.speed
 
     @property
     def momentum_residual(self) -> float:
@@ -233,12 +232,12 @@ class Impact(ReprMixin):
         They are few where the speed of approach is little more than the rounding of its terms, or
         where the ball is many times heavier than the leg that it sticks to.
         """
-        return float(digits_left(impulse_rounding(self.approach)))
+        return float(digits_left(self.approach.impulse_rounding()))
 
     @property
     def joint_digits(self) -> Array:
         """Digits that rounding leaves of each joint's linear impulse, an estimate, `(njoints,)`."""
-        return joint_digits(self.joint_impulses, self.impulse, impulse_rounding(self.approach))
+        return joint_digits(self.joint_impulses, self.impulse, self.approach.impulse_rounding())
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -284,7 +283,7 @@ class Impact(ReprMixin):
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle all of it, read or not, so that a copy has the same digits."""
-        _ = self.leg_response, self.effective_mass, self.restitution_residual
+        _ = self.leg_response, self.effective_mass
         return self.__dict__
 
     def _rows(self) -> Iterable[Row]:

@@ -9,12 +9,7 @@ from scipy.linalg import lapack
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_problem import (
-    ContactProblem,
-    Solution,
-    contact_axes,
-    solve_frictionless,
-)
+from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
 
 
 def solve_newton(problem: ContactProblem) -> Solution:
@@ -32,7 +27,7 @@ def solve_newton(problem: ContactProblem) -> Solution:
     energy by this law, which a negative `energy_lost` shows.
     """
     if problem.friction == 0.0:
-        return solve_frictionless(problem)
+        return frictionless(problem)
     n, u, e, mu = problem.normal, problem.velocity, problem.restitution, problem.friction
     approach = problem.approach_speed  # not from u: a fast spin would cost its digits
     axes = contact_axes(n, u)

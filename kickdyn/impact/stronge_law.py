@@ -11,12 +11,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
-from kickdyn.impact.contact_problem import (
-    ContactProblem,
-    Solution,
-    contact_axes,
-    solve_frictionless,
-)
+from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
 
 ORDER = 24
 TRUNCATION = 1e-17
@@ -51,7 +46,7 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     Batlle 1996, J Appl Mech 63:10 (directions that a slip can keep); Elkaranshawy et al. 2017.
     """
     if problem.friction == 0.0:
-        return solve_frictionless(problem)
+        return frictionless(problem)
     axes = contact_axes(problem.normal, problem.velocity)
     before = axes.T @ problem.velocity
     before[2] = -problem.approach_speed  # a fast spin would cost its digits

@@ -6,7 +6,7 @@ import pytest
 from chains import random_kick, random_leg
 
 import kickdyn as kd
-from kickdyn.impact.digits import joint_digits
+from kickdyn.impact.leg_response import joint_digits
 from kickdyn.robot.urdf_file import shipped_urdf
 
 

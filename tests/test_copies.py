@@ -80,5 +80,6 @@ def test_copies_are_the_same(name, way):
 @pytest.mark.parametrize("name", PARTS)
 def test_public_arrays_cannot_be_written_to(name):
     public = {key: value for key, value in vars(PARTS[name]).items() if key[0] != "_"}
-    for array in arrays(public):
-        assert not array.flags.writeable
+    for key, value in public.items():
+        for array in arrays(value):
+            assert not array.flags.writeable, key

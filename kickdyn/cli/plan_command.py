@@ -9,7 +9,6 @@ from functools import partial
 
 import click
 import numpy as np
-from click.core import ParameterSource
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
@@ -109,9 +108,9 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--ball-at", callback=TRIPLE, metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
-@click.option("--objective", default="joint-speed", show_default=True,
+@click.option("--objective",
               type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
-              help="What is made least, or most where it says so.")  # fmt: skip
+              help="What is made least, or most where it says so [joint-speed].")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
@@ -147,7 +146,7 @@ def plan(
     offset: list[float] | None,
     ball_height: float | None,
     ball_at: list[float] | None,
-    objective: str,
+    objective: str | None,
     no_limits: bool,
     restitution: float,
     friction: float,
@@ -179,7 +178,8 @@ def plan(
     )
     leg, ball = load_leg(leg_name, frame), Ball()
     _check_files(swing, view, plot, json_file)
-    _check_robust(spread, swing)
+    if spread is not None and objective is not None:
+        raise InvalidInput("robust and objective are named: the scatter is what is made least")
     if ball_height is None and ball_at is None:
         ball_height = _lying_height(leg, ball, offset)
     kick = partial(
@@ -188,7 +188,7 @@ def plan(
         goal,
         ball,
         _windy(AIRS[air], wind),
-        objective=objective if spread is None else KickObjective.SCATTER,
+        objective=(objective or KickObjective.JOINT_SPEED) if spread is None else "scatter",
         spread=spread,
         restitution=restitution,
         friction=friction,
@@ -224,19 +224,6 @@ def _check_files(swing: bool, view: str | None, plot: str | None, json_file: str
 
         check_name(plot)
     check_outputs(view, plot, json_file=json_file)
-
-
-def _check_robust(spread: dict[str, float] | None, swing: bool) -> None:
-    """Refuse options that do not go with the least scatter."""
-    if spread is None:
-        return
-    given = click.get_current_context().get_parameter_source("objective")
-    if given == ParameterSource.COMMANDLINE:
-        raise InvalidInput("robust and objective are named: the scatter is what is made least")
-    if swing:
-        raise InvalidInput(
-            "robust and swing are named: a swing goes with objective joint-speed or kinetic-energy"
-        )
 
 
 def _lying_height(leg: Leg, ball: Ball, offset: list[float] | None) -> float:

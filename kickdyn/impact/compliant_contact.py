@@ -131,16 +131,16 @@ class CompliantContact:
         foot_point = rotation @ motion.linear + cross(spin, point)
         apart = state.velocity - height * cross(state.spin, normal) - foot_point
         rate = -float(normal @ apart)
-        return ContactKinematics(
-            normal, point, self.ball.radius - height, rate, apart + rate * normal
-        )
+        deflection, sliding = self.ball.radius - height, apart + rate * normal
+        return ContactKinematics(normal, point, deflection, rate, sliding)
 
-    def friction_force(self, contact: ContactKinematics, normal_force: float) -> Array:
-        """Return the friction on the ball [N] at a normal force: Coulomb's law, made smooth."""
+    def _forces(self, contact: ContactKinematics) -> tuple[float, Array]:
+        """Return the normal force and the friction on the ball [N]: Coulomb's law, made smooth."""
+        normal_force = self.hertz.force(contact.deflection, contact.rate)
         if self.friction == 0.0:
-            return np.zeros(3)
+            return normal_force, np.zeros(3)
         fast = math.hypot(*contact.sliding, self.creep)
-        return np.asarray(-self.friction / fast * normal_force * contact.sliding)
+        return normal_force, -self.friction / fast * normal_force * contact.sliding
 
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
@@ -153,8 +153,7 @@ class CompliantContact:
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)
         spring = self.hertz.spring(contact.deflection)
-        size = self.hertz.force(contact.deflection, contact.rate)
-        friction = self.friction_force(contact, size)
+        size, friction = self._forces(contact)
         force = size * contact.normal + friction
         moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, friction)
 
@@ -166,19 +165,11 @@ class CompliantContact:
         power = float(torque @ state.v)
         if ball.inertia == math.inf:  # a particle, whose spin stays
             power -= float(moment_on_ball @ state.spin)
-        acceleration = pin.aba(
-            self.model, self.data, state.q, state.v, torque, self._space.external
-        )
-        return np.concatenate(
-            [
-                self._displacement_rate(state),
-                acceleration,
-                state.velocity,
-                force / ball.mass + self.gravity,
-                moment_on_ball / ball.inertia,
-                [lost, power],
-            ]
-        )
+        external = self._space.external
+        acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, external)
+        of_leg = [self._displacement_rate(state), acceleration]
+        of_ball = [state.velocity, force / ball.mass + self.gravity, moment_on_ball / ball.inertia]
+        return np.concatenate([*of_leg, *of_ball, [lost, power]])
 
     def _torque_at(self, t: float, state: State) -> Array:
         """Return the joint torques [N m; N], checked if they are a function's."""
@@ -202,9 +193,8 @@ class CompliantContact:
     def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
         contact = self.kinematics(self.state(y))
-        size = self.hertz.force(contact.deflection, contact.rate)
-        force = size * contact.normal + self.friction_force(contact, size)
-        return force, self.impulse(t, y), contact.deflection
+        size, friction = self._forces(contact)
+        return size * contact.normal + friction, self.impulse(t, y), contact.deflection
 
     def foot_at(self, state: State) -> Array:
         """Return the position of the foot's contact point [m, world frame]."""

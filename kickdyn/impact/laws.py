@@ -57,6 +57,7 @@ def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
             f"{problem.friction:g}, relative velocity {problem.velocity.tolist()} m/s)"
         )
     solution.impulse.setflags(write=False)
+    solution.tangential_impulse.setflags(write=False)
     return solution
 
 

@@ -259,7 +259,7 @@ def _result(
     stacked = np.concatenate([*wrenches, loops])
     posture, impulse = approach.posture, solution.impulse
     transmitted, unbalanced = joint_impulses(posture, jump, -impulse, stacked)
-    for array in (impulse, *shares, *velocities):
+    for array in (impulse, solution.tangential_impulse, *shares, *velocities):
         array.setflags(write=False)
     names = [support.frame for support in supports]
     return UnilateralImpact(

@@ -1,4 +1,8 @@
-"""A leg's chain of joints in CasADi's symbols: the wheel of Pinocchio has no `pinocchio.casadi`."""
+r"""Equations of motion of a kinematic chain in CasADi symbols.
+
+The wheel of Pinocchio has no `pinocchio.casadi`. `adam-robotics` reads files only, not a Pinocchio
+model with locked or turned joints and armature, and takes twice the operations.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from kickdyn.core.validation import Array
 
 
 class CasadiChain:
-    """The joints between a fixed base and the foot, each of one degree of freedom.
+    r"""The joints between a fixed base and the foot, each of one degree of freedom.
 
     Args:
         model: `pin.Model` of those joints alone, one after the other.
@@ -20,12 +24,13 @@ class CasadiChain:
 
     Attributes:
         n: number of joints.
-        torque: CasADi function of q, v, a: Newton-Euler, gravity and armature included [N m].
-        momentum: of q and v: M(q) v, without gravity [N m s].
+        torque: CasADi function of q, v, a: :math:`M a + c(q, v) + g(q)` by Newton-Euler, armature
+            included [N m].
+        momentum: of q and v: :math:`M(q) v` [N m s].
         point: of q and v: velocity of the contact point, shape `(3,)` [m/s, world axes].
         place: of q: of the contact point [m, world frame].
         direction: of q and a vector in the last joint's axes: that vector in the world's.
-        impulse: of q and a force on the contact point: J^T f.
+        impulse: of q and a force on the contact point: :math:`J^T f`.
     """
 
     def __init__(self, model: Any, lever: Array) -> None:
@@ -57,6 +62,7 @@ class CasadiChain:
         return rotation @ about, ca.DM(fixed.translation)
 
     def _place(self, q: Any, place: Any) -> Any:
+        """Return a point in the last joint's axes in the world frame."""
         for joint in range(self.n, 0, -1):
             rotation, origin = self._step(joint, q[joint - 1])
             place = rotation @ place + origin

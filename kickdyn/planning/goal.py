@@ -16,6 +16,9 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 
+CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}
+"""Conditions on the flight, of which a goal has one, with their units."""
+
 FARTHEST = 1e4
 """How far away a target may be [m]: air and gravity are those of one place."""
 
@@ -56,27 +59,27 @@ class Arc(StrEnum):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Goal(ReprMixin):
-    """A target, and how the ball is to come there.
+    """A target, and one condition on the flight to it.
 
-    The target alone leaves a family of launches, one for each time of flight: name one thing more.
-
-    The ground is level, under the ball at its start, or under the target where that is lower.
+    The target alone leaves a family of launches, one for each time of flight; the condition picks
+    members out. The ground is level, under the ball at its start, or under the target where that is
+    lower.
 
     Args:
         target: of the ball's centre, from where it starts: a distance along x at the height of the
             launch [m], or a point, shape `(3,)` [m, world axes].
         time: of the flight to the target [s].
-        apex: greatest height on the way, above the launch [m]. The target is met on the way down.
+        apex: greatest height of the flight above the launch [m], before the target.
         speed: of the launch [m/s]; a low and a high arc may both do it.
-        over: `(distance, height)` of a point on the way, such as over a wall or under a bar:
+        over: `(distance, height)` of a point of the flight, such as over a wall or under a bar:
             horizontal distance from the launch, along the line to the target, and the centre's
             height above the launch [m].
-        beside: `(distance, sideways)` of the way seen from above: where the centre passes, left of
-            the line to the target [m]. It asks for spin, and comes on top of the others.
+        beside: `(distance, left)` of a point of the flight seen from above, left of the line to the
+            target [m]. It asks for spin, and comes on top of the others.
 
     Raises:
         InvalidInput: a value out of range, none or two of time, apex, speed and over, a target
-            straight above or below, or a point on the way that is not before the target.
+            straight above or below, or a point of the flight that is not before the target.
     """
 
     target: Array
@@ -119,33 +122,30 @@ class Goal(ReprMixin):
                 "time, apex, speed, over"
             )
         object.__setattr__(self, "target", point)
-        for name, unit in (("time", "s"), ("apex", "m"), ("speed", "m/s")):
-            value = named[name]
+        for name in ("time", "apex", "speed"):
+            value, unit = named[name], CONDITIONS[name]
             if value is not None:
                 value = validation.number(name, value, above=0, at_most=1e6, unit=unit)
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "over", _on_the_way("over", over, level))
-        object.__setattr__(self, "beside", _on_the_way("beside", beside, level))
+        object.__setattr__(self, "over", _checked_point("over", over, level))
+        object.__setattr__(self, "beside", _checked_point("beside", beside, level))
 
     def __repr__(self) -> str:
-        """Name every value that was named, in a line."""
-        said = (f"{name}={value} {unit}" for name, value, unit in self._named())
-        return f"Goal({', '.join(said)})"
+        """Name target and conditions, in a line."""
+        return f"Goal({', '.join(f'{name}={value} {unit}' for name, value, unit in self._named())})"
 
     def _rows(self) -> Iterable[Row]:
         yield from self._named()
         yield "distance", self.distance, "m"
 
     def _named(self) -> Iterable[tuple[str, str, str]]:
-        units = {"target": "m", "time": "s", "apex": "m", "speed": "m/s", "over": "m"}
-        for name, unit in {**units, "beside": "m"}.items():
+        """Return name, value and unit of everything that is given."""
+        units = {"target": "m", **CONDITIONS, "beside": "m"}
+        for name, unit in units.items():
             value = getattr(self, name)
             if value is not None:
-                yield (
-                    name,
-                    format_value(np.array(value) if isinstance(value, tuple) else value),
-                    unit,
-                )
+                value = np.array(value) if isinstance(value, tuple) else value
+                yield name, format_value(value), unit
 
     @property
     def distance(self) -> float:
@@ -169,14 +169,13 @@ class Goal(ReprMixin):
 
     @property
     def kind(self) -> str:
-        """The thing named beside the target: `time`, `apex`, `speed` or `over`."""
-        names = ("time", "apex", "speed", "over")
-        return next(name for name in names if getattr(self, name) is not None)
+        """Name of the condition: `time`, `apex`, `speed` or `over`."""
+        return next(name for name in CONDITIONS if getattr(self, name) is not None)
 
     def nominal_times(self) -> list[float]:
-        """Return the times of flight that meet this in the vacuum [s], Eqs. (24)-(25) solved.
+        """Return the times of flight [s] that meet the goal in the vacuum, from Eqs. (24)-(25).
 
-        None where the vacuum does not allow it, two where a low and a high arc do.
+        There is none where the vacuum does not allow it, and two where a low and a high arc do.
         """
         rise, g = float(self.target[2]), GRAVITY
         if self.time is not None:
@@ -200,11 +199,19 @@ class Goal(ReprMixin):
 
 
 def nominal_velocity(target: Array, time: float) -> Array:
-    """Return the launch velocity to a target in a time in the vacuum, Eqs. (24)-(25), `(3,)`."""
+    r"""Return the launch velocity to a target in a time in the vacuum, Eqs. (24)-(25).
+
+    .. math:: v = x / t + \tfrac12 g t\, e_z
+
+    Args:
+        target: shape `(3,)` [m].
+        time: [s].
+    """
     return np.asarray(target / time + np.array([0.0, 0.0, GRAVITY * time / 2]))
 
 
-def _on_the_way(name: str, value: object, level: float) -> tuple[float, float] | None:
+def _checked_point(name: str, value: object, level: float) -> tuple[float, float] | None:
+    """Return a point of the flight before a target at a horizontal distance [m]."""
     if value is None:
         return None
     pair = validation.vector(name, value, 2, unit="m")  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""From a launch back to the touch: impulse, normal, and the foot's velocity there."""
+"""From a launch back to the impact: impulse, normal, and the foot's velocity."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kickdyn.robot.leg import Posture
 
 @dataclass(frozen=True, eq=False)
 class ImpactTarget:
-    """What the foot must do to a ball at rest.
+    r"""What the foot must do to a ball at rest.
 
     Attributes:
         impulse: on the ball, shape `(3,)` [N s, world frame].
@@ -32,33 +32,38 @@ class ImpactTarget:
 
     @property
     def place(self) -> tuple[float, float]:
-        """Where the ball is touched, from its centre: upwards, and to the left as it flies [m]."""
+        """Contact point on the ball, from its centre: upwards, and to the left as it flies [m]."""
         level = np.array([self.impulse[0], self.impulse[1], 0.0])
         left = np.cross((0.0, 0.0, 1.0), level / (np.linalg.norm(level) or 1.0))
         from_centre = -self.ball.radius * self.contact.normal
         return float(from_centre[2]), float(from_centre @ left)
 
     def foot_velocity(self, posture: Posture) -> Array:
-        """Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
+        r"""Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
 
-        From Eq. (1) along the normal and no sliding after across it. Without friction the part
-        across the normal is free: what is returned is along the normal.
+        With the Delassus matrix :math:`W` of foot and ball, :math:`u = G\, W p`: restitution along
+        the normal, Eq. (1), and no sliding just after across it. Without friction the part across
+        the normal is free, and 0 here.
         """
-        n, impact_target, zero = self.contact.normal, self.contact, np.zeros(3)
+        contact, zero = self.contact, np.zeros(3)
         problem = ContactProblem(
-            normal=n,
+            normal=contact.normal,
             delassus_factor=posture.delassus_factor(),
             ball=self.ball,
             centre_velocity=zero,
             spin=zero,
-            restitution=impact_target.restitution,
-            friction=impact_target.friction,
+            restitution=contact.restitution,
+            friction=contact.friction,
         )
         return np.asarray(self.foot_gain @ (problem.delassus() @ self.impulse))
 
     @cached_property
     def foot_gain(self) -> Array:
-        """From the change of the contact points' relative velocity to the foot's, `(3, 3)`."""
+        r"""Matrix :math:`G = n n^T / (1 + e) + (I - n n^T)`, shape `(3, 3)`.
+
+        From the change of the contact points' relative velocity to the foot's velocity; without
+        friction its second term is left out.
+        """
         along = np.outer(self.contact.normal, self.contact.normal)
         gain = along / (1.0 + self.contact.restitution)
         return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
@@ -72,11 +77,15 @@ def impact_target_for(
     friction: float,
     offset: Array | None = None,
 ) -> ImpactTarget:
-    """Return the touch that gives a ball at rest a velocity and a spin across it.
+    r"""Return the impact that gives a ball at rest a velocity and a spin across it.
+
+    The impulse is :math:`p = m v`. The normal is turned from it by the angle :math:`\alpha` about
+    the spin, with :math:`\sin\alpha = I \omega / (r p)`, no more than friction allows:
+    :math:`\tan\alpha \le \mu`.
 
     Args:
-        velocity: wished for, shape `(3,)` [m/s].
-        spin: wished for, across the velocity, shape `(3,)` [rad/s].
+        velocity: of the ball after, shape `(3,)` [m/s, world frame].
+        spin: of the ball after, across the velocity, shape `(3,)` [rad/s, world frame].
         ball: mass and radius.
         restitution: of the contact.
         friction: of the contact.

@@ -187,9 +187,9 @@ class KickProgram:
 
     def with_exact_velocity(self, posture: Posture, v: Array, share: float) -> Array:
         """Return v with the last digits of the foot's velocity put right."""
-        wish = share * self.target.foot_velocity(posture)
+        wanted = share * self.target.foot_velocity(posture)
         rows = posture.jacobian[:, self.vs]
-        missed = wish - rows @ v[self.vs]
+        missed = wanted - rows @ v[self.vs]
         if self.target.contact.friction == 0.0:
             normal = self.target.contact.normal
             rows, missed = (normal @ rows)[None], np.array([normal @ missed])
@@ -364,11 +364,11 @@ class ProgramPoint:
     @cached_property
     def values(self) -> Array:
         """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
-        program, wish = self.program, self._foot_velocity
-        missed = self.posture.jacobian @ self.v - self.share * wish
+        program, wanted = self.program, self._foot_velocity
+        missed = self.posture.jacobian @ self.v - self.share * wanted
         parts = [
             [self._scaled_cost(self.posture, self.v)],
-            program.velocity_rows @ missed / math.sqrt(wish @ wish),
+            program.velocity_rows @ missed / math.sqrt(wanted @ wanted),
             program.position_error(self.posture),
         ]
         if program.limits:
@@ -379,20 +379,20 @@ class ProgramPoint:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of `values` by the unknowns, one row each."""
-        program, posture, v, wish = self.program, self.posture, self.v, self._foot_velocity
+        program, posture, v, wanted = self.program, self.posture, self.v, self._foot_velocity
         n, scale, jacobian = program.n, program.velocity_scale, posture.jacobian
         target, at_v = program.target, slice(n, 2 * n)
         v_after = v + posture.solve(-target.impulse @ jacobian)
         leg = leg_derivatives(posture, v, v_after, target.impulse, np.zeros(0))
         # of J M^-1 J^T p by q
         change = leg.foot_q - leg.foot_q_after - jacobian @ leg.v_after_q
-        wish_q = target.foot_gain @ change
-        fast = math.sqrt(wish @ wish)
-        off = np.outer(jacobian @ v - self.share * wish, wish @ wish_q) / fast**2
+        wanted_q = target.foot_gain @ change
+        fast = math.sqrt(wanted @ wanted)
+        off = np.outer(jacobian @ v - self.share * wanted, wanted @ wanted_q) / fast**2
         missed = np.zeros((3, len(self.x)))
-        missed[:, :n] = ((leg.foot_q - self.share * wish_q - off) / fast)[:, program.vs]
+        missed[:, :n] = ((leg.foot_q - self.share * wanted_q - off) / fast)[:, program.vs]
         missed[:, at_v] = jacobian[:, program.vs] * (scale / fast)
-        missed[:, -1] = -wish / fast
+        missed[:, -1] = -wanted / fast
         rows = [self._cost_slope(), *program.velocity_rows @ missed]
         for row in program.position_rows @ jacobian[:, program.vs] / target.ball.radius:
             rows.append(np.append(row, np.zeros(n + 1)))

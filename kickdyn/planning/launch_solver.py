@@ -8,7 +8,6 @@ an interval of times.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -254,21 +253,20 @@ class LaunchFamily:
         return [*reversed(ends[0]), least, *ends[1]]
 
     def solutions_between(self, members: list[LaunchSolution]) -> list[LaunchSolution]:
-        """Return the solutions of the goal between members whose condition errors differ in sign.
+        """Return the goal's solutions between members whose errors of its condition differ in sign.
 
-        Newton's method starts from either member, or from where bisection arrives.
+        Newton's method starts from the member of the smaller error, and then from the other.
         """
         found = []
         for early, late in pairwise(members):
             errors = [one.condition_error(self.goal) for one in (early, late)]
             if not errors[0] * errors[1] <= 0.0:
                 continue
-            near = [early, late] if abs(errors[0]) <= abs(errors[1]) else [late, early]
-            tried = (self._solve_near(self.goal, one) for one in near)
-            inside = (one for one in tried if one.converged and early.time <= one.time <= late.time)
-            solution = next(inside, None) or self._bisect(early.time, late.time)
-            if solution is not None and solution.speed <= self.speed_limit * (1 + 1e-9):
-                found.append(solution)
+            starts = [early, late] if abs(errors[0]) <= abs(errors[1]) else [late, early]
+            for solution in (self._solve_near(self.goal, start) for start in starts):
+                if solution.converged and early.time <= solution.time <= late.time:
+                    found.append(solution)
+                    break
         return found
 
     def above_ground(self, members: list[LaunchSolution]) -> list[LaunchSolution]:
@@ -329,20 +327,6 @@ class LaunchFamily:
             else:
                 buried = member
         return clear
-
-    def _bisect(self, early: float, late: float) -> LaunchSolution | None:
-        """Return the solution between two times that bisection leads to; None where it fails."""
-
-        def error(time: float) -> float:
-            member = self.at(time)
-            return math.nan if member is None else member.condition_error(self.goal)
-
-        with suppress(ValueError, RuntimeError):
-            member = self.at(float(brentq(error, early, late, xtol=1e-13 * late, rtol=1e-13)))
-            if member is not None:
-                found = self._solve_near(self.goal, member)
-                return found if found.converged else None
-        return None
 
     def _solve_near(self, goal: Goal, member: LaunchSolution) -> LaunchSolution:
         """Return what Newton's method arrives at from a member."""

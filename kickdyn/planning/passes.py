@@ -1,4 +1,4 @@
-"""Planning a pass along the ground: bounces, slides and rolls on the way are allowed."""
+"""Planning a pass along the ground, where the ball may bounce, slide and roll."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def plan_pass(
     ground = Ground(surface=surface)
     start = np.array([0.0, 0.0, ball.radius])
     plane = Plane(start + goal.target, -goal.ahead, "centre")
-    wished = goal.time
+    duration = goal.time
 
     def play(speed: float, turn: float) -> tuple[Array, Course]:
         """Return launch velocity and course for a speed and a direction."""
@@ -129,7 +129,7 @@ def plan_pass(
     def delay(turn: float, speed: float) -> float:
         """Return how much too late the ball comes to the target; inf where it does not."""
         _, course = play(speed, turn)
-        return course.duration - wished if course.status == "at-plane" else math.inf
+        return course.duration - duration if course.status == "at-plane" else math.inf
 
     turn = 0.0
     for _ in range(8):  # the course bends little: the aim is turned by the error
@@ -139,7 +139,7 @@ def plan_pass(
         if abs(aside) <= ACCURACY:
             break
         turn -= math.atan2(aside, goal.distance)
-    on_time = course.status == "at-plane" and abs(course.duration - wished) <= ACCURACY
+    on_time = course.status == "at-plane" and abs(course.duration - duration) <= ACCURACY
     if on_time and abs(aside) <= ACCURACY:
         return Pass(PlanStatus.MET, goal, None, velocity, course, aside)
     obstacle = obstacle or LaunchLimit.BOUNCE

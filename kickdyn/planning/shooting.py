@@ -1,4 +1,4 @@
-"""Flights to a time, with what small changes of the launch do to them: internal differentiation.
+"""Flights to a time with their derivatives by the launch: internal differentiation.
 
 The flight and those of slightly changed launches are integrated side by side with the same steps,
 so that their differences are those of the equations and not of the steps (Bock 1981).
@@ -47,7 +47,7 @@ class Trajectory(NamedTuple):
     time: float
 
     def apex(self) -> tuple[float, Array]:
-        """Return the greatest height on the way and its derivatives at a fixed end."""
+        """Return the greatest height up to the end, and its derivatives, shape `(3,)` or `(4,)`."""
         first, last = 0.0, self.time
         if self.place(0.0)[1][2] <= 0.0:  # lift may raise it later
             times = np.linspace(0.0, self.time, LOOKS + 1)
@@ -59,20 +59,25 @@ class Trajectory(NamedTuple):
         return float(self.place(when)[0][2]), self.slope(when)[2]
 
     def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
-        """Return position along a direction where the flight is so far ahead, and derivatives.
+        """Return the position along a direction at a distance ahead, and its derivatives.
 
-        nan where it does not come so far.
+        Both are nan where the flight does not come so far.
+
+        Args:
+            ahead: horizontal unit vector, shape `(3,)`.
+            distance: ahead [m].
+            along: unit vector, shape `(3,)`.
         """
         when = self._when(lambda at: float(ahead @ self.place(at)[0]) - distance, 0.0, self.time)
         if when is None:
             return math.nan, np.full(self.slope(0.0).shape[1], math.nan)
-        where, going = self.place(when)
-        moved = self.slope(when)
-        later = -(ahead @ moved) / (ahead @ going)  # the crossing comes so much later
-        return float(along @ where), along @ moved + (along @ going) * later
+        position, velocity = self.place(when)
+        slope = self.slope(when)
+        delay = -(ahead @ slope) / (ahead @ velocity)  # of the crossing
+        return float(along @ position), along @ slope + (along @ velocity) * delay
 
     def lowest(self) -> float:
-        """Return the least height on the way, ends included [m, from the launch]."""
+        """Return the least height, ends included [m, from the launch]."""
 
         def height(at: float) -> float:
             return float(self.place(at)[0][2])

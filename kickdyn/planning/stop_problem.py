@@ -136,15 +136,22 @@ class StopEquations:
         n, self.nodes, self.chain = symbols.n, nodes, chain
         speed, effort = ca.DM(chain.velocity_limit), ca.DM(chain.effort_limit)
         lower, width = ca.DM(chain.lower), ca.DM(chain.upper - chain.lower)
-        turns, speeds, pulls = (ca.MX.sym(name, n, nodes + 1) for name in ("q", "v", "a"))
+        positions, speeds, accelerations = (
+            ca.MX.sym(name, n, nodes + 1) for name in ("q", "v", "a")
+        )
         self.time = ca.MX.sym("t")
-        self.unknowns = ca.vertcat(*(ca.vec(x) for x in (turns, speeds, pulls)), self.time)
-        rates, a, h = speeds * speed, pulls * (speed / UNIT), self.time / nodes
-        q0, q1, v0, v1, a0, a1 = (end for x in (turns, rates, a) for end in (x[:, :-1], x[:, 1:]))
+        self.unknowns = ca.vertcat(
+            *(ca.vec(x) for x in (positions, speeds, accelerations)), self.time
+        )
+        v_all, a_all = speeds * speed, accelerations * (speed / UNIT)
+        h = self.time / nodes
+        q0, q1, v0, v1, a0, a1 = (
+            end for x in (positions, v_all, a_all) for end in (x[:, :-1], x[:, 1:])
+        )
         links = [
             (v1 - v0 - h / 2 * (a0 + a1)) / speed,
             (q1 - q0 - h * v0 - h * h / 6 * (2 * a0 + a1)) / width,
-            (turns[:, 0] - q) / width,
+            (positions[:, 0] - q) / width,
             speeds[:, 0] - v / speed,
         ]
         bends = [(q0 + h / 3 * v0 - lower) / width, (q1 - h / 3 * v1 - lower) / width]
@@ -154,9 +161,9 @@ class StopEquations:
             v0 + h / 8 * (3 * a0 + a1),
             (a0 + a1) / 2,
         )
-        at_nodes = symbols.torque.map(nodes + 1)(turns, rates, a) / effort
+        at_nodes = symbols.torque.map(nodes + 1)(positions, v_all, a_all) / effort
         between = symbols.torque.map(nodes)(*half_way) / effort
-        at_rest = symbols.torque(turns[:, -1], ca.DM(n, 1), ca.DM(n, 1)) / effort
+        at_rest = symbols.torque(positions[:, -1], ca.DM(n, 1), ca.DM(n, 1)) / effort
         squares = [ca.sum1(use**2) / n for use in (at_nodes, between)]
         ends = ca.sum2(squares[0][:-1]) + ca.sum2(squares[0][1:])
         self.torque_squared = h / 6 * (ends + 4 * ca.sum2(squares[1]))  # Simpson's rule

@@ -153,8 +153,8 @@ def plan_swing(
     r"""Find the motion from rest to a planned impact, and from there to rest again.
 
     Both are stops: the torques of the equations of motion are even in velocity, so that the
-    backswing is a stop seen backwards in time. Range, speed and torque limits of the leg hold all
-    the way. Torques may jump at both ends and at the impact. Needs CasADi,
+    backswing is a stop seen backwards in time. Range, speed and torque limits of the leg hold
+    throughout. Torques may jump at both ends and at the impact. Needs CasADi,
     `pip install "kickdyn[swing]"`.
 
     Args:

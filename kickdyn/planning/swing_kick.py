@@ -286,10 +286,10 @@ class _SwingKickProblem:
         whole = program.whole_velocity(last[n : 2 * n] * self._chain.velocity_limit)
         velocity = program.with_exact_velocity(posture, whole, share)
         v = velocity[program.vs]
-        ways = ((-1, -v), (1, v + self._jump(posture, share)))
+        sides = ((-1, -v), (1, v + self._jump(posture, share)))
         backswing, follow_through = (
             stop.phase(sign, q, away, own)
-            for stop, own, (sign, away) in zip(self._stops, stops, ways, strict=True)
+            for stop, own, (sign, away) in zip(self._stops, stops, sides, strict=True)
         )
         kick = KickSolution(posture, velocity, share, 0.0)
         return SwingKick(kick, (backswing, follow_through))

@@ -17,6 +17,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.equality import ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id, listed
@@ -40,7 +41,7 @@ LEAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class Support(ValueEquality):
     """A frame that stands on the ground and stays at rest while the ball is struck.
 
     Attributes:
@@ -88,17 +89,6 @@ class Support:
             )
         corners.setflags(write=False)
         return corners
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Support) and self._values() == other._values()
-
-    def __hash__(self) -> int:
-        return hash(self._values())
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return what two supports that are equal have in common, which can be hashed."""
-        sole = None if self.sole is None else self.sole.tobytes()
-        return self.frame, self.point, self.friction, sole
 
     @property
     def size(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import meshcat.transformations as tf
@@ -125,7 +126,7 @@ def stripe_width(extent: float) -> float:
 
 def box_corners(points: Array, radius: float) -> Array:
     """Return the corners of boxes around points, shape `(8 n, 3)`."""
-    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = np.array(list(product((-1, 1), repeat=3)))
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
 
 

@@ -20,6 +20,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
@@ -27,15 +28,15 @@ from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.simulation import Simulation
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
-from kickdyn.view.document import recording_viewer, static_document
+from kickdyn.view.document import html_document, recording_viewer
 from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.live import LiveServer
+from kickdyn.view.page_server import PageServer
 from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes
 
 Path3d = Flight | Course
-Comparable = Impact | Flight | Course | Pass
+Comparable = Impact | Flight | Course | Launch | Pass
 Kick = Impact | KickPlan | Swing | Scene | Simulation
 
 BEYOND = 10.0
@@ -64,7 +65,7 @@ class Page:
     @property
     def html(self) -> str:
         """The page as one file that needs no network."""
-        return static_document(self.viewer, self.title, self.panel)
+        return html_document(self.viewer, self.title, self.panel)
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
         """Write the page, or a picture of it where the name ends in `.png`.
@@ -84,8 +85,8 @@ class Page:
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
-    def serve(self, port: int = 0) -> LiveServer:
-        """Serve the page to browsers on this machine, which show what `viewer` draws later.
+    def serve(self, port: int = 0) -> PageServer:
+        """Serve the page to browsers on this machine.
 
         Args:
             port: 0 takes a free one.
@@ -96,7 +97,7 @@ class Page:
         Raises:
             InvalidInput: there is no such port, or it is not free.
         """
-        return LiveServer(self.viewer, self.title, self.panel, port)
+        return PageServer(self.html, port)
 
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
@@ -122,8 +123,8 @@ def page(
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan`, a `Swing`, a `Scene` or the
     `Simulation` of one. A scene is shown with its wall or goal, and its contact as an instant.
-    A `Flight`, `Course` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8 impacts
-    stand side by side, their impulses to one scale.
+    A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8
+    impacts stand side by side, their impulses to one scale.
 
     Args:
         shown: one of these; or several flights, or several impacts, in a list or by their names.
@@ -147,8 +148,8 @@ def page(
             raise InvalidInput(f"the swing does not reach this impact: {shown.limit}")
         swing, shown = shown, shown.plan
     if isinstance(shown, Simulation):
-        caption, scenery = _scene_caption(shown, caption), [*scenery, *_plane(shown)]
-        impact, path = _instant(shown)
+        impact, path, caption, boxes = _of_scene(shown, caption)
+        scenery = [*scenery, *boxes]
     elif isinstance(shown, KickPlan):
         impact, path = shown.impact, shown.path
     elif isinstance(shown, Impact):
@@ -168,13 +169,13 @@ def _comparison(
     shown: Comparable | Iterable[Comparable] | Mapping[str, Comparable], title: str, height: float
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
-    if isinstance(shown, Flight | Course | Pass):
+    if isinstance(shown, Flight | Course | Launch | Pass):
         shown = {type(shown).__name__.lower(): shown}
     elif not isinstance(shown, Mapping):
         if not isinstance(shown, Iterable) or isinstance(shown, str):
             raise InvalidInput(f"a page cannot show a {type(shown).__name__}")
         shown = {str(number): each for number, each in enumerate(shown, start=1)}
-    each = {name: one.course if isinstance(one, Pass) else one for name, one in shown.items()}
+    each = {name: _path(one) for name, one in shown.items()}
     impacts = {name: one for name, one in each.items() if isinstance(one, Impact)}
     paths = {name: one for name, one in each.items() if isinstance(one, Flight | Course)}
     if len(each) != max(len(impacts), len(paths)):
@@ -186,36 +187,32 @@ def _comparison(
     return Page(viewer, title, panel, height=height)
 
 
-def _instant(simulation: Simulation) -> tuple[Impact, Path3d]:
-    """Return the impact and the ball's path of a scene that was simulated as an instant."""
-    if not isinstance(simulation.impact, Impact) or simulation.path is None:
+def _path(one: Comparable) -> Impact | Path3d:
+    """Return the flight of a launch, or the course of a pass; all else as it is."""
+    if isinstance(one, Launch):
+        return one.flight
+    return one.course if isinstance(one, Pass) else one
+
+
+def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, Path3d, str, list[Box]]:
+    """Return impact and path of a scene, its caption, and its wall or goal if it is in sight."""
+    impact, path, scene = simulation.impact, simulation.path, simulation.scene
+    if not isinstance(impact, Impact) or path is None:
         raise InvalidInput(
             "the impact of this Simulation takes time, or it has no path: show its Scene instead"
         )
-    return simulation.impact, simulation.path
-
-
-def _scene_caption(simulation: Simulation, caption: str) -> str:
-    """Return the name of a scene, and what its picture leaves out."""
-    text = caption or simulation.scene.name
+    caption = caption or scene.name
     if simulation.left_out:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
-        text += f", its contact shown as an instant: it ends {error}"
-    if simulation.scene.plane is not None and not _plane(simulation):
-        text += ", its plane out of the picture"
-    return text
-
-
-def _plane(simulation: Simulation) -> list[Box]:
-    """Return the wall or goal of a scene; none where it is behind the kick or far beyond it."""
-    _instant(simulation)
-    plane, ball, end = simulation.scene.plane, simulation.scene.ball, simulation.end.position
-    if plane is None:
-        return []
-    start = simulation.launch.position
-    boxes = plane_boxes(plane, end, min(start[2], end[2]) - ball.radius)
+        caption += f", its contact shown as an instant: it ends {error}"
+    if scene.plane is None:
+        return impact, path, caption, []
+    start, end = impact.ball_after.position, simulation.end.position
+    boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
     ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
     length = (end - start)[:2]
     is_near = 0.0 < float(ahead @ length) < BEYOND * float(length @ length)
-    return boxes if simulation.status == "at-plane" or is_near else []
+    if is_near or simulation.status == "at-plane":
+        return impact, path, caption, boxes
+    return impact, path, f"{caption}, its plane out of the picture", []

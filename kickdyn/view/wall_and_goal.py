@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import meshcat.geometry as shapes
@@ -12,6 +13,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.plane import Plane
+from kickdyn.view.marks import pose_of
 
 WALL, FRAME = 0x34506E, 0xF7F7F7
 
@@ -48,15 +50,14 @@ class Box:
     @property
     def pose(self) -> Array:
         """Homogeneous matrix, shape `(4, 4)` [m, world frame]."""
-        pose: Array = tf.rotation_matrix(self.heading, (0, 0, 1))
-        if self.tilt:
-            pose = pose @ tf.rotation_matrix(-self.tilt, (0, 1, 0))
-        pose[:3, 3] = self.centre
-        return pose
+        turn = tf.rotation_matrix(self.heading, (0, 0, 1)) @ tf.rotation_matrix(
+            -self.tilt, (0, 1, 0)
+        )
+        return pose_of(turn[:3, :3], self.centre)
 
     def corners(self) -> Array:
         """Return its corners, shape `(8, 3)` [m]."""
-        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        signs = np.array(list(product((-1, 1), repeat=3)))
         return np.asarray(self.centre + 0.5 * signs * self.size @ self.pose[:3, :3].T)
 
 

@@ -211,7 +211,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         ),
         (
             ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--swing"],
-            "a swing goes with objective joint-speed or kinetic-energy",
+            "with swing=True it must be joint-speed or kinetic-energy",
         ),
     ],
 )

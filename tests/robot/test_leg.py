@@ -292,6 +292,21 @@ def test_wrong_kinds_are_named():
             leg.with_loops(loop)
 
 
+def test_a_frame_whose_placement_is_not_finite_is_refused():
+    model = arm()
+    frame = model.frames[model.getFrameId("toe")]
+    frame.placement = pin.SE3(np.eye(3), np.array([math.nan, 0, 0]))
+    with pytest.raises(kd.InvalidInput, match="placement of frame 'toe' is not finite"):
+        kd.Leg.from_model(model, "toe")
+
+
+def test_a_negative_speed_limit_is_refused():
+    model = arm()
+    model.velocityLimit = np.array([1.0, -1.0])
+    with pytest.raises(kd.InvalidInput, match=r"velocity limit is \[1.0, -1.0\]: every entry must"):
+        kd.Leg.from_model(model, "toe")
+
+
 def test_a_limit_that_is_no_number_is_said_to_be_none():
     model = arm()
     model.upperPositionLimit = np.array([math.nan, 1.0])

@@ -17,7 +17,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.ground import Ground, Surface
+from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg, Posture
 
@@ -113,8 +113,9 @@ class Scene(ReprMixin):
         validation.check_type(Plane, plane=plane, optional=True)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
-            for fault in compliant_contact_faults(law, contact.restitution):
-                raise InvalidInput(fault)
+            faults = compliant_contact_faults(law, contact.restitution)
+            if faults:
+                raise InvalidInput(faults[0])
         posture = leg.posture(q)
         arrays = {
             "q": posture.q,
@@ -176,16 +177,13 @@ class Scene(ReprMixin):
     def _rows(self) -> Iterable[Row]:
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
-        speed = float(np.linalg.norm(self.posture.jacobian @ self.v))
         yield "contact point", self.posture.contact_point, "m"
-        yield "foot speed", speed, "m/s"
+        yield "foot speed", float(np.linalg.norm(self.posture.jacobian @ self.v)), "m/s"
         yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
-        for name, motion, unit in (
-            ("ball's velocity", self.ball_velocity, "m/s"),
-            ("ball's spin", self.ball_spin, "rad/s"),
-        ):
-            if motion.any():
-                yield name, motion, unit
+        if self.ball_velocity.any():
+            yield "ball's velocity", self.ball_velocity, "m/s"
+        if self.ball_spin.any():
+            yield "ball's spin", self.ball_spin, "rad/s"
         yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
         if self.contact_time is None:
             yield "law", self.law, ""
@@ -194,12 +192,10 @@ class Scene(ReprMixin):
         if self.air is not None:
             acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
             yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""
-        if self.ground is not None:
-            surface = self.ground.surface
-            what = f", {surface.name}" if isinstance(surface, Surface) else ""
-            yield "ground", f"at {self.ground.height:.4g} m{what}", ""
-        if self.plane is not None:
-            yield "plane", repr(self.plane).removeprefix("Plane(").removesuffix(")"), ""
+        for name, part in (("ground", self.ground), ("plane", self.plane)):
+            if part is not None:
+                kind = type(part).__name__
+                yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""
 
 
 def compliant_contact_faults(law: str, restitution: float) -> list[str]:

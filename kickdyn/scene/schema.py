@@ -158,7 +158,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
     },
     "uncertainty": {key: _number(unit, at_least=0.0) for key, (_, unit, _) in UNCERTAINTY.items()},
 }
-"""By section and key, the check of a value. Section "" is the top of the file."""
+"""By section and key, the check of a value. SectionValues "" is the top of the file."""
 
 ONE_OF = {
     "leg": ("model", "file", "robot"),
@@ -178,7 +178,7 @@ class FaultyValueError(Exception):
     """A value is needed that is faulty; its fault is listed already."""
 
 
-class Section(dict[str, Any]):
+class SectionValues(dict[str, Any]):
     """The valid values of a section.
 
     Attributes:
@@ -194,13 +194,15 @@ class Section(dict[str, Any]):
         return self.get(key, default)
 
 
-def check_document(document: Mapping[str, Any]) -> tuple[dict[str, Section], dict[str, list[str]]]:
+def check_document(
+    document: Mapping[str, Any],
+) -> tuple[dict[str, SectionValues], dict[str, list[str]]]:
     """Return the valid values of each section, and a line per fault by section.
 
     Args:
         document: as `tomllib` returns it.
     """
-    sections = {"": Section()}
+    sections = {"": SectionValues()}
     faults: dict[str, list[str]] = {name: [] for name in SECTIONS}
     for name, content in document.items():
         if name in SECTIONS[""]:
@@ -218,14 +220,14 @@ def check_document(document: Mapping[str, Any]) -> tuple[dict[str, Section], dic
         if name not in document:
             faults[name].append(f"section [{name}] is missing")
         if name not in sections:
-            sections[name] = Section()
+            sections[name] = SectionValues()
             sections[name].faulty = frozenset(SECTIONS[name])
     return sections, faults
 
 
-def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> Section:
+def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> SectionValues:
     """Return the valid values of a section; add a line per fault to `faults`."""
-    found = Section()
+    found = SectionValues()
     for key, value in content.items():
         name = f"{section}.{key}" if section else key
         if key not in SECTIONS[section]:
@@ -252,7 +254,7 @@ def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> 
     return found
 
 
-def _clashes(section: str, found: Section) -> list[str]:
+def _clashes(section: str, found: SectionValues) -> list[str]:
     """Return a line for each valid value that does not go with another."""
     if section == "contact" and "contact_time_s" in found:
         return compliant_contact_faults(found.get("law", "newton"), found.get("restitution", 1.0))

@@ -23,7 +23,13 @@ from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.schema import UNCERTAINTY, FaultyValueError, Section, check_document, faults_of
+from kickdyn.scene.schema import (
+    UNCERTAINTY,
+    FaultyValueError,
+    SectionValues,
+    check_document,
+    faults_of,
+)
 
 MAX_BYTES = 100_000
 """Size of the largest scene file that is read."""
@@ -84,7 +90,7 @@ class _Builder:
     """
 
     def __init__(
-        self, sections: dict[str, Section], faults: dict[str, list[str]], folder: Path
+        self, sections: dict[str, SectionValues], faults: dict[str, list[str]], folder: Path
     ) -> None:
         self.sections, self.faults, self.folder = sections, faults, folder
 
@@ -121,9 +127,9 @@ class _Builder:
             self.faults[section] += [f"{section}: {line}" for line in faults_of(error)]
             return None
 
-    def _section(self, name: str) -> Section:
+    def _section(self, name: str) -> SectionValues:
         """Return the valid values of a section; none where the file does not have it."""
-        return self.sections.get(name, Section())
+        return self.sections.get(name, SectionValues())
 
     def _leg(self) -> Leg:
         """Return the leg, without what is added to it."""

@@ -136,22 +136,19 @@ def _spread(inertia: Any) -> Array:
 def _check_limits(model: Any) -> None:
     """Raise `InvalidInput` for joint ranges, speed limits or armatures that make no sense."""
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    if np.isnan([lower, upper]).any():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: every limit must be a number"
-        )
-    if not (lower <= upper).all():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"
-        )
-    if not (model.velocityLimit >= 0).all():
-        raise InvalidInput(
-            f"velocity limit is {model.velocityLimit.tolist()}: every entry must be 0 or more"
-        )
-    if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
-        raise InvalidInput(
-            f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"
-        )
+    speed, armature = model.velocityLimit, model.armature
+    span = f"{lower.tolist()} to {upper.tolist()}"
+    for name, value, sound, valid in (
+        ("joint range", span, not np.isnan([lower, upper]).any(), "every limit must be a number"),
+        ("joint range", span, (lower <= upper).all(), "lower must not exceed upper"),
+        ("velocity limit", speed.tolist(), (speed >= 0).all(), "every entry must be 0 or more"),
+        (
+            *("armature", armature.tolist(), (np.isfinite(armature) & (armature >= 0)).all()),
+            "every entry must be finite and 0 or more",
+        ),
+    ):
+        if not sound:
+            raise InvalidInput(f"{name} is {value}: {valid}")
 
 
 def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:

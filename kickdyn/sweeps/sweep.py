@@ -105,28 +105,18 @@ def sweep(
     validation.check_type(Kick, kick=kick)
     if sum(each is not None for each in (threads, workers, cluster)) > 1:
         raise InvalidInput("threads, workers and cluster exclude each other: give one of them")
+    if store is None and (resume or workers is not None or cluster is not None):
+        raise InvalidInput("resume, workers and cluster need a store: name it with store=")
     grid = Grid.of(leg, postures)
-    solver = ChunkSolver(leg, grid, kick, _checked_tolerance(tolerance))
+    solver = ChunkSolver(leg, grid, kick, tolerance)  # chooses the kernel
     described = describe(leg, grid, kick, solver.carry_tolerance)
     if store is None:
-        if resume or workers is not None or cluster is not None:
-            raise InvalidInput("resume, workers and cluster need a store: name it with store=")
         check_size(grid.shape, IN_MEMORY)
-        rows, status = np.empty((len(VARIABLES), grid.size)), np.empty(grid.size, np.int8)
-        for first, chunk_rows, chunk_status in _computed(solver, grid, threads, progress):
-            part = slice(first, first + len(chunk_status))
-            rows[:, part], status[part] = chunk_rows, chunk_status
-        return with_variables(described.assign_attrs(finished=1), rows, status)
+        return _in_memory(solver, grid, described, threads, progress)
     filled = SweepStore(store, described, solver.chunk, resume=resume)
     job = _StoreJob(Path(store).absolute(), leg, grid, kick, tolerance)
     with _resumable(filled, store), _pool(threads, workers, cluster) as pool:
-        missing = filled.missing()
-        if progress is not None:
-            progress(grid.size - sum(filled.chunks.span(k)[1] for k in missing), math.nan)
-        for count, speed in _in_order(pool, _task(job, pool), missing):
-            if progress is not None:
-                progress(count, speed)
-        filled.finish()
+        _fill_store(filled, job, pool, progress)
     return open_sweep(store)
 
 
@@ -144,13 +134,39 @@ def sweep_chunks(
     Arguments and errors are those of `sweep`. The chunks come in the order of the grid.
     """
     grid = Grid.of(leg, postures)
-    solver = ChunkSolver(leg, grid, kick, _checked_tolerance(tolerance))
+    solver = ChunkSolver(leg, grid, kick, tolerance)
     described = describe(leg, grid, kick, solver.carry_tolerance)
     chunks = Chunks.of(grid.shape, solver.chunk)
     computed = _computed(solver, grid, threads, progress)
     for k, (_, rows, status) in enumerate(computed):
         region = dict(zip(grid.axes, chunks.region(k), strict=True))
         yield with_variables(described.isel(region), rows, status)
+
+
+def _in_memory(
+    solver: ChunkSolver,
+    grid: Grid,
+    described: xr.Dataset,
+    threads: int | None,
+    progress: Progress | None,
+) -> xr.Dataset:
+    """Return the dataset of all postures of a grid."""
+    rows, status = np.empty((len(VARIABLES), grid.size)), np.empty(grid.size, np.int8)
+    for first, chunk_rows, chunk_status in _computed(solver, grid, threads, progress):
+        part = slice(first, first + len(chunk_status))
+        rows[:, part], status[part] = chunk_rows, chunk_status
+    return with_variables(described.assign_attrs(finished=1), rows, status)
+
+
+def _fill_store(store: SweepStore, job: _StoreJob, pool: _Pool, progress: Progress | None) -> None:
+    """Compute the missing chunks of a store."""
+    missing = store.missing()
+    if progress is not None:
+        progress(job.grid.size - sum(store.chunks.span(k)[1] for k in missing), math.nan)
+    for count, speed in _in_order(pool, _task(job, pool), missing):
+        if progress is not None:
+            progress(count, speed)
+    store.finish()
 
 
 def _computed(
@@ -334,8 +350,3 @@ def _highest_speed(rows: Array, status: NDArray[np.int8]) -> float:
     """Return the highest ball speed among possible postures [m/s], nan without any."""
     possible = rows[_SPEED, status == PostureStatus.OK.flag]
     return float(possible.max()) if possible.size else math.nan
-
-
-def _checked_tolerance(tolerance: float) -> float:
-    """Return the tolerance of carries [m], or raise `InvalidInput`."""
-    return validation.number("tolerance", tolerance, at_least=0, unit="m")

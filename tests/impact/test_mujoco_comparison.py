@@ -9,8 +9,8 @@ import pytest
 pytest.importorskip("mujoco", reason="the witness is MuJoCo")
 
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "benchmarks" / "mujoco_witness.py"
-spec = importlib.util.spec_from_file_location("mujoco_witness", SCRIPT)
+SCRIPT = ROOT / "benchmarks" / "mujoco_comparison.py"
+spec = importlib.util.spec_from_file_location("mujoco_comparison", SCRIPT)
 witness = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(witness)
 

@@ -1,6 +1,6 @@
 """Kick with MuJoCo, the contact made stiffer and stiffer: it approaches the instant of `strike`.
 
-    python benchmarks/mujoco_witness.py
+    python benchmarks/mujoco_comparison.py
 
 The human leg without gravity, the ball at rest. MuJoCo integrates leg and ball through a contact of
 finite stiffness; what the ball has gained when it is free is compared with the impulse of the law

@@ -218,7 +218,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
-    """Return the joints whose motion the joint-space inertia does not feel, or hardly.
+    """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
 
     They are those with a share in its null vectors; or, if it has none, in the nearest to one.
 
@@ -227,14 +227,14 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
         inertia: shape `(nv, nv)`, not positive definite or nearly so.
     """
     diagonal = inertia.diagonal()
-    dead = diagonal <= 1e-14 * diagonal.max()  # moved without moving anything
-    scale = np.where(dead, 0.0, 1.0 / np.sqrt(np.where(dead, 1.0, diagonal)))
-    scaled = inertia * scale * scale[:, None] + np.diag(2.0 * dead)
+    massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia
+    scale = np.where(massless, 0.0, 1.0 / np.sqrt(np.where(massless, 1.0, diagonal)))
+    scaled = inertia * scale * scale[:, None] + np.diag(2.0 * massless)
     values, vectors = np.linalg.eigh(scaled)
     null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
-    guilty = dead if dead.any() else (np.abs(null) > 0.1).any(axis=1)
+    singular = massless if massless.any() else (np.abs(null) > 0.1).any(axis=1)
     return [
         model.names[joint]
         for joint in range(1, model.njoints)
-        if guilty[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
+        if singular[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
     ]

@@ -126,7 +126,7 @@ def table(stiffnesses: tuple[float, ...] = STIFFNESSES, dt: float = STEP) -> dic
         for kick in (*KICKS, SLIDING)
     }
     limit, hit = relaxed(SLIDING), ours(SLIDING)
-    rows["the same, from MuJoCo's own limit"] = [
+    rows["the same, against MuJoCo's own limit"] = [
         100 * apart(mujoco_kick(hit, stiffness, dt)(), limit) for stiffness in stiffnesses
     ]
     return rows

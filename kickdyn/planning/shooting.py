@@ -188,6 +188,7 @@ class ShootingProblem:
         return Trajectory(place, slope, time)
 
     def _fall(self, velocity: Array, time: float) -> Trajectory:
+        """Return the parabola of a ball on which only gravity acts."""
         g = self._gravity
 
         def place(at: float) -> tuple[Array, Array]:

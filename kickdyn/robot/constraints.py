@@ -141,7 +141,7 @@ class Constraints:
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
-                raise InvalidInput(f"{' - '.join(sorted(ends))} is held twice: once will do")
+                raise InvalidInput(f"{' - '.join(sorted(ends))} is constrained twice: name it once")
         self._supported = [_place(model, support.frame) for support in supports]
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
         for support, place in zip(supports, self._supported, strict=True):

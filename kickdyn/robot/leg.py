@@ -588,7 +588,7 @@ class Posture(ReprMixin):
         if violation is not None:
             name, speed, unit = violation
             raise InvalidInput(
-                f"v moves {name}, which is held, at {speed:.3g} {unit} in {self!r}: "
+                f"v moves {name}, a constraint of the leg, at {speed:.3g} {unit} in {self!r}: "
                 "Posture.admissible(v) gives the nearest velocity that does not"
             )
 

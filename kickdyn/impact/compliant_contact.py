@@ -19,7 +19,7 @@ from kickdyn.impact.hertz import HertzContact
 from kickdyn.robot.leg import Workspace
 
 Torque = Callable[[float, Array, Array], ArrayLike]
-"""Joint torques as a function of time since touch, q and v."""
+"""Joint torques as a function of time since first contact, q and v."""
 
 CREEP = 1e-3
 """Share of the approach speed at which friction is 1/sqrt(2) of Coulomb's: an integrator needs it
@@ -34,7 +34,7 @@ class State(NamedTuple):
 
     Attributes:
         q, v: of the leg.
-        moved: displacement of the ball's centre since the touch [m].
+        moved: displacement of the ball's centre since first contact [m].
         velocity, spin: of the ball.
         lost: energy lost to damping and friction [J].
         work: of the joint torques, and of what maintains a particle's spin against friction [J].
@@ -68,10 +68,10 @@ class ContactKinematics(NamedTuple):
 
 
 class CompliantContact:
-    """Leg and ball from touch to separation, as a first-order system.
+    """Leg and ball from first contact to separation, as a first-order system.
 
-    The columns are the leg's displacement since the touch in the tangent space, its velocity, the
-    ball's displacement, velocity and spin, the energy lost, and the work done.
+    The columns are the leg's displacement since first contact in the tangent space, its velocity,
+    the ball's displacement, velocity and spin, the energy lost, and the work done.
     """
 
     def __init__(self, approach: Approach, hertz: HertzContact, torque: Array | Torque) -> None:

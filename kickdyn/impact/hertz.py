@@ -56,7 +56,7 @@ def matched_damping(restitution: float) -> float:
 
     Args:
         restitution: coefficient e, 0.01 to 1. The damping grows as 1/e, and so does a peak of force
-            at the touch that no ball has: the law is meant for e well above 0.01.
+            at first contact that no ball has: the law is meant for e well above 0.01.
 
     Raises:
         InvalidInput: a value outside its range.

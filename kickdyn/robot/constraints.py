@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.equality import ValueEquality
+from kickdyn.core.representation import ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id, listed
@@ -141,7 +141,7 @@ class Constraints:
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
-                raise InvalidInput(f"{' - '.join(sorted(ends))} is held twice: once will do")
+                raise InvalidInput(f"{' - '.join(sorted(ends))} is constrained twice: name it once")
         self._supported = [_place(model, support.frame) for support in supports]
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
         for support, place in zip(supports, self._supported, strict=True):

@@ -18,6 +18,7 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg, Posture
 
@@ -54,7 +55,7 @@ class Scene(ReprMixin):
         v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s].
         ball: its centre is at `contact point + radius * normal`.
         contact: normal, restitution, friction and offset of the contact.
-        law: impact law, as for `strike`.
+        law: impact law, as for `strike`: `newton`, `stronge` or `paper`.
         contact_time: duration of a compliant contact, as for `collide` [s]; None is an instant. A
             compliant contact has no law, and a restitution of at least 0.01.
         ball_velocity: of the ball's centre before the contact, shape `(3,)` [m/s, world frame].
@@ -76,7 +77,7 @@ class Scene(ReprMixin):
     v: Array
     ball: Ball
     contact: Contact
-    law: str
+    law: ImpactLaw
     contact_time: float | None
     ball_velocity: Array
     ball_spin: Array
@@ -111,9 +112,10 @@ class Scene(ReprMixin):
         validation.check_type(Air, air=air, optional=True)
         validation.check_type(Ground, ground=ground, optional=True)
         validation.check_type(Plane, plane=plane, optional=True)
+        impact_law = validation.choice("law", law, ImpactLaw)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
-            faults = compliant_contact_faults(law, contact.restitution)
+            faults = compliant_contact_faults(impact_law, contact.restitution)
             if faults:
                 raise InvalidInput(faults[0])
         posture = leg.posture(q)
@@ -129,7 +131,7 @@ class Scene(ReprMixin):
             leg=leg,
             ball=ball,
             contact=contact,
-            law=law,
+            law=impact_law,
             contact_time=contact_time,
             air=air,
             ground=ground,
@@ -198,11 +200,13 @@ class Scene(ReprMixin):
                 yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""
 
 
-def compliant_contact_faults(law: str, restitution: float) -> list[str]:
+def compliant_contact_faults(law: ImpactLaw, restitution: float) -> list[str]:
     """Return a line for each value that does not go with a contact time."""
     lines = []
-    if law != "newton":
-        lines.append(f"law is {law!r}: a contact that takes time has no law, leave one of them out")
+    if law != ImpactLaw.NEWTON:
+        lines.append(
+            f"law is {law.value!r}: a contact that takes time has no law, leave one of them out"
+        )
     if restitution < LEAST_RESTITUTION:
         lines.append(
             f"restitution is {restitution:g}: in a contact that takes time it must be at least "

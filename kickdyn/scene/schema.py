@@ -16,13 +16,13 @@ from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.scene.scene import compliant_contact_faults
 
 Check = Callable[[str, Any], Any]
 
-LAWS = ("newton", "stronge", "paper")
 REQUIRED = ("leg", "posture", "contact")
 
 
@@ -135,7 +135,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "side_deg": _number("deg", at_least=-180.0, at_most=180.0),
         "restitution": _number(at_least=0.0, at_most=1.0),
         "friction": _number(at_least=0.0),
-        "law": _choice(*LAWS),
+        "law": _choice(*ImpactLaw),
         "offset_m": _vector("m"),
         "contact_time_s": _number("s", above=0.0, at_most=0.1),
     },
@@ -257,7 +257,9 @@ def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> 
 def _clashes(section: str, found: SectionValues) -> list[str]:
     """Return a line for each valid value that does not go with another."""
     if section == "contact" and "contact_time_s" in found:
-        return compliant_contact_faults(found.get("law", "newton"), found.get("restitution", 1.0))
+        return compliant_contact_faults(
+            ImpactLaw(found.get("law", "newton")), found.get("restitution", 1.0)
+        )
     if section == "air" and found.get("model") == "paper":
         weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in found)
         why = "is named with model 'paper', whose air is known: leave it out"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import pickle
@@ -10,9 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import (
     BrokenExecutor,
-    CancelledError,
     Executor,
-    Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
@@ -163,10 +162,11 @@ def _fill_store(store: SweepStore, job: _StoreJob, pool: _Pool, progress: Progre
     missing = store.missing()
     if progress is not None:
         progress(job.grid.size - sum(store.chunks.span(k)[1] for k in missing), math.nan)
-    for count, speed in _in_order(pool, _task(job, pool), missing):
-        if progress is not None:
-            progress(count, speed)
-    store.finish()
+    if missing:
+        for count, speed in _in_order(pool, _task(job, pool), missing):
+            if progress is not None:
+                progress(count, speed)
+        store.finish()
 
 
 def _computed(
@@ -226,17 +226,17 @@ class _StoreJob:
 class _Pool:
     """Threads, processes or a cluster behind one interface, and how many work at a time."""
 
-    executor: Executor
+    submit: Callable[..., Any]
     size: int
     shares_memory: bool = False
 
 
 def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
     """Yield what a function returns for numbers, in their order; a few are computed ahead."""
-    waiting, under_way = iter(numbers), deque[Future[T]]()
+    waiting, under_way = iter(numbers), deque[Any]()
     while True:
         for number in islice(waiting, 2 * pool.size - len(under_way)):
-            under_way.append(pool.executor.submit(function, number))
+            under_way.append(pool.submit(function, number))
         if not under_way:
             return
         yield under_way.popleft().result()
@@ -259,7 +259,7 @@ def _pool(
         size = cores() if threads is None else threads
         executor = ThreadPoolExecutor(int(validation.number("threads", size, at_least=1)))
     try:
-        yield _Pool(executor, size, shares_memory=workers is None)
+        yield _Pool(executor.submit, size, shares_memory=workers is None)
     finally:
         executor.shutdown(cancel_futures=True)
 
@@ -280,15 +280,31 @@ def _cluster(address: str) -> Iterator[_Pool]:
     except (OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InvalidInput(f"no cluster answers at {address} ({reason})") from None
-    with client:
+    with _silenced("distributed"), client:  # of a scheduler that is lost it prints tracebacks
         try:
             client.wait_for_workers(1, timeout=CLUSTER_TIMEOUT)
         except TimeoutError:
             raise InvalidInput("the cluster has no workers") from None
         try:
-            yield _Pool(client.get_executor(pure=False), sum(client.nthreads().values()))
+            yield _Pool(partial(client.submit, pure=False), sum(client.nthreads().values()))
         except dask.KilledWorker as error:
             raise ChildProcessError(f"workers died again and again ({error})") from None
+        except (dask.client.FutureCancelledError, dask.comm.CommClosedError):
+            raise ConnectionError(f"lost the scheduler at {address}") from None
+
+
+@contextmanager
+def _silenced(package: str) -> Iterator[None]:
+    """Keep the loggers of a package from printing; several of them have levels of their own."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(package)]
+    levels = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _ignore_interrupt() -> None:
@@ -329,11 +345,9 @@ def _resumable(store: SweepStore, path: str | PathLike[str]) -> Iterator[None]:
         if store.created and len(store.missing()) == len(store.chunks):
             store.remove()
         raise
-    except (KeyboardInterrupt, OSError, BrokenExecutor, CancelledError) as error:
-        reason = {
-            KeyboardInterrupt: "interrupted",
-            CancelledError: "the cluster is lost",
-        }.get(type(error), getattr(error, "strerror", None) or " ".join(str(error).split()))
+    except (KeyboardInterrupt, OSError, BrokenExecutor) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        reason = "interrupted" if isinstance(error, KeyboardInterrupt) else reason
         done = len(store.chunks) - len(store.missing())
         raise Unfinished(
             f"{reason}: {done} of {len(store.chunks)} chunks are in {path}, --resume goes on "

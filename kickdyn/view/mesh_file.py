@@ -106,22 +106,13 @@ def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
     """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
-    total = 0
-    for node in scene.graph.nodes_geometry:
-        pose, name = scene.graph[node]
-        part = scene.geometry[name]
-        if not isinstance(part, trimesh.Trimesh):  # lines, or points
-            continue
-        total += len(part.vertices) + len(part.faces)
-        if total > MAX_VERTICES:
-            raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
-        faces = np.asarray(part.faces)
-        mirrored = np.linalg.det(pose[:3, :3]) < 0.0
-        yield Triangles(
-            (np.asarray(part.vertices) @ pose[:3, :3].T + pose[:3, 3]) @ turn.T,
-            faces[:, ::-1] if mirrored else faces,
-            _colour(part),
-        )
+    meshes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+    sizes = [len(m.vertices) + len(m.faces) for m in meshes if isinstance(m, trimesh.Trimesh)]
+    if sum(sizes) > MAX_VERTICES:
+        raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
+    for part in scene.dump():
+        if isinstance(part, trimesh.Trimesh):  # others are lines, or points
+            yield Triangles(part.vertices @ turn.T, np.asarray(part.faces), _colour(part))
 
 
 def _colour(part: object) -> Array | None:

@@ -14,8 +14,7 @@ from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
 from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
 from kickdyn.core import validation
-from kickdyn.core.equality import ValueEquality
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 

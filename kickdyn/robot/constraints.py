@@ -17,7 +17,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.equality import ValueEquality
+from kickdyn.core.representation import ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id, listed

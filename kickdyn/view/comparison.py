@@ -141,7 +141,7 @@ def _numbers(impact: Impact) -> str:
     )
 
 
-def _check_count(shown: Mapping[str, object]) -> None:
+def _check_count(subjects: Mapping[str, object]) -> None:
     """Raise `InvalidInput` unless a picture can show so many."""
-    if not 0 < len(shown) <= MOST:
-        raise InvalidInput(f"there are {len(shown)} to show: one page compares 1 to {MOST}")
+    if not 0 < len(subjects) <= MOST:
+        raise InvalidInput(f"there are {len(subjects)} to show: one page compares 1 to {MOST}")

@@ -35,9 +35,9 @@ from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes
 
-Path3d = Flight | Course
-Comparable = Impact | Flight | Course | Launch | Pass
-Kick = Impact | KickPlan | Swing | Scene | Simulation
+_Path = Flight | Course
+_Comparable = Impact | Flight | Course | Launch | Pass
+_Kick = Impact | KickPlan | Swing | Scene | Simulation
 
 BEYOND = 10.0
 """How far ahead a plane is drawn that the ball does not reach, over the length of its path."""
@@ -112,8 +112,8 @@ class Page:
 
 
 def page(
-    shown: Kick | Comparable | Iterable[Comparable] | Mapping[str, Comparable],
-    path: Path3d | None = None,
+    subject: _Kick | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    path: _Path | None = None,
     *,
     caption: str = "",
     scenery: Sequence[Box] = (),
@@ -127,7 +127,7 @@ def page(
     impacts stand side by side, their impulses to one scale.
 
     Args:
-        shown: one of these; or several flights, or several impacts, in a list or by their names.
+        subject: one of these; or several flights, or several impacts, in a list or by their names.
         path: of the ball after an `Impact`; without it the ball flies through `Air()`.
         caption: a line of plain text above the numbers.
         scenery: boxes beside a kick, as of `wall_boxes` and `goal_boxes`.
@@ -138,24 +138,26 @@ def page(
             visual of its URDF cannot be read or names a mesh that is missing or lies outside the
             URDF's folder; or a swing does not reach its impact.
     """
-    if path is not None and not isinstance(shown, Impact):
-        raise InvalidInput(f"path is named with a {type(shown).__name__}: it belongs to an Impact")
+    if path is not None and not isinstance(subject, Impact):
+        raise InvalidInput(
+            f"path is named with a {type(subject).__name__}: it belongs to an Impact"
+        )
     swing = None
-    if isinstance(shown, Scene):
-        shown = simulate_as_instant(shown)
-    if isinstance(shown, Swing):
-        if shown.status != "met":
-            raise InvalidInput(f"the swing does not reach this impact: {shown.limit}")
-        swing, shown = shown, shown.plan
-    if isinstance(shown, Simulation):
-        impact, path, caption, boxes = _of_scene(shown, caption)
+    if isinstance(subject, Scene):
+        subject = simulate_as_instant(subject)
+    if isinstance(subject, Swing):
+        if subject.status != "met":
+            raise InvalidInput(f"the swing does not reach this impact: {subject.limit}")
+        swing, subject = subject, subject.plan
+    if isinstance(subject, Simulation):
+        impact, path, caption, boxes = _of_scene(subject, caption)
         scenery = [*scenery, *boxes]
-    elif isinstance(shown, KickPlan):
-        impact, path = shown.impact, shown.path
-    elif isinstance(shown, Impact):
-        impact = shown
+    elif isinstance(subject, KickPlan):
+        impact, path = subject.impact, subject.path
+    elif isinstance(subject, Impact):
+        impact = subject
     else:
-        return _comparison(shown, caption, height)
+        return _comparison(subject, caption, height)
     name = impact.posture.leg.name or "leg"
     if path is None:
         path = fly(impact.ball_after, impact.ball, Air())
@@ -166,16 +168,18 @@ def page(
 
 
 def _comparison(
-    shown: Comparable | Iterable[Comparable] | Mapping[str, Comparable], title: str, height: float
+    subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    title: str,
+    height: float,
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
-    if isinstance(shown, Flight | Course | Launch | Pass):
-        shown = {type(shown).__name__.lower(): shown}
-    elif not isinstance(shown, Mapping):
-        if not isinstance(shown, Iterable) or isinstance(shown, str):
-            raise InvalidInput(f"a page cannot show a {type(shown).__name__}")
-        shown = {str(number): each for number, each in enumerate(shown, start=1)}
-    each = {name: _path(one) for name, one in shown.items()}
+    if isinstance(subject, Flight | Course | Launch | Pass):
+        subject = {type(subject).__name__.lower(): subject}
+    elif not isinstance(subject, Mapping):
+        if not isinstance(subject, Iterable) or isinstance(subject, str):
+            raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
+        subject = {str(number): each for number, each in enumerate(subject, start=1)}
+    each = {name: _path(one) for name, one in subject.items()}
     impacts = {name: one for name, one in each.items() if isinstance(one, Impact)}
     paths = {name: one for name, one in each.items() if isinstance(one, Flight | Course)}
     if len(each) != max(len(impacts), len(paths)):
@@ -187,14 +191,14 @@ def _comparison(
     return Page(viewer, title, panel, height=height)
 
 
-def _path(one: Comparable) -> Impact | Path3d:
+def _path(one: _Comparable) -> Impact | _Path:
     """Return the flight of a launch, or the course of a pass; all else as it is."""
     if isinstance(one, Launch):
         return one.flight
     return one.course if isinstance(one, Pass) else one
 
 
-def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, Path3d, str, list[Box]]:
+def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str, list[Box]]:
     """Return impact and path of a scene, its caption, and its wall or goal if it is in sight."""
     impact, path, scene = simulation.impact, simulation.path, simulation.scene
     if not isinstance(impact, Impact) or path is None:

@@ -1,5 +1,6 @@
 """What answers show of themselves, in a terminal and in Jupyter."""
 
+import copy
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -192,3 +193,20 @@ def test_the_side_view_is_drawn_to_scale_and_stays_inside():
 
 def test_a_still_ball_has_a_picture_too():
     assert "nan" not in side_view(np.zeros((5, 2)), dots=np.zeros((1, 2)))
+
+
+def test_contacts_of_the_same_values_are_equal():
+    one, other = kd.Contact((0, 0, 5), 0.8), kd.Contact([0.0, 0.0, 1.0], 0.8, offset=None)
+    assert one == other
+    assert hash(one) == hash(other)
+    assert one != kd.Contact((0, 0, 1), 0.8, offset=(0, 0, 0))
+    assert one != kd.Contact((0, 1, 0), 0.8)
+    assert one != 0.8
+
+
+def test_states_of_the_same_values_are_equal():
+    one, other = (kd.BallState(velocity=np.ones((2, 3))) for _ in range(2))
+    assert one == other == copy.deepcopy(one)
+    assert hash(one) == hash(other)
+    assert one != kd.BallState(velocity=(1, 1, 1))
+    assert kd.BallState((-0.0, 0, 0)) == kd.BallState((0.0, 0, 0))

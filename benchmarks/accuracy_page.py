@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from kickdyn.accuracy.extreme_case import NOT_FINITE, Correctness, ExtremeCase
 from kickdyn.accuracy.flight_methods import measure_flights
-from kickdyn.accuracy.gains import Gain, draws, gains
+from kickdyn.accuracy.gains import Gain, gains
 from kickdyn.accuracy.impact_methods import measure_impacts
 from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.extremes_command import cells, extreme_cases, summary
@@ -177,7 +177,6 @@ def main() -> None:
             "extremes": extremes_table(found),
             "summary": summary(found) + ".",
             "gains": gains_table(gains(), "the plain formula", "kickdyn's"),
-            "draws": gains_table(draws(), "the plain formula", "kickdyn's"),
             "machine": machine(began),
         },
     )

@@ -1,25 +1,25 @@
-"""A kick from every posture of a grid: the best posture, the best for gentle joints, the front."""
+"""Which posture kicks best? Every combination of hip, knee and ankle angles strikes the ball."""
 
 import numpy as np
 
 import kickdyn as kd
-from kickdyn.sweeps.queries import pareto_front, possible
 
 leg = kd.Leg.human()
 postures = {
-    "hip": np.radians(np.arange(-10, 41, 5)),
-    "knee": np.radians(np.arange(0, 61, 5)),
-    "ankle": np.radians(np.arange(-20, 51, 10)),
+    "hip": np.radians(np.arange(-10, 31, 10)),
+    "knee": np.radians(np.arange(5, 46, 10)),
+    "ankle": np.radians([0, 20]),
 }
-data = kd.sweep(leg, postures, kd.Kick(speed=7.0))
-print(data)
+table = kd.sweep(leg, postures, kd.Kick(speed=15, attack=np.radians(20)))
 
-speed = data.ball_speed.where(possible(data))  # nan where a joint would be too fast
-gentle = speed.where(data.worst_joint_impulse < 2.2)
-for name, values in (("best", speed), ("gentle", gentle)):
-    row = data.isel(values.argmax(...))
-    angles = ", ".join(f"{joint} {float(row[f'{joint}_deg']):.0f} deg" for joint in postures)
-    print(f"{name}: {angles}: {row.ball_speed:.2f} m/s, {row.worst_joint_impulse:.2f} N s")
+# The table is an xarray.Dataset: select, reduce and plot it as any other.
+possible = table.where(table.speed_use <= 1)
+best = possible.isel(possible.ball_speed.argmax(...))
+print(f"{int(possible.ball_speed.notnull().sum())} of {table.ball_speed.size} postures can kick so")
+print("best:", ", ".join(f"{name} {np.degrees(float(best[name])):.0f} deg" for name in postures))
+print(f"ball {float(best.ball_speed):.2f} m/s, carry {float(best.carry):.1f} m")
+print(f"largest impulse in a joint {float(best.worst_joint_impulse):.2f} N s")
 
-front = pareto_front(data, more="ball_speed", less="worst_joint_impulse")
-print(f"{front.sizes['posture']} postures are on the front of ball speed and joint impulse.")
+gentle = possible.worst_joint_impulse / possible.impulse
+print(f"least share of the ball's impulse in a joint: {float(gentle.min()):.2f}")
+table.to_netcdf("posture_sweep.nc", engine="h5netcdf")

@@ -13,7 +13,7 @@ plan = kd.plan_kick(leg, goal, ball, air, surface="carpet")
 print(plan)
 print(plan.path)
 
-print(f"{plan.speed_use:.0%} of the speed limits, {plan.effort_use:.0%} of the torque limits")
+print(f"{plan.speed_use:.0%} of the speed limits, {plan.torque_use:.0%} of the torque limits")
 for name, q, v in zip(plan.leg.joint_names, plan.q, plan.v, strict=True):
     if abs(v) > 1e-3:
         print(f"{name:26} {np.degrees(q):6.1f} deg {v:6.2f} rad/s")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -13,8 +14,7 @@ from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
 from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
 from kickdyn.core import validation
-from kickdyn.core.equality import ValueEquality
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -145,21 +145,15 @@ class Air(ValueEquality, ReprMixin):
         altitude: float = 0.0,
         temperature_c: float | None = None,
         pressure: float | None = None,
-        wind: ArrayLike | Wind = (0.0, 0.0, 0.0),
-        drag: str | Coefficient | None = "brazuca",
-        lift: str | Coefficient | None = "saturating",
-        torque: str | Coefficient | None = "smits-smith",
+        **options: Any,
     ) -> Air:
-        """Return dry air at an altitude, in the standard atmosphere where not named.
+        """Return dry air at an altitude; what is not named is that of the standard atmosphere.
 
         Args:
             altitude: above the sea [m], -1000 to 11000.
             temperature_c: [degC], -80 to 60.
             pressure: [Pa], 10,000 to 200,000.
-            wind: as for `Air`.
-            drag: as for `Air`.
-            lift: as for `Air`.
-            torque: as for `Air`.
+            options: wind, drag, lift, torque and buoyancy, as for `Air`.
 
         Raises:
             InvalidInput: a value outside its range.
@@ -175,19 +169,15 @@ class Air(ValueEquality, ReprMixin):
             pascal = validation.number(
                 "pressure", pressure, at_least=10_000, at_most=200_000, unit="Pa"
             )
-        return cls(density_of(kelvin, pascal), viscosity_of(kelvin), wind, drag, lift, torque)
+        return cls(density_of(kelvin, pascal), viscosity_of(kelvin), **options)
 
     @property
     def wind_at(self) -> Wind:
-        """The wind as a function of height, whichever way it was given."""
+        """The wind as a function of height, however it was given."""
         if callable(self.wind):
             return self.wind
-        x, y, z = (float(part) for part in self.wind)
-
-        def steady(height: float) -> Sequence[float]:
-            return (x, y, z)
-
-        return steady
+        steady = tuple(self.wind.tolist())
+        return lambda height: steady
 
 
 def _checked_wind(wind: ArrayLike | Wind) -> Array | Wind:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.equality import ValueEquality
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 

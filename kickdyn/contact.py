@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.equality import ValueEquality
-from kickdyn.core.representation import ReprMixin, Row, format_value
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
 
 

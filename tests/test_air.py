@@ -41,6 +41,16 @@ def test_default_is_the_standard_atmosphere_at_20_degc():
     assert air.buoyancy
 
 
+def test_air_at_an_altitude_is_the_standard_atmosphere():
+    # U.S. Standard Atmosphere 1976: density at 0, 2000 and 10,000 m
+    for altitude, density in ((0, 1.2250), (2000, 1.0066), (10_000, 0.41351)):
+        assert kd.Air.at(altitude).density == pytest.approx(density, rel=1e-4)
+    warm = kd.Air.at(0, 20, 101_325, wind=(1, 0, 0), lift=None, buoyancy=False)
+    assert warm == kd.Air(wind=(1, 0, 0), lift=None, buoyancy=False)
+    with pytest.raises(kd.InvalidInput, match="altitude is 12000"):
+        kd.Air.at(12_000)
+
+
 def test_paper_air_is_table_3():
     air = kd.Air.paper()
     assert (air.density, air.viscosity, air.wind.tolist(), air.buoyancy) == (

@@ -89,6 +89,18 @@ def test_a_star_brings_every_public_name():
     )
 
 
+def test_a_star_compiles_nothing():
+    """Machine code is made when it is first needed: a cold compilation takes half a minute."""
+    code = """
+from numba.core.dispatcher import Dispatcher
+def compile(*_): raise AssertionError("an import compiles")
+Dispatcher.compile = compile
+from kickdyn import *
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
 def test_the_list_of_public_names_is_sorted():
     lines = (ROOT / "kickdyn" / "__init__.pyi").read_text().splitlines()
     imports = [line for line in lines if line.startswith("from")]

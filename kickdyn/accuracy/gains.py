@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.accuracy.extreme_impacts import BENT, USUAL, chain, grazes, masses, sizes, usual
+from kickdyn.accuracy.extreme_impacts import BENT, USUAL, chain, grazes, sizes, usual
 from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, given
 from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from kickdyn.aerodynamics.coefficient_model import smoothstep
@@ -38,11 +38,6 @@ def gains() -> list[Gain]:
     return [_jump(), _straight(), _approach(), _far_base(), _fall(), _join()]
 
 
-def draws() -> list[Gain]:
-    """Return choices between formulas that are for speed or for their range: no digits in them."""
-    return [_order(), *_two_masses()]
-
-
 def _number(exact: Any) -> Quantity:
     """Return one number as a quantity."""
     return Quantity(np.array([exact]), abs(exact))
@@ -61,45 +56,6 @@ def _jump() -> Gain:
     )  # fmt: skip
 
 
-def _order() -> Gain:
-    """Return the sparse factor of the sweeps, from the tip, beside LAPACK's, from the base."""
-    impact = next(kick for kick in sizes(50) if kick.name == "chain of 50").impact()
-    exact = exact_impact(*given(impact))["effective mass"]
-    row = impact.contact.normal @ impact.posture.jacobian
-
-    def mass(order: slice) -> float:
-        root = np.linalg.cholesky(impact.posture.inertia[order, order])
-        part = np.linalg.solve(root, row[order])
-        return 1.0 / float(part @ part)
-
-    return Gain(
-        "effective mass, 50 joints", "L L^T, from the base", "L^T L, from the tip",
-        exact.error(mass(slice(None))), exact.error(mass(slice(None, None, -1))),
-    )  # fmt: skip
-
-
-def _two_masses() -> list[Gain]:
-    """Return Eq. (10) as it is printed, beside an impact of two masses."""
-    kicks = [
-        kick for kick in masses() if kick.name.startswith("ball of") and not kick.contact.friction
-    ]
-    found = []
-    for kick in kicks:
-        impact = kick.impact()
-        exact = exact_impact(*given(impact))["impulse"]
-        n, posture, ball = impact.contact.normal, impact.posture, impact.ball
-        leg = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
-        speed = (1.0 + impact.contact.restitution) * float(n @ impact.foot_velocity)
-        printed = speed / float(n @ (leg + np.eye(3) / ball.mass) @ n)
-        found.append(
-            Gain(
-                f"impulse, {kick.name.split(',')[0]}", "Eq. (10) as printed", "two masses",
-                exact.error(printed * n), exact.error(impact.impulse),
-            )
-        )  # fmt: skip
-    return found
-
-
 def _straight() -> Gain:
     """Return the gain in the effective mass of a nearly straight leg."""
     q = (0.4, 1e-5, 0.0)
@@ -107,10 +63,11 @@ def _straight() -> Gain:
     impact = usual("bent by 1e-5", Contact(along, 0.8), q=q, ball_velocity=9.0 * -along).impact()
     exact = exact_impact(*given(impact))["effective mass"]
     n, posture = impact.contact.normal, impact.posture
-    give = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
+    delassus = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
     return Gain(
         "effective mass along a leg bent by 1e-5 rad", "1 / n^T (J M^-1 J^T) n, as in Eq. (10)",
-        "1 / (L^-1 J^T n)^2", exact.error(1.0 / (n @ give @ n)), exact.error(impact.effective_mass),
+        "1 / (L^-1 J^T n)^2",
+        exact.error(1.0 / (n @ delassus @ n)), exact.error(impact.effective_mass),
     )  # fmt: skip
 
 

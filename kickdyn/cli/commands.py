@@ -14,18 +14,15 @@ from kickdyn.cli.command import run
 from kickdyn.core.files import shipped
 
 COMMANDS = {
-    "posture-sweep": (
-        "kickdyn.cli.posture_sweep_command:posture_sweep",
-        "Kick from a grid of postures.",
-    ),
-    "plan": ("kickdyn.cli.plan_command:plan", "From a wished-for flight to the kick."),
-    "paper": ("kickdyn.cli.paper_command:paper", "Reproduce the ICRA 2005 paper, item by item."),
-    "tradeoff": ("kickdyn.cli.tradeoff_command:tradeoff", "Measure error against cost."),
-    "extremes": ("kickdyn.cli.extremes_command:extremes", "Compare with 50 digits at extremes."),
-    "simulate": ("kickdyn.cli.simulate_command:simulate", "Simulate a scene file to a tolerance."),
-    "view": ("kickdyn.cli.view_command:view", "Show a scene file as a 3-D page or a picture."),
+    "posture-sweep": "Kick from a grid of postures.",
+    "plan": "From a wished-for flight to the kick.",
+    "paper": "Reproduce the ICRA 2005 paper, item by item.",
+    "tradeoff": "Measure error against cost.",
+    "extremes": "Compare with 50 digits at extremes.",
+    "simulate": "Simulate a scene file to a tolerance.",
+    "view": "Show a scene file as a 3-D page or a picture.",
 }
-"""Where each command is defined, `module:function`, and its summary."""
+"""Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`."""
 
 
 class _FileOrName(click.types.StringParamType):
@@ -62,8 +59,8 @@ class _Commands(click.Group):
         """Return a command, imported now, or None where there is none of that name."""
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        module, function = COMMANDS[cmd_name][0].split(":")
-        command: click.Command = getattr(import_module(module), function)
+        name = cmd_name.replace("-", "_")
+        command: click.Command = getattr(import_module(f"kickdyn.cli.{name}_command"), name)
         for param in command.params:
             if param.type is click.STRING and re.search("FILE|DIR|SCENE", param.metavar or ""):
                 param.type = _FileOrName()
@@ -82,7 +79,7 @@ class _Commands(click.Group):
 
     def _summary(self, name: str) -> str:
         """Return what a command does, in one line."""
-        return COMMANDS[name][1] if name in COMMANDS else self.commands[name].get_short_help_str()
+        return COMMANDS.get(name) or self.commands[name].get_short_help_str()
 
 
 @click.group("kickdyn", _Commands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -1,4 +1,4 @@
-"""The door to the paper: `kickdyn paper`."""
+"""The command `kickdyn paper`: the paper's tables and figures, item by item."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ def paper(
     Example: kickdyn paper --only "fig 8" --figures build/paper
     """
     sections = chosen(only)
-    drawings = {_file(section, figures): section.draw for section in sections if section.draw}
-    if figures is None:
-        drawings = {}
+    drawings = {}
+    if figures is not None:
+        drawings = {_file(section, figures): section.draw for section in sections if section.draw}
     check_distinct(view, json_file, *drawings)
     check_outputs(view, json_file=json_file)
     shown = None if view is None else _with_flights(sections)
-    if drawings and figures is not None:
+    if figures is not None and drawings:
         _make_folder(figures)
         check_outputs(*drawings)
     items: dict[str, list[Item]] = {}
     others: dict[str, list[Item]] = {}
-    with busy("reproducing") as say:
+    with busy("reproducing") as report:
         for section in sections:
-            say(f"reproducing {section.name}")
+            report(f"reproducing {section.name}")
             items[section.name] = section.items()
         for section in sections:
             if sensitivity and section.sensitivity:
-                say(f"reproducing {section.name} with other coefficients")
+                report(f"reproducing {section.name} with other coefficients")
                 others[section.name] = section.sensitivity()
         for file, draw in drawings.items():
-            say(f"drawing {file.name}")
+            report(f"drawing {file.name}")
             save_figure(_figure(draw), file)
     if view is not None and shown is not None and shown.flights is not None:
         from kickdyn.view.page import page
@@ -67,12 +67,11 @@ def paper(
     if json_file is not None:
         every = chain(*items.values(), *others.values())
         write_json(json_file, [item.as_json() for item in every])
-    if json_file == "-":
-        return
-    show(items, others)
-    written = [str(file) for file in drawings]
-    for name in [*written, view] if view is not None else written:
-        click.echo(f"wrote {name}")
+    if json_file != "-":
+        show(items, others)
+        for written in (*drawings, view):
+            if written is not None:
+                click.echo(f"wrote {written}")
 
 
 def _with_flights(sections: Sequence[Section]) -> Section:
@@ -83,19 +82,22 @@ def _with_flights(sections: Sequence[Section]) -> Section:
     return found[0]
 
 
-def _file(section: Section, folder: str | None) -> Path:
+def _file(section: Section, folder: str) -> Path:
+    """Return the file that a figure is drawn into."""
     name = section.name.lower().replace(". ", "_").replace("-", "_").replace("/", "_")
-    return Path(folder or "") / f"{name}.png"
+    return Path(folder) / f"{name}.png"
 
 
 @styled()
 def _figure(draw: Callable[[Figure], None]) -> Figure:
+    """Return a figure, drawn."""
     figure = Figure(figsize=(9, 5))
     draw(figure)
     return figure
 
 
 def _make_folder(name: str) -> None:
+    """Make a folder where it is missing; raise `InvalidInput` where that fails."""
     try:
         Path(name).mkdir(parents=True, exist_ok=True)
     except OSError as error:

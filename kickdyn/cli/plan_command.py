@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import click
 import numpy as np
@@ -182,28 +181,26 @@ def plan(
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
     if ball_height is None and ball_at is None:
         ball_height = _lying_height(leg, ball, offset)
-    kick = partial(
-        plan_kick,
-        leg,
-        goal,
-        ball,
-        _windy(AIRS[air], wind),
-        objective=(objective or KickObjective.JOINT_SPEED) if spread is None else "scatter",
-        spread=spread,
-        restitution=restitution,
-        friction=friction,
-        spin=spin or (0.0, 0.0, 0.0),
-        offset=offset,
-        ball_height=ball_height,
-        ball_at=ball_at,
-        limits=not no_limits,
-        arc=arc,
-        surface=surface,
-        swing=swing,
-    )
     try:
         with busy("planning the kick") as show:
-            planned = kick()
+            planned = plan_kick(
+                leg,
+                goal,
+                ball,
+                _windy(AIRS[air], wind),
+                objective=(objective or KickObjective.JOINT_SPEED) if spread is None else "scatter",
+                spread=spread,
+                restitution=restitution,
+                friction=friction,
+                spin=spin or (0.0, 0.0, 0.0),
+                offset=offset,
+                ball_height=ball_height,
+                ball_at=ball_at,
+                limits=not no_limits,
+                arc=arc,
+                surface=surface,
+                swing=swing,
+            )
             if swing:
                 show("planning the swing")
             swung = plan_swing(leg, planned) if swing else None

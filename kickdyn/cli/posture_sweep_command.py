@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 import xarray as xr
@@ -18,9 +18,7 @@ from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.impact.impact_result import Impact
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import IN_MEMORY, Grid, check_size, read_postures
 from kickdyn.sweeps.kick import Kick
@@ -30,13 +28,11 @@ from kickdyn.sweeps.summary import Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_report import ReportLine, as_json, extreme_lines, paper_lines, show
 
+if TYPE_CHECKING:
+    from kickdyn.view.page import Page
+
 KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 """Default grid of our legs: about to meet a ball on the ground before them."""
-
-COMPILING_AFTER = 1.0
-"""Time from which a sweep that has not begun is said to compile [s]."""
-
-Shown = tuple[Impact, Flight]
 
 
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
@@ -145,12 +141,17 @@ def posture_sweep(
             summary.add(block)
 
     lines = extreme_lines(leg, grid, kick, summary)
-    shown = _best_kick(lines, kick) if live or view is not None else None
+    made_page = _page(lines, kick) if live or view is not None else None
     if leg_name == "human":
         lines = [*paper_lines(leg, kick), *lines]
-    writers = _writers(summary, lines, shown, data, file, plot, view)  # before any is written
-    for write in writers:
-        write()
+    if plot is not None:
+        from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
+
+        save_figure(sweep_figure(summary, lines), plot)
+    if view is not None and made_page is not None:
+        made_page.save(view)
+    if file is not None and data is not None:
+        save_netcdf(data, file)
     if json_file is not None:
         kept = {} if keeps_postures else {"kept": summary.as_json()}
         write_json(json_file, {**as_json(leg, kick, summary, lines), **kept})
@@ -161,8 +162,8 @@ def posture_sweep(
         for name in (out, plot, view, json_file):
             if name is not None:
                 click.echo(f"wrote {name}")
-    if live and shown:
-        _serve(shown)
+    if live and made_page is not None:
+        _serve(made_page)
 
 
 def _check_files(
@@ -201,71 +202,36 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         TimeRemainingColumn,
     )
 
-    from kickdyn.core.compilation import busy
-
     columns = (
         TextColumn("postures"), BarColumn(8), TaskProgressColumn(show_speed=True),
         TimeRemainingColumn(compact=True), TextColumn("{task.fields[best]}"),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task, best = bar.add_task("sweep", total=size, best=""), -math.inf
-
-        def compiling() -> None:
-            if busy.is_set():
-                bar.update(task, best="compiling, this once")
+        task = bar.add_task("sweep", total=size, best="starting (the first sweep compiles)")
+        best = -math.inf
 
         def progress(count: int, speed: float) -> None:
             nonlocal best
             best = max(best, speed) if speed == speed else best
             bar.update(task, advance=count, best=f"best {best:.4g} m/s" if best > 0 else "")
 
-        timer = threading.Timer(COMPILING_AFTER, compiling)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield progress
-        finally:
-            timer.cancel()
+        yield progress
 
 
-def _writers(
-    summary: Summary,
-    lines: Sequence[ReportLine],
-    shown: Shown | None,
-    data: xr.Dataset | None,
-    file: str | None,
-    plot: str | None,
-    view: str | None,
-) -> list[Callable[[], None]]:
-    """Return functions that write the files; page and figure are made already."""
-    writers: list[Callable[[], None]] = []
-    if view is not None and shown:
-        from kickdyn.view.page import page
+def _page(lines: Sequence[ReportLine], kick: Kick) -> Page:
+    """Return the page of the best kick; raise `InvalidInput` where there is none."""
+    from kickdyn.view.page import page
 
-        writers.append(partial(page(*shown).save, view))
-    if plot is not None:
-        from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
-
-        writers.append(partial(save_figure, sweep_figure(summary, lines), plot))
-    if data is not None and file is not None:
-        writers.append(partial(save_netcdf, data, file))
-    return writers
-
-
-def _best_kick(lines: Sequence[ReportLine], kick: Kick) -> Shown:
-    """Return impact and flight of the best kick; raise `InvalidInput` where there is none."""
     for line in lines:
         impact = line.outcome.impact
         if impact is not None:
-            return impact, fly(impact.ball_after, kick.ball, kick.air)
+            return page(impact, fly(impact.ball_after, kick.ball, kick.air))
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
 
 
-def _serve(shown: Shown) -> None:
+def _serve(page: Page) -> None:
     """Serve the page of a kick until Ctrl-C."""
-    from kickdyn.view.page import page
-
-    with page(*shown).serve() as server:
+    with page.serve() as server:
         click.echo(f"showing the kick at {server.url} (this machine only) until Ctrl-C", err=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()

@@ -1,9 +1,11 @@
-"""Representation of results: a few lines in a terminal, a small table in Jupyter."""
+"""Representation of results in a terminal and in Jupyter, and equality by value."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +72,26 @@ class Printed:
     def _repr_html_(self) -> str:
         """Return the table in fixed pitch."""
         return f"<pre>{escape(str(self))}</pre>"
+
+
+class ValueEquality:
+    """Compares and hashes a frozen dataclass, declared with `eq=False`, by the values it has."""
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, type(self)):
+            return NotImplemented
+        return self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return the fields, arrays as tuples of shape and entries."""
+        values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
+        return tuple(
+            (value.shape, *value.ravel().tolist()) if isinstance(value, np.ndarray) else value
+            for value in values
+        )
 
 
 def format_value(value: object) -> str:

@@ -165,7 +165,7 @@ def _outside(
     ):
         for _, out in outside_ranges(height, velocity, share * spin, ball, air):
             outside[rows] |= out
-    outside[~(nodes[:, 0] > 0.0)] = False  # failed: nobody knows; or never flew
+    outside[~(nodes[:, 0] > 0.0)] = False  # it failed, or never flew
     return outside
 
 
@@ -213,12 +213,7 @@ def _dataset(
         ("landing_velocity", velocity, "m/s", "velocity at the landing"),
         ("landing_spin", nodes[:, 7:8] * states.spin, "rad/s", "spin at the landing"),
         ("evaluations", evaluations, "1", "evaluations of the acceleration"),
-        (
-            "outside",
-            outside,
-            "1",
-            "whether launch, apex or landing is out of a coefficient's range",
-        ),
+        ("outside", outside, "1", "launch, apex or landing is out of a coefficient's range"),
     ):
         dims = ("flight", "axis")[: values.ndim]
         data[name] = (dims, values, {"units": unit, "long_name": meaning})

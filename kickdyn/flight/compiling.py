@@ -25,10 +25,22 @@ from numba.core.dispatcher import Dispatcher
 from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core import lanes
+from kickdyn.core.lanes import HOW, LANES, inlined, mathematics
 from kickdyn.errors import InvalidInput
-from kickdyn.flight import lanes
-from kickdyn.flight.forces import forces, reynolds_number
-from kickdyn.flight.lanes import HOW, SIGNATURE, inlined, mathematics, side_by_side
+from kickdyn.flight.forces import Forces, Reynolds, forces, reynolds_number
+
+SIZE = 7 * LANES
+
+X, Y, Z, U, V, W, LEFT = (row * LANES for row in range(7))
+"""Rows of a state: displacement, velocity, spin over that of the launch. Rows of its rate alike."""
+
+HEIGHT, SPIN_X, SPIN_Y, SPIN_Z, DECAYS = (row * LANES for row in range(5))
+"""Rows of a scene: of the launch, the height and the spin; 1 where the spin decays, else 0."""
+
+_vector = numba.float64[::1]
+SIGNATURE: Any = numba.void(_vector, _vector, _vector)
+"""Of what `side_by_side` returns, the same for every ball and air: one integrator serves all."""
 
 _IN_MEMORY = 200
 """Compiled functions that are kept in memory; each takes some 100 kB."""
@@ -49,7 +61,7 @@ _compiled: dict[tuple[str, bool], Any] = {}
 
 @lru_cache(maxsize=16)
 def compiled_rates(ball: Ball, air: Air) -> Any:
-    """Return the rates of many flights side by side, `lanes.side_by_side`, as machine code.
+    """Return the rates of many flights side by side, `side_by_side`, as machine code.
 
     Raises:
         InvalidInput: wind or a coefficient is something that numba cannot compile.
@@ -69,6 +81,56 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
         forces(ball, whole), forces(ball, straight), reynolds_number(ball, air), bound
     )
     return _from_disk(rates, air)
+
+
+def side_by_side(
+    acting: Forces, straight: Forces, reynolds: Reynolds, bound: float
+) -> Callable[[Any, Any, Any], None]:
+    """Return a function of scene and state that fills in the rates of `LANES` states.
+
+    Args:
+        acting: the forces, as `forces` gives them.
+        straight: the same without branches, from the Reynolds number `bound` on.
+        reynolds: that number, as a function of height and velocity.
+        bound: 0 where `straight` and `acting` are the same.
+    """
+
+    def rates(scene: Any, state: Any, rate: Any) -> None:
+        for i in range(LANES):
+            left = state[LEFT + i]
+            ax, ay, az, k = straight(
+                scene[HEIGHT + i] + state[Z + i],
+                state[U + i],
+                state[V + i],
+                state[W + i],
+                left * scene[SPIN_X + i],
+                left * scene[SPIN_Y + i],
+                left * scene[SPIN_Z + i],
+            )
+            rate[X + i], rate[Y + i] = state[U + i], state[V + i]
+            rate[Z + i], rate[U + i] = state[W + i], ax
+            rate[V + i], rate[W + i] = ay, az
+            rate[LEFT + i] = -k * left * scene[DECAYS + i]
+        slow = 0
+        for i in range(LANES):
+            z = scene[HEIGHT + i] + state[Z + i]
+            slow += reynolds(z, state[U + i], state[V + i], state[W + i]) < bound
+        if slow == 0:
+            return
+        for i in range(LANES):
+            z = scene[HEIGHT + i] + state[Z + i]
+            u, v, w = state[U + i], state[V + i], state[W + i]
+            if reynolds(z, u, v, w) >= bound:
+                continue
+            left = state[LEFT + i]
+            ax, ay, az, k = acting(
+                z, u, v, w,
+                left * scene[SPIN_X + i], left * scene[SPIN_Y + i], left * scene[SPIN_Z + i],
+            )  # fmt: skip
+            rate[U + i], rate[V + i], rate[W + i] = ax, ay, az
+            rate[LEFT + i] = -k * left * scene[DECAYS + i]
+
+    return rates
 
 
 def _from_disk(rates: Callable[..., Any], air: Air) -> Any:

@@ -21,22 +21,12 @@ import numba
 import numpy as np
 from scipy.integrate import DOP853
 
+from kickdyn.core import lanes
 from kickdyn.core.compilation import compiled, named
-from kickdyn.flight import lanes
+from kickdyn.core.lanes import HOW, LANES, inlined, njit
+from kickdyn.flight import compiling
+from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, W, X, Z
 from kickdyn.flight.integrate import MAX_EVALUATIONS
-from kickdyn.flight.lanes import (
-    HOW,
-    LANES,
-    LEFT,
-    SIGNATURE,
-    SIZE,
-    U,
-    W,
-    X,
-    Z,
-    inlined,
-    njit,
-)
 
 LANDED, ALOFT, FAILED = 0, 1, 2
 
@@ -78,9 +68,9 @@ def compiled_march() -> Any:
         numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
         matrix, numba.int8[::1], numba.int64[::1],
     )  # fmt: skip
-    # numba looks for changes in this file only; the other is part of the name
-    source = Path(str(lanes.__file__)).read_bytes()
-    name = f"march_{zlib.crc32(source, MAX_EVALUATIONS):08x}"
+    # numba looks for changes in this file only; the others are part of the name
+    sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
+    name = f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}"
     return compiled(named(_march, name), signature, **HOW)
 
 
@@ -88,7 +78,7 @@ def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluati
     """Fly every row: load flights into lanes, step all lanes at once, see where each one stands.
 
     Args:
-        rates_of: the compiled rates, `lanes.side_by_side`.
+        rates_of: the compiled rates, `side_by_side`.
         scenes: per row height, spin (3), whether it decays, drop, absolute tolerance of
             displacement and of velocity.
         velocities: at the launch, shape `(n, 3)` [m/s].

@@ -1,1 +1,4 @@
-"""The instant of contact: impulse on the ball, impulses inside the leg, motion just after."""
+"""The instant when the foot hits the ball: impulses on the ball and in the leg, motion just after.
+
+Open `strike.py` first: it is the method in a few lines, from a posture to an `Impact`.
+"""

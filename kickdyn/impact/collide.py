@@ -61,18 +61,18 @@ class ContactSample(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Collision(ReprMixin):
-    """The result of a contact of finite stiffness, from touch to separation.
+    """The result of a contact of finite stiffness, from first contact to separation.
 
     Attributes:
         leg, ball, contact: as in the call.
         hertz: stiffness and damping.
         impulse: on the ball, shape `(3,)` [N s, world frame].
-        contact_time: from touch to separation [s].
+        contact_time: from first contact to separation [s].
         peak_force: largest contact force, friction included [N].
         deflection: largest, of ball and foot together [m].
         foot_displacement: of the contact frame meanwhile, shape `(3,)` [m, world frame].
         energy_lost: to damping and friction [J].
-        ball_before, ball_after: at touch and at separation; times count from the touch.
+        ball_before, ball_after: at first contact and at separation; times count from first contact.
         q_before, q_after: shape `(nq,)` [rad].
         v_before, v_after: shape `(nv,)` [rad/s].
         energy_residual: energy not accounted for, relative to the kinetic energy of the approach
@@ -143,7 +143,7 @@ class Collision(ReprMixin):
         """Return the contact at one time or many.
 
         Args:
-            t: since the touch, 0 to `contact_time`, a number or shape `(n,)` [s].
+            t: since first contact, 0 to `contact_time`, a number or shape `(n,)` [s].
 
         Raises:
             InvalidInput: a time outside the contact, or more than one dimension.
@@ -181,18 +181,18 @@ def collide(
     is not Newton's law then.
 
     Args:
-        posture: of the leg at touch, whose contact frame touches the ball.
-        v: joint velocity at touch, shape `(nv,)` [rad/s].
-        ball: its centre is at `contact point + radius * normal` at touch.
-        contact: normal at touch, restitution 0.01 or more, and friction. Sticking points creep, at
-            about a thousandth of the approach speed.
+        posture: of the leg at first contact, whose contact frame touches the ball.
+        v: joint velocity at first contact, shape `(nv,)` [rad/s].
+        ball: its centre is at `contact point + radius * normal` at first contact.
+        contact: normal at first contact, restitution 0.01 or more, and friction. Sticking points
+            creep, at about a thousandth of the approach speed.
         contact_time: for which the stiffness is chosen, exactly so if effective masses are
             constant and no other force acts [s]; `CONTACT_TIME`, 10 ms, by default.
         stiffness: [N/m^1.5], instead of `contact_time`.
-        torque: at the joints, shape `(nv,)` [N m; N], constant or a function of time since touch,
-            q and v; 0 by default.
-        ball_velocity: of its centre at touch, shape `(3,)` [m/s, world frame].
-        ball_spin: at touch, shape `(3,)` [rad/s, world frame].
+        torque: at the joints, shape `(nv,)` [N m; N], constant or a function of time since
+            first contact, q and v; 0 by default.
+        ball_velocity: of its centre at first contact, shape `(3,)` [m/s, world frame].
+        ball_spin: at first contact, shape `(3,)` [rad/s, world frame].
         tol: relative tolerance of the integrator, 1e-13 to 1e-3; above 1e-6 the energy lost is less
             exact than `error` says of the impulse.
 
@@ -251,7 +251,7 @@ def _hertz_contact(
 
 
 def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
-    """Return scipy's solution from touch to separation, or raise `KickdynError`."""
+    """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
     speed = approach.speed
     expected = expected_contact_time(
         motion.hertz.stiffness, mass, speed, approach.contact.restitution

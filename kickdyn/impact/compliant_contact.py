@@ -19,7 +19,7 @@ from kickdyn.impact.hertz import HertzContact
 from kickdyn.robot.leg import Workspace
 
 Torque = Callable[[float, Array, Array], ArrayLike]
-"""Joint torques as a function of time since touch, q and v."""
+"""Joint torques as a function of time since first contact, q and v."""
 
 CREEP = 1e-3
 """Share of the approach speed at which friction is 1/sqrt(2) of Coulomb's: an integrator needs it
@@ -34,7 +34,7 @@ class State(NamedTuple):
 
     Attributes:
         q, v: of the leg.
-        moved: displacement of the ball's centre since the touch [m].
+        moved: displacement of the ball's centre since first contact [m].
         velocity, spin: of the ball.
         lost: energy lost to damping and friction [J].
         work: of the joint torques, and of what maintains a particle's spin against friction [J].
@@ -68,10 +68,10 @@ class ContactKinematics(NamedTuple):
 
 
 class CompliantContact:
-    """Leg and ball from touch to separation, as a first-order system.
+    """Leg and ball from first contact to separation, as a first-order system.
 
-    The columns are the leg's displacement since the touch in the tangent space, its velocity, the
-    ball's displacement, velocity and spin, the energy lost, and the work done.
+    The columns are the leg's displacement since first contact in the tangent space, its velocity,
+    the ball's displacement, velocity and spin, the energy lost, and the work done.
     """
 
     def __init__(self, approach: Approach, hertz: HertzContact, torque: Array | Torque) -> None:
@@ -131,16 +131,16 @@ class CompliantContact:
         foot_point = rotation @ motion.linear + cross(spin, point)
         apart = state.velocity - height * cross(state.spin, normal) - foot_point
         rate = -float(normal @ apart)
-        return ContactKinematics(
-            normal, point, self.ball.radius - height, rate, apart + rate * normal
-        )
+        deflection, sliding = self.ball.radius - height, apart + rate * normal
+        return ContactKinematics(normal, point, deflection, rate, sliding)
 
-    def friction_force(self, contact: ContactKinematics, normal_force: float) -> Array:
-        """Return the friction on the ball [N] at a normal force: Coulomb's law, made smooth."""
+    def _forces(self, contact: ContactKinematics) -> tuple[float, Array]:
+        """Return the normal force and the friction on the ball [N]: Coulomb's law, made smooth."""
+        normal_force = self.hertz.force(contact.deflection, contact.rate)
         if self.friction == 0.0:
-            return np.zeros(3)
+            return normal_force, np.zeros(3)
         fast = math.hypot(*contact.sliding, self.creep)
-        return np.asarray(-self.friction / fast * normal_force * contact.sliding)
+        return normal_force, -self.friction / fast * normal_force * contact.sliding
 
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
@@ -153,8 +153,7 @@ class CompliantContact:
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)
         spring = self.hertz.spring(contact.deflection)
-        size = self.hertz.force(contact.deflection, contact.rate)
-        friction = self.friction_force(contact, size)
+        size, friction = self._forces(contact)
         force = size * contact.normal + friction
         moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, friction)
 
@@ -166,19 +165,11 @@ class CompliantContact:
         power = float(torque @ state.v)
         if ball.inertia == math.inf:  # a particle, whose spin stays
             power -= float(moment_on_ball @ state.spin)
-        acceleration = pin.aba(
-            self.model, self.data, state.q, state.v, torque, self._space.external
-        )
-        return np.concatenate(
-            [
-                self._displacement_rate(state),
-                acceleration,
-                state.velocity,
-                force / ball.mass + self.gravity,
-                moment_on_ball / ball.inertia,
-                [lost, power],
-            ]
-        )
+        external = self._space.external
+        acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, external)
+        of_leg = [self._displacement_rate(state), acceleration]
+        of_ball = [state.velocity, force / ball.mass + self.gravity, moment_on_ball / ball.inertia]
+        return np.concatenate([*of_leg, *of_ball, [lost, power]])
 
     def _torque_at(self, t: float, state: State) -> Array:
         """Return the joint torques [N m; N], checked if they are a function's."""
@@ -202,9 +193,8 @@ class CompliantContact:
     def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
         contact = self.kinematics(self.state(y))
-        size = self.hertz.force(contact.deflection, contact.rate)
-        force = size * contact.normal + self.friction_force(contact, size)
-        return force, self.impulse(t, y), contact.deflection
+        size, friction = self._forces(contact)
+        return size * contact.normal + friction, self.impulse(t, y), contact.deflection
 
     def foot_at(self, state: State) -> Array:
         """Return the position of the foot's contact point [m, world frame]."""

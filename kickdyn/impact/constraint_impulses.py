@@ -19,11 +19,10 @@ LEVEL = 0.01
 
 
 class Footing(StrEnum):
-    """What ground that can push but not pull lets a support do in an impact.
+    """Motion of a support in an impact, on ground that can push but not pull.
 
-    The foot lifts off where the ground would have to pull, slips where the impulse lies outside the
-    friction cone, and tips where it acts outside the sole; a sole that is not level is tilted, so
-    that nobody knows what it stands on.
+    It lifts off if the ground would have to pull, slips if the impulse lies outside the friction
+    cone, tips if it acts outside the sole, and is tilted (not judged) if its sole is not level.
     """
 
     STANDS = "stands"
@@ -80,10 +79,10 @@ def footings(
 
 
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
-    """Return what the ground would let a support do that the impact takes for fixed.
+    """Return how a support moves that the impact takes for fixed.
 
-    An impact is too short for weight to press the foot down, so nothing but the impulse itself
-    does. Friction's moment about the normal is not judged.
+    The impulse alone presses the foot down: an impact is too short for weight. Friction's moment
+    about the normal is not judged.
 
     Args:
         support: with friction and sole, or those of the two that are to be judged.

@@ -56,7 +56,7 @@ def matched_damping(restitution: float) -> float:
 
     Args:
         restitution: coefficient e, 0.01 to 1. The damping grows as 1/e, and so does a peak of force
-            at the touch that no ball has: the law is meant for e well above 0.01.
+            at first contact that no ball has: the law is meant for e well above 0.01.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -91,11 +91,9 @@ def contact_stiffness(
     time = validation.number("contact time", contact_time, above=0, unit="s")
     m = validation.number("mass", mass, above=0, unit="kg")
     speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
-    unit = _unit_contact_time(
-        validation.number("restitution", restitution, at_least=0.01, at_most=1)
-    )
+    e = validation.number("restitution", restitution, at_least=0.01, at_most=1)
     with np.errstate(over="ignore"):
-        stiffness = m / math.sqrt(speed) * float(np.float64(unit / time) ** 2.5)
+        stiffness = m / math.sqrt(speed) * float(np.float64(_unit_contact_time(e) / time) ** 2.5)
     return validation.number("stiffness for that contact time", stiffness, above=0, unit="N/m^1.5")
 
 
@@ -103,10 +101,8 @@ def expected_contact_time(
     stiffness: float, mass: float, approach_speed: float, restitution: float = 1.0
 ) -> float:
     """Return for how long two masses stay in contact [s]: the inverse of `contact_stiffness`."""
-    k = validation.number("stiffness", stiffness, above=0, unit="N/m^1.5")
-    m = validation.number("mass", mass, above=0, unit="kg")
-    speed = validation.number("approach speed", approach_speed, above=0, unit="m/s")
-    return float((m / k) ** 0.4 * speed**-0.2 * _unit_contact_time(restitution))
+    scale = (mass / stiffness) ** 0.4 * approach_speed**-0.2
+    return float(scale * _unit_contact_time(restitution))
 
 
 @lru_cache(maxsize=256)

@@ -165,7 +165,7 @@ class Impact(ReprMixin):
 
     @property
     def footing(self) -> dict[str, Footing]:
-        """What ground that pushes but does not pull would let each support do; see `Footing`.
+        """How each support moves on ground that can push but not pull; see `Footing`.
 
         Where a support does not stand, `unilateral_strike` computes what happens.
         """

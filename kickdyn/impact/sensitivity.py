@@ -54,10 +54,6 @@ zz of the inertia about the joint's origin [kg m2], in the joint's axes.
 Links count as in `leg.joint_names`; all else is in the world frame.
 """
 
-LINK_INERTIA = {"mass": ("kg", (0,)), "mass times centre": ("kg m", (1, 2, 3)),
-                "moments": ("kg m2", tuple(range(4, 10)))}  # fmt: skip
-"""Which of a link's ten numbers have which unit."""
-
 OF_LEG = ("q", "v", "link_mass", "link_inertia")
 """Sources that change the leg; the others cost a fraction."""
 
@@ -105,19 +101,10 @@ class Sensitivity(ReprMixin):
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
-            if source == "link_inertia":
-                for name, (unit, which) in LINK_INERTIA.items():
-                    part = rows.reshape(3, -1, 10)[:, :, which].reshape(3, -1)
-                    gain = float(np.linalg.norm(part, 2))
-                    yield f"impulse by {source}, {name}", gain, _per(unit)
-            else:
+            if unit := UNITS[source]:  # numbers of `link_inertia` have several
+                per = f"({unit})" if "/" in unit else unit
                 gain = float(np.linalg.norm(rows, 2))
-                yield f"impulse by {source}, at most", gain, _per(UNITS[source])
-
-
-def _per(unit: str) -> str:
-    """Return the unit of an impulse per unit of a source."""
-    return f"N s per ({unit})" if set("/ ") & set(unit) else f"N s per {unit}"
+                yield f"impulse by {source}, at most", gain, f"N s per {per}"
 
 
 def sensitivity(

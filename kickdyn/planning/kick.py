@@ -57,7 +57,7 @@ class KickPlan(ReprMixin):
         objective: that was made least, or most.
         value: of the objective.
         share: of the launch speed that is reached; 1 where the status is `met`.
-        impact_target: impulse, normal and place on the ball.
+        impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from there, to the target's plane or to the ground before it; of a pass,
             the course.
@@ -224,27 +224,22 @@ def plan_kick(
     check_unconstrained(leg, "kicks are planned")
     objective = _checked_objective(objective, spread, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)
-    place = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
+    offset = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
 
     if surface is None:
         launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
     else:
         launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
-    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, place)
+    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, offset)
     chain = kicking_chain(leg, branches=True)
     program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
     if spread is None:
         cost = program.cost(objective)
-        solution = program.solve(cost)
+        solution = _feasible(program, program.solve(cost))
     else:
         cost = scatter_cost(target, launch, air, spread)
         solution = _solve_scatter(program, cost)
-    if solution is None:
-        at = ball_position.tolist() if isinstance(ball_position, np.ndarray) else ball_position
-        where = "" if at is None else f" that touches a ball at {at} m"
-        why = explain_infeasible(chain.leg, target, ball_position, limits=limits, turn=turn)
-        raise InvalidInput(f"{leg.name} has no posture{where} from which it can kick so: {why}")
     static_share, phases = solution.share, None
     if swing:
         from kickdyn.planning.swing_kick import solve_with_swing
@@ -357,11 +352,22 @@ def _plan_pass_launch(
     )
 
 
-def _solve_scatter(program: KickProgram, cost: Cost) -> KickSolution | None:
+def _feasible(program: KickProgram, solution: KickSolution | None) -> KickSolution:
+    """Return a solution, or raise `InvalidInput` with the reason why there is none."""
+    if solution is not None:
+        return solution
+    at = program.ball_position
+    at = at.tolist() if isinstance(at, np.ndarray) else at
+    where = "" if at is None else f" that touches a ball at {at} m"
+    raise InvalidInput(
+        f"{program.leg.name} has no posture{where} from which it can kick so: "
+        f"{explain_infeasible(program)}"
+    )
+
+
+def _solve_scatter(program: KickProgram, cost: Cost) -> KickSolution:
     """Return the solution of least scatter near those of all other objectives."""
-    found = program.solve(program.cost(KickObjective.JOINT_SPEED))
-    if found is None:
-        return None
+    found = _feasible(program, program.solve(program.cost(KickObjective.JOINT_SPEED)))
     known = [found]
     if found.share == 1.0:  # the plan of another objective may scatter less, or lead to one
         names = set(KickObjective) - {KickObjective.JOINT_SPEED, KickObjective.SCATTER}

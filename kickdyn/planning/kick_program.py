@@ -85,6 +85,7 @@ class KickProgram:
 
     Attributes:
         leg: turned by `heading` [rad] to the left about the vertical.
+        heading: 0 but for a leg whose foot moves in a plane.
         directions: in which its foot can move at all, orthonormal rows.
         position_rows: directions in which the ball's position is given, as rows.
         contact_normal_cone: of the leg; no rows where that is unknown or the contact is elsewhere
@@ -102,7 +103,7 @@ class KickProgram:
         turn: bool = True,
     ) -> None:
         chain = kicking_chain(leg)
-        self.target, self.limits = target, limits
+        self.target, self.ball_position, self.limits = target, ball_position, limits
         self.names, self.qs, self.vs = chain.names, chain.qs, chain.vs
         self.n = len(self.names)
         self.lower, self.upper = chain.lower, chain.upper
@@ -120,7 +121,7 @@ class KickProgram:
             if self.heading:
                 self._set_leg(turn_leg(leg, self.heading))
         self._check_directions()
-        self.ball_centre, self.position_rows = self._position_constraint(ball_position)
+        self.ball_centre, self.position_rows = self._position_constraint()
 
     def posture(self, q: Array) -> Posture:
         """Return the posture for the coordinates of the joints that move the foot."""
@@ -255,8 +256,9 @@ class KickProgram:
                 "spin takes a foot that moves aside (a robot's leg, such as g1, does)"
             )
 
-    def _position_constraint(self, ball_position: float | Array | None) -> tuple[Array, Array]:
+    def _position_constraint(self) -> tuple[Array, Array]:
         """Return the ball's position and the directions in which it is given, as rows."""
+        ball_position = self.ball_position
         if ball_position is None:
             return np.zeros(3), np.zeros((0, 3))
         if isinstance(ball_position, float | int):
@@ -430,42 +432,36 @@ class ProgramPoint:
         return slope
 
 
-def explain_infeasible(
-    leg: Leg,
-    target: ImpactTarget,
-    ball_position: float | Array | None,
-    *,
-    limits: bool,
-    turn: bool,
-) -> str:
-    """Return why the program of the same arguments has no feasible point.
+def explain_infeasible(program: KickProgram) -> str:
+    """Return why a program has no feasible point.
 
     The limits are lifted first, and then the ball may lie elsewhere: the nearest place is named.
     """
-    if limits:
-        program = KickProgram(leg, target, ball_position, limits=False, turn=turn)
-        found = program.solve(Cost(lambda posture, v: float(v @ v)))
+    leg, target, wanted = program.leg, program.target, program.ball_position
+    if program.limits:
+        lifted = KickProgram(leg, target, wanted, limits=False)
+        found = lifted.solve(Cost(lambda posture, v: float(v @ v)))
         if found is not None:
-            needed = np.abs(program.torque(found.posture.q, np.zeros(program.leg.nv)))
-            own = leg.effort_limit[program.vs]
+            needed = np.abs(lifted.torque(found.posture.q, np.zeros(leg.nv)))
             weak = [
                 f"{name} takes {torque:.3g} N m and has {limit:.3g}"
-                for name, torque, limit in zip(program.names, needed, own, strict=True)
+                for name, torque, limit in zip(
+                    program.names, needed, program.torque_limit, strict=True
+                )
                 if torque > limit
             ]
-            still = f": held still, {', '.join(weak)}" if weak else ""
+            still = f": at rest, {', '.join(weak)}" if weak else ""
             return f"without its speed and torque limits it has one{still}"
-    if ball_position is not None:
-        program = KickProgram(leg, target, None, limits=limits, turn=turn)
-        axes = [2] if isinstance(ball_position, float) else [0, 1, 2]
+    if wanted is not None:
+        anywhere = KickProgram(leg, target, limits=program.limits)
 
         def distance(posture: Posture, v: Array) -> float:
-            off = program.ball_centre_at(posture)[axes] - ball_position
+            off = program.position_rows @ (anywhere.ball_centre_at(posture) - program.ball_centre)
             return float(off @ off)
 
-        found = program.solve(Cost(distance))
+        found = anywhere.solve(Cost(distance))
         if found is not None:
-            centre = np.round(program.ball_centre_at(found.posture), 6) + 0.0
+            centre = np.round(anywhere.ball_centre_at(found.posture), 6) + 0.0
             near = ", ".join(f"{part:.4g}" for part in centre)
             return f"the nearest ball found that it can kick so has its centre at ({near}) m"
     return "its joints' ranges allow none"

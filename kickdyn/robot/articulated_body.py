@@ -3,7 +3,7 @@ r"""Articulated-body algorithm: the Delassus matrix, and the response to an impu
 The joint-space inertia M of a short link before a long one is nearly singular, though its foot has
 an inverse mass like that of any leg: a small difference of what the rounding of M has lost. Here
 bodies are joined from the foot to the base (Featherstone, Rigid Body Dynamics Algorithms, 2008,
-chapter 7). The articulated inertia that a parent feels is
+chapter 7). The inertia that a body adds to its parent's is
 
 .. math:: A - A S\,(S^T A S + D_r)^{-1} S^T A
 
@@ -151,13 +151,13 @@ def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
 
 
 def _resisting(body: _Body, inertia: Array) -> Array:
-    """Return the inertia that the parent feels: without what the joint lets move."""
+    """Return the inertia that a body adds to its parent's: without the motion of its joint."""
     across, coupling = body.across, body.coupling
     kept = across.T @ inertia @ across - coupling @ body.solve(coupling.T.copy())
-    felt = across @ kept @ across.T
+    added = across @ kept @ across.T
     if body.rotor.any():  # a rotor resists along the joint too
         reflected = body.solve(np.diag(body.rotor)).T  # rotor D^-1
         aside = body.share.T @ reflected @ coupling.T @ across.T
-        felt += aside + aside.T
-        felt += body.share.T @ reflected @ (body.joint.T @ inertia @ body.joint) @ body.share
-    return np.asarray(felt)
+        added += aside + aside.T
+        added += body.share.T @ reflected @ (body.joint.T @ inertia @ body.joint) @ body.share
+    return np.asarray(added)

@@ -17,6 +17,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.representation import ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id, listed
@@ -40,7 +41,7 @@ LEAD = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class Support(ValueEquality):
     """A frame that stands on the ground and stays at rest while the ball is struck.
 
     Attributes:
@@ -88,17 +89,6 @@ class Support:
             )
         corners.setflags(write=False)
         return corners
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Support) and self._values() == other._values()
-
-    def __hash__(self) -> int:
-        return hash(self._values())
-
-    def _values(self) -> tuple[Any, ...]:
-        """Return what two supports that are equal have in common, which can be hashed."""
-        sole = None if self.sole is None else self.sole.tobytes()
-        return self.frame, self.point, self.friction, sole
 
     @property
     def size(self) -> int:
@@ -151,7 +141,7 @@ class Constraints:
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
-                raise InvalidInput(f"{' - '.join(sorted(ends))} is held twice: once will do")
+                raise InvalidInput(f"{' - '.join(sorted(ends))} is constrained twice: name it once")
         self._supported = [_place(model, support.frame) for support in supports]
         self._looped = [(_place(model, a), _place(model, b)) for a, b in loops]
         for support, place in zip(supports, self._supported, strict=True):

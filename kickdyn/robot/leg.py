@@ -70,6 +70,7 @@ class Leg(JointTable, ReprMixin):
         constraints: supports and loops; None without any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
+        workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class Leg(JointTable, ReprMixin):
         if supports or loops:
             self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
         self._options = (supports, loops, cone)
-        self._workspace = Workspace(self._model)
+        self.workspace = Workspace(self._model)
 
     @classmethod
     def human(cls) -> Leg:
@@ -288,7 +289,7 @@ class Leg(JointTable, ReprMixin):
         q, kept = self.check_configuration(q), [self.velocity_index(name) for name in keep]
         if self.constraints is None or not self.constraints.loops:
             return q
-        return self.constraints.close_loops(self._workspace.model, self._workspace.data, q, kept)
+        return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
 
     @property
     def model(self) -> Any:
@@ -296,11 +297,6 @@ class Leg(JointTable, ReprMixin):
         model = self._model.copy()
         model.gravity = self._gravity.copy()
         return model
-
-    @property
-    def workspace(self) -> Workspace:
-        """This thread's scratch space for Pinocchio's calls; every call overwrites it."""
-        return self._workspace
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model with the frame's name; the workspace is made anew."""
@@ -371,13 +367,8 @@ class Posture(ReprMixin):
             )
         self._whitened_jacobian: Array | None = None
         self._delassus_factor: Array | None = None
-        for array in (
-            self.q,
-            self.inertia,
-            self.contact_point,
-            self.jacobian,
-            self.rotation_world_joint,
-        ):
+        arrays = self.q, self.inertia, self.contact_point, self.jacobian
+        for array in (*arrays, self.rotation_world_joint):
             array.setflags(write=False)
 
     def with_contact_offset(self, offset: ArrayLike | None) -> Posture:
@@ -558,9 +549,8 @@ class Posture(ReprMixin):
             v, _ = lapack.dpotrs(self._cholesky, joint_impulse, lower=1)
             return np.asarray(v), np.zeros(0)
         whitened = blas.dtrsv(self._cholesky, joint_impulse, lower=1)
-        jump = blas.dtrsv(
-            self._cholesky, self.constraint_projector.project(whitened), lower=1, trans=1
-        )
+        allowed = self.constraint_projector.project(whitened)
+        jump = blas.dtrsv(self._cholesky, allowed, lower=1, trans=1)
         return np.asarray(jump), self.constraint_projector.impulses(whitened)
 
     def admissible(self, v: ArrayLike) -> Array:
@@ -574,21 +564,17 @@ class Posture(ReprMixin):
             return v
         # M v = L L^T v: the projection of L^T v loses the constraints' share
         whitened = blas.dtrmv(self._cholesky, v, lower=1, trans=1)
-        return np.asarray(
-            blas.dtrsv(
-                self._cholesky, self.constraint_projector.project(whitened), lower=1, trans=1
-            )
-        )
+        allowed = self.constraint_projector.project(whitened)
+        return np.asarray(blas.dtrsv(self._cholesky, allowed, lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
         """Raise `InvalidInput` if a joint velocity moves a support or opens a loop."""
-        if self.constraint_projector is None:
-            return
-        violation = self.constraint_projector.find_violation(v)
+        projector = self.constraint_projector
+        violation = None if projector is None else projector.find_violation(v)
         if violation is not None:
             name, speed, unit = violation
             raise InvalidInput(
-                f"v moves {name}, which is held, at {speed:.3g} {unit} in {self!r}: "
+                f"v moves {name}, a constraint of the leg, at {speed:.3g} {unit} in {self!r}: "
                 "Posture.admissible(v) gives the nearest velocity that does not"
             )
 

@@ -136,22 +136,19 @@ def _spread(inertia: Any) -> Array:
 def _check_limits(model: Any) -> None:
     """Raise `InvalidInput` for joint ranges, speed limits or armatures that make no sense."""
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    if np.isnan([lower, upper]).any():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: every limit must be a number"
-        )
-    if not (lower <= upper).all():
-        raise InvalidInput(
-            f"joint range is {lower.tolist()} to {upper.tolist()}: lower must not exceed upper"
-        )
-    if not (model.velocityLimit >= 0).all():
-        raise InvalidInput(
-            f"velocity limit is {model.velocityLimit.tolist()}: every entry must be 0 or more"
-        )
-    if not (np.isfinite(model.armature).all() and (model.armature >= 0).all()):
-        raise InvalidInput(
-            f"armature is {model.armature.tolist()}: every entry must be finite and 0 or more"
-        )
+    speed, armature = model.velocityLimit, model.armature
+    span = f"{lower.tolist()} to {upper.tolist()}"
+    for name, value, sound, valid in (
+        ("joint range", span, not np.isnan([lower, upper]).any(), "every limit must be a number"),
+        ("joint range", span, (lower <= upper).all(), "lower must not exceed upper"),
+        ("velocity limit", speed.tolist(), (speed >= 0).all(), "every entry must be 0 or more"),
+        (
+            *("armature", armature.tolist(), (np.isfinite(armature) & (armature >= 0)).all()),
+            "every entry must be finite and 0 or more",
+        ),
+    ):
+        if not sound:
+            raise InvalidInput(f"{name} is {value}: {valid}")
 
 
 def cholesky_with_condition(inertia: Array) -> tuple[Array, float]:
@@ -221,7 +218,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:
-    """Return the joints whose motion the joint-space inertia does not feel, or hardly.
+    """Return the joints along whose motion the joint-space inertia is singular, or nearly so.
 
     They are those with a share in its null vectors; or, if it has none, in the nearest to one.
 
@@ -230,14 +227,14 @@ def find_singular_joints(model: Any, inertia: Array) -> list[str]:
         inertia: shape `(nv, nv)`, not positive definite or nearly so.
     """
     diagonal = inertia.diagonal()
-    dead = diagonal <= 1e-14 * diagonal.max()  # moved without moving anything
-    scale = np.where(dead, 0.0, 1.0 / np.sqrt(np.where(dead, 1.0, diagonal)))
-    scaled = inertia * scale * scale[:, None] + np.diag(2.0 * dead)
+    massless = diagonal <= 1e-14 * diagonal.max()  # they move no inertia
+    scale = np.where(massless, 0.0, 1.0 / np.sqrt(np.where(massless, 1.0, diagonal)))
+    scaled = inertia * scale * scale[:, None] + np.diag(2.0 * massless)
     values, vectors = np.linalg.eigh(scaled)
     null = vectors[:, values <= max(1e-11, 10.0 * values[0])]
-    guilty = dead if dead.any() else (np.abs(null) > 0.1).any(axis=1)
+    singular = massless if massless.any() else (np.abs(null) > 0.1).any(axis=1)
     return [
         model.names[joint]
         for joint in range(1, model.njoints)
-        if guilty[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
+        if singular[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]].any()
     ]

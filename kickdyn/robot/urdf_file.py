@@ -61,8 +61,8 @@ def read_document(path: str | PathLike[str]) -> UrdfFile:
     except TypeError:
         raise InvalidInput(f"URDF path is {path!r}: it must be a str or a Path") from None
     root = _parse(read_text(file, source, MAX_BYTES, UrdfError), source)
-    # Written anew, so that Pinocchio's parser cannot read what ours did not: theirs keeps line
-    # ends inside a name, for one.
+    # Written anew, so that Pinocchio's parser reads exactly what was checked: by itself it keeps
+    # line ends inside a name, for one.
     text = ElementTree.tostring(root, encoding="unicode")
     return UrdfFile(text, file.resolve().parent, source)
 

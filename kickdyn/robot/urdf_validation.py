@@ -25,7 +25,7 @@ MAX_NAME = 200
 MOVING = ("revolute", "continuous", "prismatic")
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-"""A decimal number; each text matches in one way only, so that a long one takes no long time."""
+"""A decimal number; each text matches in one way only, so that a long one is read quickly."""
 
 _COUNTS = {
     **{("origin", key): 3 for key in ("xyz", "rpy")},

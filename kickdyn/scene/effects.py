@@ -35,8 +35,8 @@ class Effect:
     name: str
     is_in: Callable[[Scene], bool]
     without: Callable[[Scene, BallState], Scene]
-    bound: Callable[[Envelope], float] | None
-    reason: str
+    bound: Callable[[Envelope], float] | None = None
+    reason: str = ""
     through: tuple[str, ...] = ()
 
 
@@ -176,33 +176,19 @@ EFFECTS = (
         lambda envelope: envelope.shift(launch_error=envelope.launch_error),
         "twice what the strike changes while the foot moves on",
     ),
-    Effect(
-        "friction",
-        lambda scene: scene.contact.friction > 0.0,
-        _without_friction,
-        None,
-        "of foot and ball",
-    ),
+    Effect("friction", lambda scene: scene.contact.friction > 0.0, _without_friction),
     Effect(
         "ball rotation",
         lambda scene: scene.ball.inertia_factor < math.inf,
         lambda scene, _: scene.replace(ball=replace(scene.ball, inertia_factor=math.inf)),
-        None,
-        "a shell, not a particle",
     ),
     Effect(
-        "armature",
-        lambda scene: bool(scene.leg.workspace.model.armature.any()),
-        _without_rotors,
-        None,
-        "rotors behind the joints",
+        "armature", lambda scene: bool(scene.leg.workspace.model.armature.any()), _without_rotors
     ),
     Effect(
         "stance",
         lambda scene: scene.leg.constraints is not None and bool(scene.leg.constraints.supports),
         lambda scene, _: scene.replace(leg=scene.leg.with_supports()),
-        None,
-        "feet that support the robot",
     ),
     Effect(
         "drag",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course, follow
 from kickdyn.flight.forces import is_ballistic
 from kickdyn.impact.uncertainty import Uncertainty
-from kickdyn.scene.coarse_flight import coarse_end, refuses_extrapolation
+from kickdyn.scene.coarse_flight import CoarseEnd, coarse_end, refuses_extrapolation
 from kickdyn.scene.scene import FlightEnvironment
 
 ENDS = (FlightStatus.LANDED, FlightStatus.AT_PLANE, FlightStatus.AT_REST)
@@ -44,8 +44,6 @@ DIFFERENCE = 1e-2
 CONTACT_SAFETY = 20.0
 """Relative error of a compliant contact's launch over the integrator's tolerance, at most; the
 largest of some 140 random kicks was 13."""
-
-Ender = Callable[[BallState], tuple[BallState | None, int]]
 
 
 class FlightEnd(NamedTuple):
@@ -200,37 +198,31 @@ def end_slopes(
     """
     evaluations, last = 0, None
     for steps in SLOPE_STEPS:
-        found, more = _differences(launch, environment, partial(_in_steps, environment, steps))
+        find_end = partial(coarse_end, environment=environment, steps=steps)
+        found, more = _differences(launch, environment.ball.radius, find_end)
         evaluations += more
         if found is None:
             break
         if not confirm or (last is not None and _agree(last, found)):
-            return EndSlopes(*found, evaluations)
+            return EndSlopes(found[0], found[1], evaluations)
         last = found
-    found, more = _differences(launch, environment, partial(_exactly, environment))
+    find_end = partial(_known_end, environment=environment)
+    found, more = _differences(launch, environment.ball.radius, find_end)
     if found is None:
-        found = (np.full((3, 3), math.inf), np.full((3, 3), math.inf))
-    return EndSlopes(*found, evaluations + more)
+        found = np.full((2, 3, 3), math.inf)
+    return EndSlopes(found[0], found[1], evaluations + more)
 
 
-def _in_steps(
-    environment: FlightEnvironment, steps: int, launch: BallState
-) -> tuple[BallState | None, int]:
-    """Return the end by large steps, None where they do not suffice, and the evaluations."""
-    state, _, evaluations = coarse_end(launch, environment, steps)
-    return state, evaluations
-
-
-def _exactly(environment: FlightEnvironment, launch: BallState) -> tuple[BallState | None, int]:
-    """Return the end by the exact integrators, None where there is none, and the evaluations."""
+def _known_end(launch: BallState, environment: FlightEnvironment) -> CoarseEnd:
+    """Return the end by the exact integrators; its state is None where there is no end."""
     try:
         end = exact_end(launch, environment, SLOPE_TOL)
     except KickdynError:
-        return None, 0
-    return (end.state if end.ended else None), end.evaluations
+        return CoarseEnd(None, "", 0)
+    return CoarseEnd(end.state if end.ended else None, end.status, end.evaluations)
 
 
-def _agree(some: tuple[Array, Array], others: tuple[Array, Array]) -> bool:
+def _agree(some: Array, others: Array) -> bool:
     """Return whether two pairs of slopes are alike."""
     return all(
         float(np.linalg.norm(a - b)) <= AGREEMENT * float(np.linalg.norm(b))
@@ -239,26 +231,19 @@ def _agree(some: tuple[Array, Array], others: tuple[Array, Array]) -> bool:
 
 
 def _differences(
-    launch: BallState, environment: FlightEnvironment, end: Ender
-) -> tuple[tuple[Array, Array] | None, int]:
+    launch: BallState, radius: float, find_end: Callable[[BallState], CoarseEnd]
+) -> tuple[Array | None, int]:
     """Return the slopes by velocity and spin, None where an end is not known, and evaluations."""
-    base, evaluations = end(launch)
+    base, _, evaluations = find_end(launch)
     if base is None:
         return None, evaluations
-    found, speed = [], float(launch.speed)
-    for name, size in (("velocity", speed), ("spin", speed / environment.ball.radius)):
-        step, columns = DIFFERENCE * size, []
-        for axis in np.eye(3):
-            start: dict[str, Any] = {
-                "position": launch.position,
-                "velocity": launch.velocity,
-                "spin": launch.spin,
-            }
-            start[name] = start[name] + step * axis
-            moved, more = end(BallState(**start))
+    slopes, speed = np.zeros((2, 3, 3)), float(launch.speed)
+    for i, size in enumerate((speed, speed / radius)):
+        for k, axis in enumerate(DIFFERENCE * size * np.eye(3)):
+            velocity, spin = launch.velocity + axis * (i == 0), launch.spin + axis * (i == 1)
+            moved, _, more = find_end(BallState(launch.position, velocity, spin))
             evaluations += more
             if moved is None:
                 return None, evaluations
-            columns.append((moved.position - base.position) / step)
-        found.append(np.array(columns).T)
-    return (found[0], found[1]), evaluations
+            slopes[i, :, k] = (moved.position - base.position) / (DIFFERENCE * size)
+    return slopes, evaluations

@@ -17,7 +17,8 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.ground import Ground, Surface
+from kickdyn.ground import Ground
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg, Posture
 
@@ -54,7 +55,7 @@ class Scene(ReprMixin):
         v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s].
         ball: its centre is at `contact point + radius * normal`.
         contact: normal, restitution, friction and offset of the contact.
-        law: impact law, as for `strike`.
+        law: impact law, as for `strike`: `newton`, `stronge` or `paper`.
         contact_time: duration of a compliant contact, as for `collide` [s]; None is an instant. A
             compliant contact has no law, and a restitution of at least 0.01.
         ball_velocity: of the ball's centre before the contact, shape `(3,)` [m/s, world frame].
@@ -76,7 +77,7 @@ class Scene(ReprMixin):
     v: Array
     ball: Ball
     contact: Contact
-    law: str
+    law: ImpactLaw
     contact_time: float | None
     ball_velocity: Array
     ball_spin: Array
@@ -111,10 +112,12 @@ class Scene(ReprMixin):
         validation.check_type(Air, air=air, optional=True)
         validation.check_type(Ground, ground=ground, optional=True)
         validation.check_type(Plane, plane=plane, optional=True)
+        impact_law = validation.choice("law", law, ImpactLaw)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
-            for fault in compliant_contact_faults(law, contact.restitution):
-                raise InvalidInput(fault)
+            faults = compliant_contact_faults(impact_law, contact.restitution)
+            if faults:
+                raise InvalidInput(faults[0])
         posture = leg.posture(q)
         arrays = {
             "q": posture.q,
@@ -128,7 +131,7 @@ class Scene(ReprMixin):
             leg=leg,
             ball=ball,
             contact=contact,
-            law=law,
+            law=impact_law,
             contact_time=contact_time,
             air=air,
             ground=ground,
@@ -176,16 +179,13 @@ class Scene(ReprMixin):
     def _rows(self) -> Iterable[Row]:
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
-        speed = float(np.linalg.norm(self.posture.jacobian @ self.v))
         yield "contact point", self.posture.contact_point, "m"
-        yield "foot speed", speed, "m/s"
+        yield "foot speed", float(np.linalg.norm(self.posture.jacobian @ self.v)), "m/s"
         yield "ball", f"{self.ball.mass:.4g} kg, radius {self.ball.radius:.4g} m", ""
-        for name, motion, unit in (
-            ("ball's velocity", self.ball_velocity, "m/s"),
-            ("ball's spin", self.ball_spin, "rad/s"),
-        ):
-            if motion.any():
-                yield name, motion, unit
+        if self.ball_velocity.any():
+            yield "ball's velocity", self.ball_velocity, "m/s"
+        if self.ball_spin.any():
+            yield "ball's spin", self.ball_spin, "rad/s"
         yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
         if self.contact_time is None:
             yield "law", self.law, ""
@@ -194,19 +194,19 @@ class Scene(ReprMixin):
         if self.air is not None:
             acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
             yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""
-        if self.ground is not None:
-            surface = self.ground.surface
-            what = f", {surface.name}" if isinstance(surface, Surface) else ""
-            yield "ground", f"at {self.ground.height:.4g} m{what}", ""
-        if self.plane is not None:
-            yield "plane", repr(self.plane).removeprefix("Plane(").removesuffix(")"), ""
+        for name, part in (("ground", self.ground), ("plane", self.plane)):
+            if part is not None:
+                kind = type(part).__name__
+                yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""
 
 
-def compliant_contact_faults(law: str, restitution: float) -> list[str]:
+def compliant_contact_faults(law: ImpactLaw, restitution: float) -> list[str]:
     """Return a line for each value that does not go with a contact time."""
     lines = []
-    if law != "newton":
-        lines.append(f"law is {law!r}: a contact that takes time has no law, leave one of them out")
+    if law != ImpactLaw.NEWTON:
+        lines.append(
+            f"law is {law.value!r}: a contact that takes time has no law, leave one of them out"
+        )
     if restitution < LEAST_RESTITUTION:
         lines.append(
             f"restitution is {restitution:g}: in a contact that takes time it must be at least "

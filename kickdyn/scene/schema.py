@@ -16,13 +16,13 @@ from kickdyn.aerodynamics import drag, lift, spin_decay
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.scene.scene import compliant_contact_faults
 
 Check = Callable[[str, Any], Any]
 
-LAWS = ("newton", "stronge", "paper")
 REQUIRED = ("leg", "posture", "contact")
 
 
@@ -135,7 +135,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "side_deg": _number("deg", at_least=-180.0, at_most=180.0),
         "restitution": _number(at_least=0.0, at_most=1.0),
         "friction": _number(at_least=0.0),
-        "law": _choice(*LAWS),
+        "law": _choice(*ImpactLaw),
         "offset_m": _vector("m"),
         "contact_time_s": _number("s", above=0.0, at_most=0.1),
     },
@@ -158,7 +158,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
     },
     "uncertainty": {key: _number(unit, at_least=0.0) for key, (_, unit, _) in UNCERTAINTY.items()},
 }
-"""By section and key, the check of a value. Section "" is the top of the file."""
+"""By section and key, the check of a value. SectionValues "" is the top of the file."""
 
 ONE_OF = {
     "leg": ("model", "file", "robot"),
@@ -178,7 +178,7 @@ class FaultyValueError(Exception):
     """A value is needed that is faulty; its fault is listed already."""
 
 
-class Section(dict[str, Any]):
+class SectionValues(dict[str, Any]):
     """The valid values of a section.
 
     Attributes:
@@ -194,13 +194,15 @@ class Section(dict[str, Any]):
         return self.get(key, default)
 
 
-def check_document(document: Mapping[str, Any]) -> tuple[dict[str, Section], dict[str, list[str]]]:
+def check_document(
+    document: Mapping[str, Any],
+) -> tuple[dict[str, SectionValues], dict[str, list[str]]]:
     """Return the valid values of each section, and a line per fault by section.
 
     Args:
         document: as `tomllib` returns it.
     """
-    sections = {"": Section()}
+    sections = {"": SectionValues()}
     faults: dict[str, list[str]] = {name: [] for name in SECTIONS}
     for name, content in document.items():
         if name in SECTIONS[""]:
@@ -218,14 +220,14 @@ def check_document(document: Mapping[str, Any]) -> tuple[dict[str, Section], dic
         if name not in document:
             faults[name].append(f"section [{name}] is missing")
         if name not in sections:
-            sections[name] = Section()
+            sections[name] = SectionValues()
             sections[name].faulty = frozenset(SECTIONS[name])
     return sections, faults
 
 
-def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> Section:
+def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> SectionValues:
     """Return the valid values of a section; add a line per fault to `faults`."""
-    found = Section()
+    found = SectionValues()
     for key, value in content.items():
         name = f"{section}.{key}" if section else key
         if key not in SECTIONS[section]:
@@ -252,10 +254,12 @@ def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> 
     return found
 
 
-def _clashes(section: str, found: Section) -> list[str]:
+def _clashes(section: str, found: SectionValues) -> list[str]:
     """Return a line for each valid value that does not go with another."""
     if section == "contact" and "contact_time_s" in found:
-        return compliant_contact_faults(found.get("law", "newton"), found.get("restitution", 1.0))
+        return compliant_contact_faults(
+            ImpactLaw(found.get("law", "newton")), found.get("restitution", 1.0)
+        )
     if section == "air" and found.get("model") == "paper":
         weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in found)
         why = "is named with model 'paper', whose air is known: leave it out"

@@ -23,7 +23,13 @@ from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
-from kickdyn.scene.schema import UNCERTAINTY, FaultyValueError, Section, check_document, faults_of
+from kickdyn.scene.schema import (
+    UNCERTAINTY,
+    FaultyValueError,
+    SectionValues,
+    check_document,
+    faults_of,
+)
 
 MAX_BYTES = 100_000
 """Size of the largest scene file that is read."""
@@ -84,7 +90,7 @@ class _Builder:
     """
 
     def __init__(
-        self, sections: dict[str, Section], faults: dict[str, list[str]], folder: Path
+        self, sections: dict[str, SectionValues], faults: dict[str, list[str]], folder: Path
     ) -> None:
         self.sections, self.faults, self.folder = sections, faults, folder
 
@@ -99,12 +105,10 @@ class _Builder:
             v = self._make("posture", self._from_foot_velocity, supported, q, contact)
         else:
             v = self._make("posture", self._joint_velocity, leg)
-        parts = {
-            "ball": self._make("ball", self._ball),
-            "air": self._make("air", self._air),
-            "ground": self._make("ground", self._ground),
-            "plane": self._make("plane", self._plane),
-        }
+        parts: dict[str, Any] = {"ball": self._make("ball", self._ball)}
+        for name, make in (("air", self._air), ("ground", self._ground), ("plane", self._plane)):
+            if name in self.sections:
+                parts[name] = self._make(name, make)
         if any(self.faults.values()):
             return None
         return self._make("posture", lambda: self._scene(stem, supported, q, v, contact, **parts))
@@ -121,9 +125,9 @@ class _Builder:
             self.faults[section] += [f"{section}: {line}" for line in faults_of(error)]
             return None
 
-    def _section(self, name: str) -> Section:
+    def _section(self, name: str) -> SectionValues:
         """Return the valid values of a section; none where the file does not have it."""
-        return self.sections.get(name, Section())
+        return self.sections.get(name, SectionValues())
 
     def _leg(self) -> Leg:
         """Return the leg, without what is added to it."""
@@ -197,10 +201,8 @@ class _Builder:
         restitution, friction = contact.get("restitution", 1.0), contact.get("friction", 0.0)
         return Contact(normal, restitution, friction, contact.read("offset_m"))
 
-    def _air(self) -> Air | None:
-        """Return the air; None is the vacuum."""
-        if "air" not in self.sections:
-            return None
+    def _air(self) -> Air:
+        """Return the air, without the effects that are not named."""
         air = self._section("air")
         weather = [air.read(key) for key in ("altitude_m", "temperature_c", "pressure_pa")]
         here = (
@@ -210,17 +212,13 @@ class _Builder:
         wind, buoyancy = air.get("wind_m_s", (0.0, 0.0, 0.0)), air.get("buoyancy", False)
         return Air(here.density, here.viscosity, wind, **models, buoyancy=buoyancy)
 
-    def _ground(self) -> Ground | None:
+    def _ground(self) -> Ground:
         """Return the ground, at height 0 where no height is given."""
-        if "ground" not in self.sections:
-            return None
         ground = self._section("ground")
         return Ground(ground.read("height_m", 0.0), ground.read("surface"))
 
-    def _plane(self) -> Plane | None:
+    def _plane(self) -> Plane:
         """Return the plane."""
-        if "plane" not in self.sections:
-            return None
         plane = self._section("plane")
         reached_by = plane.read("reached_by", "front")
         return Plane(plane.read("point_m"), plane.read("normal"), reached_by)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.robot.leg import Leg
@@ -54,6 +55,7 @@ class ChunkSolver:
     """
 
     def __init__(self, leg: Leg, grid: Grid, kick: Kick, tolerance: float = 0.0) -> None:
+        tolerance = validation.number("tolerance", tolerance, at_least=0, unit="m")
         self._leg, self._grid, self._kick = leg, grid, kick
         windy = kick.air is not None and callable(kick.air.wind)
         few = grid.size < KERNEL_FROM

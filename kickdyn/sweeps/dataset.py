@@ -15,7 +15,6 @@ from kickdyn._version import __version__
 from kickdyn.air import Air
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.compiling import fingerprint
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.grid import DECIMALS, Grid
@@ -162,9 +161,11 @@ def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
         if name not in stored.coords:
             return f"it has no coordinate {name}"
         if not np.array_equal(stored[name].values, values.values):
-            one, other = _span(stored, str(name)), _span(wanted, str(name))
-            same = ", but not the same ones" if one == other else ""
-            return f"its {name} has {one}, this one's {other}{same}"
+            one, other = (np.atleast_1d(each[name].values) for each in (stored, wanted))
+            return (
+                f"its {name} has {len(one)} values from {one[0]:.6g} to {one[-1]:.6g}, this one's "
+                f"{len(other)} from {other[0]:.6g} to {other[-1]:.6g}, not all the same"
+            )
     for attribute, value in wanted.attrs.items():
         found = stored.attrs.get(attribute)
         if attribute != "finished" and found != value:
@@ -185,15 +186,6 @@ def _check_names(grid: Grid) -> None:
             )
 
 
-def _span(data: xr.Dataset, name: str) -> str:
-    """Return number, first and last of a joint's values as text."""
-    shown = f"{name}_deg" if f"{name}_deg" in data.coords else name
-    values, unit = data[shown].values, data[shown].attrs.get("units", "")
-    if len(values) == 1:
-        return f"1 value of {values[0]:.12g} {unit}"
-    return f"{len(values)} values from {values[0]:.12g} to {values[-1]:.12g} {unit}"
-
-
 def _model_text(leg: Leg) -> str:
     """Return every number of a leg's model, its supports and loops as a text."""
     constraints = leg.constraints
@@ -203,6 +195,8 @@ def _model_text(leg: Leg) -> str:
 
 def _air_hash(air: Air) -> str:
     """Return a hash of all digits and functions; empty where a function is not plain Python."""
+    from kickdyn.flight.compiling import fingerprint  # imports numba
+
     wind = air.wind if callable(air.wind) else tuple(air.wind.tolist())
     numbers = (air.density, air.viscosity, air.buoyancy)
     return fingerprint((*numbers, wind, air.drag, air.lift, air.torque)) or ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -31,8 +30,6 @@ DEFAULT_STEP_DEG = 10.0
 
 DECIMALS = 9
 """Decimals of an angle in degrees, so that it is 30, not 29.999999999999996."""
-
-_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(deg|degrees|°|rad|m|cm|mm)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +157,8 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
         )
         raise InvalidInput(
             f"the grid has {size:,} postures ({' x '.join(map(str, shape))}), which fill "
-            f"{_bytes(size)} and take about {_time(size)} of one core: {limit}, or take larger "
-            "steps"
+            f"{size * BYTES_PER_POSTURE / 1e9:,.1f} GB and take about {size / RATE:,.0f} s of one "
+            f"core: {limit}, or take larger steps"
         )
 
 
@@ -204,7 +201,7 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
-        raise InvalidInput(f"joint {text!r} cannot be read: {_no_number(parts)}") from None
+        raise InvalidInput(f"joint {text!r} cannot be read: write plain numbers [deg; m]") from None
     for number in numbers:
         validation.number(f"joint {name}", number)
     low, high, step = numbers if len(numbers) == 3 else (numbers[0], numbers[0], 1.0)
@@ -217,26 +214,13 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
     intervals = (high - low) / step * (1 + 1e-12) + 1e-9  # so that 0:1:0.1 ends at 1
     if intervals >= IN_MEMORY:
         raise InvalidInput(
-            f"joint {text!r} alone has {intervals + 1:.3g} values, which fill "
-            f"{_bytes(intervals)} and take about {_time(intervals)} of one core: at most "
-            f"{IN_MEMORY:,} can be swept, take a larger step"
+            f"joint {text!r} alone has {intervals + 1:.3g} values: at most {IN_MEMORY:,} can be "
+            "swept, take a larger step"
         )
     values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
     values = values if leg.joint_unit(name) == "m" else np.radians(values)
     _check_range(leg, name, values, "swept")
     return name, values
-
-
-def _no_number(parts: list[str]) -> str:
-    """Return what is wrong with the parts of a span, one of which is not a number."""
-    for part in parts:
-        if found := _UNIT.fullmatch(part.strip()):
-            advice = (
-                f"{part!r} has a unit: write plain numbers, in deg (in m for a prismatic joint)"
-            )
-            degrees = f"; {part} are {math.degrees(float(found[1])):.6g} deg"
-            return advice + (degrees if found[2] == "rad" else "")
-    return f"{':'.join(parts)!r} are not numbers"
 
 
 def _default_postures(leg: Leg) -> dict[str, Array]:
@@ -278,21 +262,3 @@ def _check_range(leg: Leg, name: str, values: Array, how: str) -> None:
             f"joint {name} is {how} {outside[0] * scale:g} {unit}: "
             f"its range is {low * scale:g} to {high * scale:g} {unit}"
         )
-
-
-def _bytes(postures: float) -> str:
-    """Return the size of the results as text."""
-    size = postures * BYTES_PER_POSTURE
-    for unit, scale in (("TB", 1e12), ("GB", 1e9)):
-        if size >= scale:
-            return f"{size / scale:,.3g} {unit}"
-    return f"{size / 1e6:,.3g} MB"
-
-
-def _time(postures: float) -> str:
-    """Return the time of the computation as text."""
-    seconds = postures / RATE
-    for unit, scale, least in (("days", 86400, 2 * 86400), ("hours", 3600, 3600)):
-        if seconds >= least:
-            return f"{seconds / scale:,.3g} {unit}"
-    return f"{seconds:,.3g} s"

@@ -1,7 +1,7 @@
 """From the joint-space inertia and the Jacobian to the impulse, many postures at once.
 
 `LANES` postures are computed side by side, so that each loop over them becomes vector instructions;
-a row of a matrix is `LANES` numbers, see `kickdyn.flight.lanes`. What cannot be computed to 1e-12
+a row of a matrix is `LANES` numbers, see `kickdyn.core.lanes`. What cannot be computed to 1e-12
 is marked in `doubt`, and is left to `kick_from`. Joints count from 1, as Pinocchio's do.
 
 Kernels must give the same bits whether they were compiled now or are read from the disk, or a
@@ -17,7 +17,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from kickdyn.flight.lanes import LANES, WITHIN
+from kickdyn.core.lanes import LANES, WITHIN
 
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 """How the kernels are compiled."""

@@ -22,10 +22,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn.core import lanes
 from kickdyn.core.compilation import compiled, named
+from kickdyn.core.lanes import LANES
 from kickdyn.core.validation import Array
-from kickdyn.flight import lanes
-from kickdyn.flight.lanes import LANES
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import (
     impact_kernel,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from kickdyn.flight.lanes import LANES
+from kickdyn.core.lanes import LANES
 from kickdyn.sweeps.impact_kernel import njit
 from kickdyn.sweeps.kernel_model import (
     ARMATURE,

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from kickdyn.flight.lanes import LANES
+from kickdyn.core.lanes import LANES
 from kickdyn.sweeps.impact_kernel import njit
 from kickdyn.sweeps.kernel_model import LIMIT
 from kickdyn.sweeps.kick import ROUNDING, UNLIMITED

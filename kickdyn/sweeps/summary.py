@@ -58,7 +58,7 @@ class Summary:
         self.units = {name: shown_unit(described, name) for name in self.joints}
         self.attributes, self.where = dict(described.attrs), where
         self.columns = (*self.joints, *VARIABLES)
-        self.counts = dict.fromkeys(PostureStatus, 0)
+        self.counts = {status.value: 0 for status in PostureStatus}
         self.residual, self.chosen, self.worst = math.nan, 0, -1
         self.best = self.sample = np.empty((0, len(self.columns)))
         self.best_numbers = np.empty(0, np.int64)
@@ -88,7 +88,7 @@ class Summary:
         flags = block["status"].values.ravel()
         found = np.bincount(flags + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
-            self.counts[status] += int(found[status.flag + 1])
+            self.counts[status.value] += int(found[status.flag + 1])
         for name in ("restitution_residual", "momentum_residual"):
             largest = np.fmax.reduce(block[name].values, axis=None)
             self.residual = float(np.fmax(self.residual, largest))

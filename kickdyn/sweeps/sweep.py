@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import pickle
@@ -10,9 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import (
     BrokenExecutor,
-    CancelledError,
     Executor,
-    Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
@@ -105,28 +104,18 @@ def sweep(
     validation.check_type(Kick, kick=kick)
     if sum(each is not None for each in (threads, workers, cluster)) > 1:
         raise InvalidInput("threads, workers and cluster exclude each other: give one of them")
+    if store is None and (resume or workers is not None or cluster is not None):
+        raise InvalidInput("resume, workers and cluster need a store: name it with store=")
     grid = Grid.of(leg, postures)
-    solver = ChunkSolver(leg, grid, kick, _checked_tolerance(tolerance))
+    solver = ChunkSolver(leg, grid, kick, tolerance)  # chooses the kernel
     described = describe(leg, grid, kick, solver.carry_tolerance)
     if store is None:
-        if resume or workers is not None or cluster is not None:
-            raise InvalidInput("resume, workers and cluster need a store: name it with store=")
         check_size(grid.shape, IN_MEMORY)
-        rows, status = np.empty((len(VARIABLES), grid.size)), np.empty(grid.size, np.int8)
-        for first, chunk_rows, chunk_status in _computed(solver, grid, threads, progress):
-            part = slice(first, first + len(chunk_status))
-            rows[:, part], status[part] = chunk_rows, chunk_status
-        return with_variables(described.assign_attrs(finished=1), rows, status)
+        return _in_memory(solver, grid, described, threads, progress)
     filled = SweepStore(store, described, solver.chunk, resume=resume)
     job = _StoreJob(Path(store).absolute(), leg, grid, kick, tolerance)
     with _resumable(filled, store), _pool(threads, workers, cluster) as pool:
-        missing = filled.missing()
-        if progress is not None:
-            progress(grid.size - sum(filled.chunks.span(k)[1] for k in missing), math.nan)
-        for count, speed in _in_order(pool, _task(job, pool), missing):
-            if progress is not None:
-                progress(count, speed)
-        filled.finish()
+        _fill_store(filled, job, pool, progress)
     return open_sweep(store)
 
 
@@ -144,13 +133,40 @@ def sweep_chunks(
     Arguments and errors are those of `sweep`. The chunks come in the order of the grid.
     """
     grid = Grid.of(leg, postures)
-    solver = ChunkSolver(leg, grid, kick, _checked_tolerance(tolerance))
+    solver = ChunkSolver(leg, grid, kick, tolerance)
     described = describe(leg, grid, kick, solver.carry_tolerance)
     chunks = Chunks.of(grid.shape, solver.chunk)
     computed = _computed(solver, grid, threads, progress)
     for k, (_, rows, status) in enumerate(computed):
         region = dict(zip(grid.axes, chunks.region(k), strict=True))
         yield with_variables(described.isel(region), rows, status)
+
+
+def _in_memory(
+    solver: ChunkSolver,
+    grid: Grid,
+    described: xr.Dataset,
+    threads: int | None,
+    progress: Progress | None,
+) -> xr.Dataset:
+    """Return the dataset of all postures of a grid."""
+    rows, status = np.empty((len(VARIABLES), grid.size)), np.empty(grid.size, np.int8)
+    for first, chunk_rows, chunk_status in _computed(solver, grid, threads, progress):
+        part = slice(first, first + len(chunk_status))
+        rows[:, part], status[part] = chunk_rows, chunk_status
+    return with_variables(described.assign_attrs(finished=1), rows, status)
+
+
+def _fill_store(store: SweepStore, job: _StoreJob, pool: _Pool, progress: Progress | None) -> None:
+    """Compute the missing chunks of a store."""
+    missing = store.missing()
+    if progress is not None:
+        progress(job.grid.size - sum(store.chunks.span(k)[1] for k in missing), math.nan)
+    if missing:
+        for count, speed in _in_order(pool, _task(job, pool), missing):
+            if progress is not None:
+                progress(count, speed)
+        store.finish()
 
 
 def _computed(
@@ -210,17 +226,17 @@ class _StoreJob:
 class _Pool:
     """Threads, processes or a cluster behind one interface, and how many work at a time."""
 
-    executor: Executor
+    submit: Callable[..., Any]
     size: int
     shares_memory: bool = False
 
 
 def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
     """Yield what a function returns for numbers, in their order; a few are computed ahead."""
-    waiting, under_way = iter(numbers), deque[Future[T]]()
+    waiting, under_way = iter(numbers), deque[Any]()
     while True:
         for number in islice(waiting, 2 * pool.size - len(under_way)):
-            under_way.append(pool.executor.submit(function, number))
+            under_way.append(pool.submit(function, number))
         if not under_way:
             return
         yield under_way.popleft().result()
@@ -243,7 +259,7 @@ def _pool(
         size = cores() if threads is None else threads
         executor = ThreadPoolExecutor(int(validation.number("threads", size, at_least=1)))
     try:
-        yield _Pool(executor, size, shares_memory=workers is None)
+        yield _Pool(executor.submit, size, shares_memory=workers is None)
     finally:
         executor.shutdown(cancel_futures=True)
 
@@ -264,15 +280,31 @@ def _cluster(address: str) -> Iterator[_Pool]:
     except (OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InvalidInput(f"no cluster answers at {address} ({reason})") from None
-    with client:
+    with _silenced("distributed"), client:  # of a scheduler that is lost it prints tracebacks
         try:
             client.wait_for_workers(1, timeout=CLUSTER_TIMEOUT)
         except TimeoutError:
             raise InvalidInput("the cluster has no workers") from None
         try:
-            yield _Pool(client.get_executor(pure=False), sum(client.nthreads().values()))
+            yield _Pool(partial(client.submit, pure=False), sum(client.nthreads().values()))
         except dask.KilledWorker as error:
             raise ChildProcessError(f"workers died again and again ({error})") from None
+        except (dask.client.FutureCancelledError, dask.comm.CommClosedError):
+            raise ConnectionError(f"lost the scheduler at {address}") from None
+
+
+@contextmanager
+def _silenced(package: str) -> Iterator[None]:
+    """Keep the loggers of a package from printing; several of them have levels of their own."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(package)]
+    levels = {name: logging.getLogger(name).level for name in names}
+    try:
+        for name in names:
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _ignore_interrupt() -> None:
@@ -313,11 +345,9 @@ def _resumable(store: SweepStore, path: str | PathLike[str]) -> Iterator[None]:
         if store.created and len(store.missing()) == len(store.chunks):
             store.remove()
         raise
-    except (KeyboardInterrupt, OSError, BrokenExecutor, CancelledError) as error:
-        reason = {
-            KeyboardInterrupt: "interrupted",
-            CancelledError: "the cluster is lost",
-        }.get(type(error), getattr(error, "strerror", None) or " ".join(str(error).split()))
+    except (KeyboardInterrupt, OSError, BrokenExecutor) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        reason = "interrupted" if isinstance(error, KeyboardInterrupt) else reason
         done = len(store.chunks) - len(store.missing())
         raise Unfinished(
             f"{reason}: {done} of {len(store.chunks)} chunks are in {path}, --resume goes on "
@@ -334,8 +364,3 @@ def _highest_speed(rows: Array, status: NDArray[np.int8]) -> float:
     """Return the highest ball speed among possible postures [m/s], nan without any."""
     possible = rows[_SPEED, status == PostureStatus.OK.flag]
     return float(possible.max()) if possible.size else math.nan
-
-
-def _checked_tolerance(tolerance: float) -> float:
-    """Return the tolerance of carries [m], or raise `InvalidInput`."""
-    return validation.number("tolerance", tolerance, at_least=0, unit="m")

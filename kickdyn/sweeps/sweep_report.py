@@ -240,11 +240,7 @@ def as_json(
 ) -> dict[str, object]:
     """Return the report as plain values."""
     where = {} if summary.where is None else {"where": summary.where, "chosen": summary.chosen}
-    counts = {
-        status.value: number
-        for status, number in summary.counts.items()
-        if status is not PostureStatus.NOT_COMPUTED
-    }
+    counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
         "postures": summary.postures,

@@ -19,6 +19,8 @@ UP = math.tan(math.radians(FIELD / 2))
 LEFT, RIGHT = 0.9 * UP, 1.6 * UP
 """Slopes that bound the scene, in a picture of 16 by 9 with a caption at its left."""
 
+UP_AXIS = np.array([0.0, 0.0, 1.0])
+
 TOP, BOTTOM = 0.85 * UP, 0.88 * UP
 SHARE = 0.36
 """Share of the picture's height that leg and ball fill at least, if any direction allows it."""
@@ -55,11 +57,8 @@ class Camera:
     def project(self, point: Array) -> Array:
         """Return where the picture shows a point: right and up, over its depth, shape `(2,)`."""
         into = self.target - self.position
-        into = into / np.linalg.norm(into)
-        right = np.cross(into, (0.0, 0.0, 1.0))
-        right /= np.linalg.norm(right)
-        ray = point - self.position
-        return np.array([ray @ right, ray @ np.cross(right, into)]) / (ray @ into)
+        seen = _axes(into / np.linalg.norm(into)) @ (point - self.position)
+        return np.asarray(seen[:2] / seen[2])
 
 
 def camera_for(
@@ -81,7 +80,8 @@ def camera_for(
     points = np.vstack([near, far] if marks is None else [near, far, marks])
     candidates = []
     for turn, tilt in product(TURNS[TURNS > BEHIND] if behind else TURNS, TILTS):
-        axes = _axes(forward, turn, tilt)
+        level = math.sin(turn) * forward + math.cos(turn) * np.cross(UP_AXIS, forward)
+        axes = _axes(math.cos(tilt) * level - math.sin(tilt) * UP_AXIS)
         position = _nearest_position(points @ axes.T)
         seen = near @ axes.T - position
         share = float(np.ptp(seen[:, 1] / seen[:, 2])) / (2 * UP)
@@ -109,12 +109,10 @@ def set_camera(viewer: Any, camera: Camera) -> None:
     lens.set_property("position", [x, z, -y])  # three.js has y up there
 
 
-def _axes(forward: Array, turn: float, tilt: float) -> Array:
-    """Return the camera's axes as rows: right, up, into the picture."""
-    up = np.array([0.0, 0.0, 1.0])
-    level = math.sin(turn) * forward + math.cos(turn) * np.cross(up, forward)
-    into = math.cos(tilt) * level - math.sin(tilt) * up
-    right = np.cross(level, up)
+def _axes(into: Array) -> Array:
+    """Return the axes of a camera that looks along a unit vector, as rows: right, up, into."""
+    right = np.cross(into, UP_AXIS)
+    right /= np.linalg.norm(right)
     return np.array([right, np.cross(right, into), into])
 
 

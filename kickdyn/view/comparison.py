@@ -37,12 +37,7 @@ X = np.array([1.0, 0.0, 0.0])
 
 
 def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) -> str:
-    """Draw the curves of flights over one lawn, and return their legend as HTML.
-
-    Args:
-        viewer: a `meshcat.Visualizer`.
-        paths: name to flight or course, 1 to 8, all along much the same direction.
-        title: plain text.
+    """Draw the curves of up to 8 flights over one lawn, and return their legend as HTML.
 
     Raises:
         InvalidInput: no flight, or too many.
@@ -66,8 +61,7 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
     for number, curve in enumerate(curves):
         width = 1.5 * THIN * camera.distance(curve)
         draw_curve(viewer[f"curve/{number}"], curve, width, sideways, COLOURS[number])
-    draw_ball(viewer["ball"], max(radius, 0.012 * size))
-    viewer["ball"].set_transform(tf.translation_matrix(start))
+    draw_ball(viewer["ball"], max(radius, 0.012 * size), start)
     stripe = stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
@@ -92,11 +86,6 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     """Draw legs at their impacts side by side along x, and return their numbers as HTML.
 
     Nothing moves, and all arrows are to one scale: on the ball, and through each joint.
-
-    Args:
-        viewer: a `meshcat.Visualizer`.
-        impacts: name to impact, 1 to 8.
-        title: plain text.
 
     Raises:
         InvalidInput: no impact, or too many; or a leg cannot be drawn, as `leg_parts` says.
@@ -134,8 +123,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     for number, (impact, shift) in enumerate(zip(impacts.values(), shifts, strict=True)):
         node = viewer[str(number)]
         node.set_transform(tf.translation_matrix(shift))
-        draw_ball(node["ball"], impact.ball.radius)
-        node["ball"].set_transform(tf.translation_matrix(impact.ball_before.position))
+        draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
         for arrow in impulse_arrows(impact, LEAST * most):
             draw_impulse(node[arrow.node], arrow, scale, layout, shift)
     width = float(np.ptp(points[:, 0]))
@@ -153,7 +141,7 @@ def _numbers(impact: Impact) -> str:
     )
 
 
-def _check_count(shown: Mapping[str, object]) -> None:
+def _check_count(subjects: Mapping[str, object]) -> None:
     """Raise `InvalidInput` unless a picture can show so many."""
-    if not 0 < len(shown) <= MOST:
-        raise InvalidInput(f"there are {len(shown)} to show: one page compares 1 to {MOST}")
+    if not 0 < len(subjects) <= MOST:
+        raise InvalidInput(f"there are {len(subjects)} to show: one page compares 1 to {MOST}")

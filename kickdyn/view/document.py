@@ -7,7 +7,6 @@ meshcat's own controls are hidden; `#controls` at the end of the page's address 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -21,7 +20,7 @@ from kickdyn.view.camera import LEFT, RIGHT, UP
 # A browser runs and loads what the page itself contains, and refuses everything else.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; connect-src {connect}"
+    "img-src data: blob:; connect-src 'none'"
 )
 
 _STYLE = """
@@ -90,7 +89,12 @@ viewer.set_3d_pane_size = () => {{
   lens.filmOffset = below.matches ? {aside} * lens.getFilmWidth() : 0;
   resize(width, height);
 }};
-{start}
+// In order and at once; meshcat's own export fetches each command on its own, in any order.
+for (const command of [
+{commands}
+]) {{
+  viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
+}}
 const at = /^#at=([0-9.]+)$/.exec(location.hash);
 if (at) {{
   viewer.animator.pause();
@@ -101,50 +105,23 @@ if (at) {{
 </html>
 """
 
-# In order and at once; meshcat's own export fetches each command on its own, in any order.
-_REPLAY = """for (const command of {commands}) {{
-  viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
-}}"""
-
-# Not every browser takes 'self' for websockets.
-_OWN_SOCKET = "ws://127.0.0.1:* ws://localhost:*"
-_CONNECT = 'viewer.connect("ws://" + location.host + "{path}");'
-
 
 class Recorder:
     """The window into which a `meshcat.Visualizer` draws: it has no socket, server or process.
 
     Attributes:
         web_url: the address that a `meshcat.Visualizer` reads; there is none.
-        listener: called with each new command, so that a server can send it to browsers.
+        commands: of the scene, packed, in order.
     """
 
     web_url = "in memory"
 
     def __init__(self) -> None:
-        self._commands: dict[tuple[str, str, str], bytes] = {}
-        self.listener: Callable[[bytes], None] | None = None
+        self.commands: list[bytes] = []
 
     def send(self, command: Any) -> None:
-        """Record a meshcat command in place of the one it supersedes."""
-        fields = command.lower()
-        kind, path = fields["type"], fields["path"]
-        packed = umsgpack.packb(fields)
-        if kind == "delete":
-            below = path.rstrip("/") + "/"
-            for key in list(self._commands):
-                if key[1] == path or key[1].startswith(below):
-                    del self._commands[key]
-        else:
-            key = (kind, path, fields.get("property", ""))
-            self._commands.pop(key, None)  # so that it comes last again
-            self._commands[key] = packed
-        if self.listener:
-            self.listener(packed)
-
-    def commands(self) -> list[bytes]:
-        """Return the packed commands that rebuild the scene, in order."""
-        return list(self._commands.values())
+        """Record a meshcat command."""
+        self.commands.append(umsgpack.packb(command.lower()))
 
 
 def recording_viewer() -> Any:
@@ -152,7 +129,7 @@ def recording_viewer() -> Any:
     return meshcat.Visualizer(window=Recorder())
 
 
-def static_document(viewer: Any, title: str, panel: str) -> str:
+def html_document(viewer: Any, title: str, panel: str) -> str:
     """Return a page that contains its scene.
 
     Args:
@@ -160,25 +137,14 @@ def static_document(viewer: Any, title: str, panel: str) -> str:
         title: plain text; it is escaped here.
         panel: HTML laid over the scene.
     """
-    texts = (f'"{base64.b64encode(command).decode()}"' for command in viewer.window.commands())
-    commands = "[\n" + ",\n".join(texts) + "\n]"
-    return _document(_REPLAY.format(commands=commands), title, panel, "'none'")
-
-
-def live_document(socket_path: str, title: str, panel: str) -> str:
-    """Return a page that receives its scene from the websocket `socket_path` of its server."""
-    return _document(_CONNECT.format(path=socket_path), title, panel, _OWN_SOCKET)
-
-
-def _document(start: str, title: str, panel: str, connect: str) -> str:
-    """Return the HTML whose script `start` fills the scene; `connect` are addresses it may call."""
+    commands = (f'"{base64.b64encode(each).decode()}"' for each in viewer.window.commands)
     return _PAGE.format(
-        policy=_POLICY.format(connect=connect),
+        policy=_POLICY,
         title=escape(title),
         style=_STYLE,
         panel=panel,
         engine=_engine(),
-        start=start,
+        commands=",\n".join(commands),
         panel_width=316,
         left=LEFT / UP,
         right=RIGHT / UP,

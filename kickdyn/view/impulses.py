@@ -59,12 +59,7 @@ def largest_impulse(impact: Impact) -> float:
 
 
 def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
-    """Return the arrows of a kick: the ball's first, then the joints', largest first.
-
-    Args:
-        impact: the impact.
-        least: impulse above which a joint gets an arrow [N s].
-    """
+    """Return the arrow of the ball, then those of joints above `least` [N s], largest first."""
     ball = Arrow("arrow", impact.posture.contact_point, impact.impulse, ARROW)
     joints = [
         Arrow(f"joint_arrows/{number}", start, impulse, JOINT)
@@ -77,14 +72,9 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
 def draw_impulse(
     viewer: Any, arrow: Arrow, scale: float, layout: LabelLayout, shift: Array | None = None
 ) -> None:
-    """Draw an arrow, and its impulse as a label where there is space for it.
+    """Draw an arrow, `scale` metres long per N s, and its label where there is space for it.
 
-    Args:
-        viewer: the arrow's own node.
-        arrow: what to draw.
-        scale: length of an arrow, over its impulse [m per N s].
-        layout: of the picture's labels.
-        shift: of the node's parent from the world, shape `(3,)` [m]; zero if not given.
+    `viewer` is the arrow's own node, whose parent is moved by `shift`, shape `(3,)` [m].
     """
     vector = scale * arrow.impulse
     draw_arrow(viewer, arrow.start, vector, arrow.colour)

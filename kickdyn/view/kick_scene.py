@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import meshcat.transformations as tf
@@ -19,7 +20,7 @@ from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.labels import LabelLayout
 from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.marks import draw_ball, draw_curve, draw_ground, draw_landing, draw_shadow
+from kickdyn.view.marks import CURVE, SHADOW, draw_ball, draw_curve, draw_disc, draw_ground
 from kickdyn.view.playback import GROWING, RATE, Pace, ball_pose, kick_pace, leg_configuration
 from kickdyn.view.wall_and_goal import Box, draw_box
 
@@ -84,9 +85,8 @@ def draw_kick(
     width = THIN * camera.distance(curve)
 
     set_stage(viewer, camera)
-    draw_ball(viewer["ball"], ball.radius)
-    viewer["ball"].set_transform(tf.translation_matrix(before.position))
-    draw_shadow(viewer["shadow"], ball.radius)
+    draw_ball(viewer["ball"], ball.radius, before.position)
+    draw_disc(viewer["shadow"], 0.8 * ball.radius, SHADOW, opacity=0.35)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
     layout = LabelLayout(camera)
     for arrow in arrows:
@@ -97,8 +97,8 @@ def draw_kick(
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
     stripe = stripe_width(float(np.hypot(*(curve[-1] - curve[0])[:2])) + size)
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
-    end = np.array([*curve[-1, :2], floor])
-    draw_landing(viewer["landing"], end, max(0.4 * ball.radius, 6 * float(width[-1])))
+    draw_disc(viewer["landing"], max(0.4 * ball.radius, 6 * float(width[-1])), CURVE)
+    viewer["landing"].set_transform(tf.translation_matrix([*curve[-1, :2], floor]))
     animation = _animation(viewer, impact, path, pace, floor, swing, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
     return pace, stripe
@@ -125,7 +125,7 @@ def stripe_width(extent: float) -> float:
 
 def box_corners(points: Array, radius: float) -> Array:
     """Return the corners of boxes around points, shape `(8 n, 3)`."""
-    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = np.array(list(product((-1, 1), repeat=3)))
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
 
 

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
 
-CURVE, ARROW = 0xE63946, 0x2456D6
+CURVE, ARROW, SHADOW = 0xE63946, 0x2456D6, 0x14301A
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 
@@ -50,14 +50,9 @@ def pose_of(rotation: Array, translation: Array) -> Array:
 
 
 def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach: float) -> None:
-    """Draw a level lawn, mown in stripes across the flight that fade with the distance.
+    """Draw a level lawn around `centre`, mown in stripes across the unit vector `forward`.
 
-    Args:
-        viewer: node to draw into.
-        centre: of the edge between two stripes, shape `(3,)` [m].
-        forward: horizontal unit vector across the stripes, shape `(3,)`.
-        stripe: width of one [m].
-        reach: where the last stripe fades out [m].
+    The stripes are `stripe` wide and fade out at the distance `reach` [m].
     """
     count = math.ceil(reach / stripe)
     edges = stripe * np.arange(-count, count + 1)
@@ -94,14 +89,10 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
 def draw_curve(
     viewer: Any, points: Array, radii: Array, sideways: Array, colour: int = CURVE
 ) -> None:
-    """Draw a tube over everything else, as WebGL draws lines one pixel thin.
+    """Draw a tube through points `(n, 3)` with radii `(n,)` [m], over everything else.
 
-    Args:
-        viewer: node to draw into.
-        points: shape `(n, 3)` [m].
-        radii: of the tube at each, shape `(n,)` [m].
-        sideways: unit vector roughly at right angles to the curve, shape `(3,)`.
-        colour: 0xRRGGBB.
+    A line would be one pixel thin in WebGL. The unit vector `sideways` is roughly at right angles
+    to the curve.
     """
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
     kept = np.concatenate([[True], moves > 1e-9 * np.abs(points).max()])
@@ -123,27 +114,17 @@ def draw_curve(
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
-def draw_landing(viewer: Any, point: Array, radius: float) -> None:
-    """Draw a disc on the ground."""
-    viewer.set_object(shapes.Cylinder(0.02 * radius, radius), shapes.MeshBasicMaterial(color=CURVE))
-    viewer.set_transform(pose_of(UPRIGHT[:3, :3], point))
-
-
-def draw_shadow(viewer: Any, radius: float) -> None:
-    """Draw the shadow of a ball of that radius, which shows its height over the ground."""
-    dark = shapes.MeshBasicMaterial(color=0x14301A, opacity=0.35)
-    viewer["disc"].set_object(shapes.Cylinder(0.02 * radius, 0.8 * radius), dark)
+def draw_disc(viewer: Any, radius: float, colour: int, opacity: float = 1.0) -> None:
+    """Draw a level disc: the landing, or the shadow that shows the ball's height."""
+    material = shapes.MeshBasicMaterial(color=colour, opacity=opacity)
+    viewer["disc"].set_object(shapes.Cylinder(0.02 * radius, radius), material)
     viewer["disc"].set_transform(UPRIGHT)
 
 
 def draw_arrow(viewer: Any, start: Array, vector: Array, colour: int = ARROW) -> None:
-    """Draw an arrow over everything else; its start is the origin of `viewer`.
+    """Draw an arrow from `start` along `vector`, not zero [m], over everything else.
 
-    Args:
-        viewer: node to draw into.
-        start: shape `(3,)` [m].
-        vector: from start to tip, not zero, shape `(3,)` [m].
-        colour: 0xRRGGBB.
+    The start is the origin of `viewer`, about which the arrow can be scaled.
     """
     length = float(np.linalg.norm(vector))
     shaft = shapes.Cylinder(NECK * length, SHAFT * length)
@@ -160,12 +141,13 @@ def _overlay(colour: int) -> Any:
     return shapes.MeshBasicMaterial(color=colour, transparent=True, depthTest=False)
 
 
-def draw_ball(viewer: Any, radius: float) -> None:
-    """Draw a ball around the origin of `viewer`, in panels that show its spin."""
+def draw_ball(viewer: Any, radius: float, position: Array) -> None:
+    """Draw a ball around the origin of `viewer`, which is at `position`; panels show its spin."""
     for name, colour in (("hexagons", HEXAGON), ("pentagons", PENTAGON)):
         vertices, faces = _panels()[name]
         mesh = shapes.TriangularMeshGeometry(radius * vertices, faces)
         viewer[name].set_object(mesh, shapes.MeshLambertMaterial(color=colour))
+    viewer.set_transform(tf.translation_matrix(position))
 
 
 @cache

@@ -94,34 +94,25 @@ def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangl
 def _stretch(filename: str, scale: object) -> Array:
     """Return the scale along each axis, shape `(3,)`."""
     try:
-        stretch = np.ones(3) if scale is None else np.asarray(scale, dtype=float)
-        if stretch.shape in ((), (3,)) and np.isfinite(stretch).all():
-            return np.broadcast_to(stretch, 3)
+        stretch = np.broadcast_to(np.asarray(1.0 if scale is None else scale, dtype=float), 3)
     except (TypeError, ValueError, OverflowError):
-        pass
-    raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
+        stretch = np.array([np.nan])
+    if not np.isfinite(stretch).all():
+        raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
+    return stretch
 
 
 def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:
     """Yield the surfaces at their positions in the scene, turned and scaled by `turn`."""
     import trimesh
 
-    total = 0
-    for node in scene.graph.nodes_geometry:
-        pose, name = scene.graph[node]
-        part = scene.geometry[name]
-        if not isinstance(part, trimesh.Trimesh):  # lines, or points
-            continue
-        total += len(part.vertices) + len(part.faces)
-        if total > MAX_VERTICES:
-            raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
-        faces = np.asarray(part.faces)
-        mirrored = np.linalg.det(pose[:3, :3]) < 0.0
-        yield Triangles(
-            (np.asarray(part.vertices) @ pose[:3, :3].T + pose[:3, 3]) @ turn.T,
-            faces[:, ::-1] if mirrored else faces,
-            _colour(part),
-        )
+    meshes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+    sizes = [len(m.vertices) + len(m.faces) for m in meshes if isinstance(m, trimesh.Trimesh)]
+    if sum(sizes) > MAX_VERTICES:
+        raise ValueError(f"it has more than {MAX_VERTICES} vertices and triangles")
+    for part in scene.dump():
+        if isinstance(part, trimesh.Trimesh):  # others are lines, or points
+            yield Triangles(part.vertices @ turn.T, np.asarray(part.faces), _colour(part))
 
 
 def _colour(part: object) -> Array | None:
@@ -173,7 +164,7 @@ def _check_parts(count: int) -> None:
 
 
 def _inside(filename: str, folder: Path) -> Path:
-    """Return the real path of a regular file under the folder, links followed."""
+    """Return the real path of a regular file of sane size under the folder, links followed."""
     root = folder.resolve()
     named = filename.removeprefix(PACKAGE)
     if "://" in named:
@@ -193,18 +184,13 @@ def _inside(filename: str, folder: Path) -> Path:
         )
     if not present:
         raise InvalidInput(f"mesh {filename!r} is missing from the URDF's folder {root}")
-    _check_regular(filename, present[0])
-    return present[0]
-
-
-def _check_regular(filename: str, path: Path) -> None:
-    """Raise `InvalidInput` unless a path is a regular file of a known format and sane size."""
-    if path.suffix.lower() not in FORMATS:
+    file, status = present[0], present[0].stat()
+    if file.suffix.lower() not in FORMATS:
         raise InvalidInput(f"mesh {filename!r} has no known ending: {', '.join(FORMATS)} are read")
-    status = path.stat()
     if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever
         raise InvalidInput(f"mesh {filename!r} is not a regular file")
     if status.st_size > MAX_BYTES:
         raise InvalidInput(
             f"mesh {filename!r} has {status.st_size} bytes: at most {MAX_BYTES} are read"
         )
+    return file

@@ -20,6 +20,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing import Swing
 from kickdyn.scene.scene import Scene
@@ -27,16 +28,16 @@ from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.simulation import Simulation
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
-from kickdyn.view.document import recording_viewer, static_document
+from kickdyn.view.document import html_document, recording_viewer
 from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.live import LiveServer
+from kickdyn.view.page_server import PageServer
 from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes
 
-Path3d = Flight | Course
-Comparable = Impact | Flight | Course | Pass
-Kick = Impact | KickPlan | Swing | Scene | Simulation
+_Path = Flight | Course
+_Comparable = Impact | Flight | Course | Launch | Pass
+_Kick = Impact | KickPlan | Swing | Scene | Simulation
 
 BEYOND = 10.0
 """How far ahead a plane is drawn that the ball does not reach, over the length of its path."""
@@ -64,7 +65,7 @@ class Page:
     @property
     def html(self) -> str:
         """The page as one file that needs no network."""
-        return static_document(self.viewer, self.title, self.panel)
+        return html_document(self.viewer, self.title, self.panel)
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
         """Write the page, or a picture of it where the name ends in `.png`.
@@ -84,8 +85,8 @@ class Page:
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
-    def serve(self, port: int = 0) -> LiveServer:
-        """Serve the page to browsers on this machine, which show what `viewer` draws later.
+    def serve(self, port: int = 0) -> PageServer:
+        """Serve the page to browsers on this machine.
 
         Args:
             port: 0 takes a free one.
@@ -96,7 +97,7 @@ class Page:
         Raises:
             InvalidInput: there is no such port, or it is not free.
         """
-        return LiveServer(self.viewer, self.title, self.panel, port)
+        return PageServer(self.html, port)
 
     def __repr__(self) -> str:
         """Return the title, for where HTML cannot be shown."""
@@ -111,8 +112,8 @@ class Page:
 
 
 def page(
-    shown: Kick | Comparable | Iterable[Comparable] | Mapping[str, Comparable],
-    path: Path3d | None = None,
+    subject: _Kick | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    path: _Path | None = None,
     *,
     caption: str = "",
     scenery: Sequence[Box] = (),
@@ -122,11 +123,11 @@ def page(
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan`, a `Swing`, a `Scene` or the
     `Simulation` of one. A scene is shown with its wall or goal, and its contact as an instant.
-    A `Flight`, `Course` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8 impacts
-    stand side by side, their impulses to one scale.
+    A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8
+    impacts stand side by side, their impulses to one scale.
 
     Args:
-        shown: one of these; or several flights, or several impacts, in a list or by their names.
+        subject: one of these; or several flights, or several impacts, in a list or by their names.
         path: of the ball after an `Impact`; without it the ball flies through `Air()`.
         caption: a line of plain text above the numbers.
         scenery: boxes beside a kick, as of `wall_boxes` and `goal_boxes`.
@@ -137,24 +138,26 @@ def page(
             visual of its URDF cannot be read or names a mesh that is missing or lies outside the
             URDF's folder; or a swing does not reach its impact.
     """
-    if path is not None and not isinstance(shown, Impact):
-        raise InvalidInput(f"path is named with a {type(shown).__name__}: it belongs to an Impact")
+    if path is not None and not isinstance(subject, Impact):
+        raise InvalidInput(
+            f"path is named with a {type(subject).__name__}: it belongs to an Impact"
+        )
     swing = None
-    if isinstance(shown, Scene):
-        shown = simulate_as_instant(shown)
-    if isinstance(shown, Swing):
-        if shown.status != "met":
-            raise InvalidInput(f"the swing does not reach this impact: {shown.limit}")
-        swing, shown = shown, shown.plan
-    if isinstance(shown, Simulation):
-        caption, scenery = _scene_caption(shown, caption), [*scenery, *_plane(shown)]
-        impact, path = _instant(shown)
-    elif isinstance(shown, KickPlan):
-        impact, path = shown.impact, shown.path
-    elif isinstance(shown, Impact):
-        impact = shown
+    if isinstance(subject, Scene):
+        subject = simulate_as_instant(subject)
+    if isinstance(subject, Swing):
+        if subject.status != "met":
+            raise InvalidInput(f"the swing does not reach this impact: {subject.limit}")
+        swing, subject = subject, subject.plan
+    if isinstance(subject, Simulation):
+        impact, path, caption, boxes = _of_scene(subject, caption)
+        scenery = [*scenery, *boxes]
+    elif isinstance(subject, KickPlan):
+        impact, path = subject.impact, subject.path
+    elif isinstance(subject, Impact):
+        impact = subject
     else:
-        return _comparison(shown, caption, height)
+        return _comparison(subject, caption, height)
     name = impact.posture.leg.name or "leg"
     if path is None:
         path = fly(impact.ball_after, impact.ball, Air())
@@ -165,16 +168,18 @@ def page(
 
 
 def _comparison(
-    shown: Comparable | Iterable[Comparable] | Mapping[str, Comparable], title: str, height: float
+    subject: _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    title: str,
+    height: float,
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
-    if isinstance(shown, Flight | Course | Pass):
-        shown = {type(shown).__name__.lower(): shown}
-    elif not isinstance(shown, Mapping):
-        if not isinstance(shown, Iterable) or isinstance(shown, str):
-            raise InvalidInput(f"a page cannot show a {type(shown).__name__}")
-        shown = {str(number): each for number, each in enumerate(shown, start=1)}
-    each = {name: one.course if isinstance(one, Pass) else one for name, one in shown.items()}
+    if isinstance(subject, Flight | Course | Launch | Pass):
+        subject = {type(subject).__name__.lower(): subject}
+    elif not isinstance(subject, Mapping):
+        if not isinstance(subject, Iterable) or isinstance(subject, str):
+            raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
+        subject = {str(number): each for number, each in enumerate(subject, start=1)}
+    each = {name: _path(one) for name, one in subject.items()}
     impacts = {name: one for name, one in each.items() if isinstance(one, Impact)}
     paths = {name: one for name, one in each.items() if isinstance(one, Flight | Course)}
     if len(each) != max(len(impacts), len(paths)):
@@ -186,36 +191,32 @@ def _comparison(
     return Page(viewer, title, panel, height=height)
 
 
-def _instant(simulation: Simulation) -> tuple[Impact, Path3d]:
-    """Return the impact and the ball's path of a scene that was simulated as an instant."""
-    if not isinstance(simulation.impact, Impact) or simulation.path is None:
+def _path(one: _Comparable) -> Impact | _Path:
+    """Return the flight of a launch, or the course of a pass; all else as it is."""
+    if isinstance(one, Launch):
+        return one.flight
+    return one.course if isinstance(one, Pass) else one
+
+
+def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str, list[Box]]:
+    """Return impact and path of a scene, its caption, and its wall or goal if it is in sight."""
+    impact, path, scene = simulation.impact, simulation.path, simulation.scene
+    if not isinstance(impact, Impact) or path is None:
         raise InvalidInput(
             "the impact of this Simulation takes time, or it has no path: show its Scene instead"
         )
-    return simulation.impact, simulation.path
-
-
-def _scene_caption(simulation: Simulation, caption: str) -> str:
-    """Return the name of a scene, and what its picture leaves out."""
-    text = caption or simulation.scene.name
+    caption = caption or scene.name
     if simulation.left_out:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
-        text += f", its contact shown as an instant: it ends {error}"
-    if simulation.scene.plane is not None and not _plane(simulation):
-        text += ", its plane out of the picture"
-    return text
-
-
-def _plane(simulation: Simulation) -> list[Box]:
-    """Return the wall or goal of a scene; none where it is behind the kick or far beyond it."""
-    _instant(simulation)
-    plane, ball, end = simulation.scene.plane, simulation.scene.ball, simulation.end.position
-    if plane is None:
-        return []
-    start = simulation.launch.position
-    boxes = plane_boxes(plane, end, min(start[2], end[2]) - ball.radius)
+        caption += f", its contact shown as an instant: it ends {error}"
+    if scene.plane is None:
+        return impact, path, caption, []
+    start, end = impact.ball_after.position, simulation.end.position
+    boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
     ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
     length = (end - start)[:2]
     is_near = 0.0 < float(ahead @ length) < BEYOND * float(length @ length)
-    return boxes if simulation.status == "at-plane" or is_near else []
+    if is_near or simulation.status == "at-plane":
+        return impact, path, caption, boxes
+    return impact, path, f"{caption}, its plane out of the picture", []

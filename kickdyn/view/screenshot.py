@@ -13,9 +13,6 @@ from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput, KickdynError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-SIZE = (1280, 720)
-"""Of the picture [px]."""
-
 TIMEOUT = 120.0
 """How long Chromium may take [s]."""
 
@@ -23,7 +20,7 @@ TIMEOUT = 120.0
 _FLAGS = (
     "--headless=new --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
     "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
-    "--no-first-run --virtual-time-budget=3000"
+    "--no-first-run --virtual-time-budget=3000 --window-size=1280,720"
 )
 
 
@@ -57,16 +54,13 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
         KickdynError: Chromium failed.
     """
     browser = find_browser(path)
+    # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
+    rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with replacing(path) as draft, tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
-        # Chromium's sandbox refuses to run as root; the page may load and call nothing anyway.
-        rooted = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-        command = [
-            *(browser, *_FLAGS.split(), *rooted, f"--user-data-dir={folder}/profile"),
-            *("--window-size={},{}".format(*SIZE), f"--screenshot={draft}"),
-            f"{page.as_uri()}#at={at:.6f}",
-        ]
+        files = [f"--user-data-dir={folder}/profile", f"--screenshot={draft}"]
+        command = [browser, *_FLAGS.split(), *rooted, *files, f"{page.as_uri()}#at={at:.6f}"]
         try:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:

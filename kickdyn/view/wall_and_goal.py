@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import meshcat.geometry as shapes
-import meshcat.transformations as tf
 import numpy as np
+import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.plane import Plane
+from kickdyn.view.marks import pose_of
 
 WALL, FRAME = 0x34506E, 0xF7F7F7
 
@@ -27,12 +29,12 @@ THICK, SLAB = 0.2, (4.0, 2.5)
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box that stands upright, unless it is tilted.
+    """A box.
 
     Attributes:
         centre: shape `(3,)` [m, world frame].
         size: along its heading, to its left, upwards, shape `(3,)` [m].
-        heading: from x normal y [rad].
+        heading: from x towards y [rad].
         colour: 0xRRGGBB.
         tilt: of its heading, upwards [rad].
         opacity: 1; below it, things behind the box are seen through it.
@@ -48,15 +50,11 @@ class Box:
     @property
     def pose(self) -> Array:
         """Homogeneous matrix, shape `(4, 4)` [m, world frame]."""
-        pose: Array = tf.rotation_matrix(self.heading, (0, 0, 1))
-        if self.tilt:
-            pose = pose @ tf.rotation_matrix(-self.tilt, (0, 1, 0))
-        pose[:3, 3] = self.centre
-        return pose
+        return pose_of(pin.rpy.rpyToMatrix(0.0, -self.tilt, self.heading), self.centre)
 
     def corners(self) -> Array:
-        """Return its corners, shape `(8, 3)` [m]."""
-        signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        """Return its corners, shape `(8, 3)` [m, world frame]."""
+        signs = np.array(list(product((-1, 1), repeat=3)))
         return np.asarray(self.centre + 0.5 * signs * self.size @ self.pose[:3, :3].T)
 
 
@@ -78,8 +76,8 @@ def wall_boxes(
     size = np.array([0.3, 0.9 * each, height])
     middle = foot + distance * ahead + np.array([0.0, 0.0, height / 2])
     return [
-        Box(middle + (number - (count - 1) / 2) * each * left, size, heading, WALL, opacity=SHEER)
-        for number in range(count)
+        Box(middle + side * each * left, size, heading, WALL, opacity=SHEER)
+        for side in np.arange(count) - (count - 1) / 2
     ]
 
 

@@ -93,7 +93,7 @@ def test_the_nearest_ball_within_reach_is_named(how):
 
 def test_joints_too_weak_to_hold_the_leg_are_named():
     said = refusal(changed(effortLimit=[1.0, 1.0, 1.0]), ball_height=-0.7)
-    assert "without its speed and torque limits it has one: held still, hip takes" in said
+    assert "without its speed and torque limits it has one: at rest, hip takes" in said
     assert "and has 1" in said
     assert "knee takes" in said
 

@@ -132,10 +132,10 @@ def test_rows_are_the_frames_velocities():
 
 def test_nothing_is_held_twice():
     for again in (FOOT, kd.Support(FOOT, point=True)):
-        with pytest.raises(kd.InvalidInput, match=f"{FOOT} is held twice"):
+        with pytest.raises(kd.InvalidInput, match=f"{FOOT} is constrained twice"):
             G1.with_supports(FOOT, again)
     hands = ("left_rubber_hand", "right_rubber_hand")
-    with pytest.raises(kd.InvalidInput, match="hand is held twice"):
+    with pytest.raises(kd.InvalidInput, match="hand is constrained twice"):
         G1.with_loops(hands, hands[::-1])
 
 
@@ -261,12 +261,12 @@ def test_velocity_that_moves_the_support_is_refused():
     contact = kd.Contact((1, 0, 0), 0.8)
     for strike in (kd.strike, kd.engine_strike):
         with pytest.raises(
-            kd.InvalidInput, match=rf"v moves {LEFT}, which is held, at \S+ rad/s in"
+            kd.InvalidInput, match=rf"v moves {LEFT}, a constraint of the leg, at \S+ rad/s in"
         ):
             strike(posture, v, kd.Ball(), contact)
     v = posture.admissible(np.ones(leg.nv))
     v[0] += 3
-    with pytest.raises(kd.InvalidInput, match=rf"{LEFT}, which is held, at \S+ m/s"):
+    with pytest.raises(kd.InvalidInput, match=rf"{LEFT}, a constraint of the leg, at \S+ m/s"):
         posture.check_velocity(v)
 
 
@@ -302,7 +302,7 @@ def test_a_chain_that_is_held_still_may_move_by_rounding():
         hit.impulse, rel=1e-12
     )
     v[posture.leg.velocity_index("left_knee_joint")] += 1e-6
-    with pytest.raises(kd.InvalidInput, match=f"v moves {LEFT}, which is held, at"):
+    with pytest.raises(kd.InvalidInput, match=f"v moves {LEFT}, a constraint of the leg, at"):
         posture.check_velocity(v)
 
 

@@ -31,6 +31,7 @@ def test_the_ball_lies_before_the_contact_point():
         ({"v": [1, 2]}, "v has shape"),
         ({"q": [1, np.nan, 2]}, "q is"),
         ({"contact_time": 0}, "contact time"),
+        ({"law": "none"}, "law is 'none'"),
         ({"ball_spin": [1, 2]}, "ball spin"),
     ],
 )

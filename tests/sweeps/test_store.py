@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 import pytest
 import xarray as xr
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
 
 import kickdyn as kd
 from kickdyn.sweeps import chunk_solver, sweep
@@ -24,7 +24,7 @@ LEG = kd.Leg.human()
 KICK = kd.Kick(speed=4.0, attack=0.0, friction=0.1, air=None)
 POSTURES = read_postures(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])
 LARGE = read_postures(LEG, ["hip=0:20:10", "knee=0:130:0.25", "ankle=-20:50:0.25"])
-"""Four chunks of the kernel."""
+"""Six chunks of the kernel."""
 
 SCRIPT = """
 import kickdyn as kd
@@ -127,10 +127,10 @@ def test_what_is_there_is_not_overwritten(tmp_path):
             "postures": dict(reversed(POSTURES.items()))
         },
         "its joints are hip, knee, ankle, this one's hip": {"postures": {"hip": [0.0, 0.1]}},
-        "its hip has 7 values from 0 to 90 deg, this one's 1 value of 0 deg": {
+        "its hip has 7 values from 0 to 1.5708, this one's 1 from 0 to 0": {
             "postures": POSTURES | {"hip": 0.0}
         },
-        "its knee has 7 values from 0 to 30 deg, this one's .* not the same ones": {
+        "its knee has 7 values from 0 to 0.523599, this one's .* not all the same": {
             "postures": POSTURES | {"knee": inside}
         },
         "its ball_inertia_factor is": {"kick": replace(KICK, ball=kd.Ball(inertia_factor=0.4))},
@@ -257,6 +257,33 @@ def test_a_cluster_fills_the_same_store(tmp_path, monkeypatch):
             with pytest.raises(kd.InvalidInput, match="a worker does not see"):
                 stored(tmp_path / "c.zarr", cluster=where)
         assert not (tmp_path / "c.zarr").exists()
+
+
+def test_a_scheduler_that_dies_leaves_what_can_be_resumed(tmp_path):
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard"]
+    command += ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(tmp_path / "where")]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as scheduler:
+        while not (tmp_path / "where").exists():
+            time.sleep(0.05)
+        where = json.loads((tmp_path / "where").read_text())["address"]
+        work = [sys.executable, "-m", "distributed.cli.dask_worker", where, "--nthreads", "1"]
+        work += ["--no-dashboard", "--no-nanny", "--death-timeout", "2"]
+        with subprocess.Popen(work, stderr=subprocess.DEVNULL, cwd=tmp_path) as worker:
+            with Client(where, set_as_default=False) as client:
+                client.wait_for_workers(1, timeout=60)
+            path = tmp_path / "s.zarr"
+            swept = [sys.executable, "-m", "kickdyn.posture_sweep", "--cluster", where]
+            swept += ["--speed", "4", "--tolerance", "0", "--out", str(path)]
+            for joint in ("hip=0:20:10", "knee=0:130:0.25", "ankle=-20:50:0.25"):
+                swept += ["--joint", joint]
+            with subprocess.Popen(swept, stderr=subprocess.PIPE, text=True) as lost:
+                while lost.poll() is None and not list(path.glob("status/c/*")):
+                    time.sleep(0.01)
+                scheduler.kill()
+                (said,) = lost.communicate()[1].splitlines()
+            assert re.search(r"lost the scheduler at .*: \d of 6 chunks .* --resume", said)
+            worker.kill()
+    assert computed(path) > 0
 
 
 def _unseen(job):

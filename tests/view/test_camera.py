@@ -65,7 +65,7 @@ def test_across_is_what_is_seen():
 def test_meshcat_sees_the_same():
     camera, viewer = camera_for(LEG, parabola(6, 1), X), recording_viewer()
     set_camera(viewer, camera)
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     values = {c["property"]: c["value"] for c in said if c["type"] == "set_property"}
     x, y, z = values["position"]  # y up
     shift = np.reshape(said[0]["matrix"], (4, 4)).T[:3, 3]

@@ -40,7 +40,7 @@ def test_the_foot_loses_what_the_ball_gets(kick):
 
 
 def labels_of(viewer):
-    commands = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    commands = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     return {c["path"] for c in commands if c["type"] == "set_object" and c["path"][-5:] == "label"}
 
 
@@ -55,7 +55,7 @@ def test_arrows_are_to_one_scale_with_a_label_at_their_tip(kick):
     ]
     for arrow in arrows:
         draw_impulse(viewer[arrow.node], arrow, 0.2, layout)
-    commands = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    commands = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     for arrow in arrows:
         path = f"/meshcat/{arrow.node}/"
         objects = {c["path"]: c["object"] for c in commands if c["type"] == "set_object"}

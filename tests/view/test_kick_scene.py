@@ -12,7 +12,7 @@ from kickdyn.view.kick_scene import draw_kick, stripe_width
 
 def film(viewer):
     """Return animation and settings: path to track name to (frames, values)."""
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (command,) = (c for c in said if c["type"] == "set_animation")
     tracks = {}
     for animation in command["animations"]:
@@ -78,7 +78,7 @@ def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
     for leg in (kd.Leg.human(), headed):
         viewer = recording_viewer()
         draw(viewer, make_kick(leg, 3.0))
-        said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+        said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
         shown.append(next(c["value"] for c in said if c.get("property") == "position"
                           and c["path"].startswith("/Cameras")))  # fmt: skip
     assert np.linalg.norm(shown[1]) > 1.2 * np.linalg.norm(shown[0])
@@ -89,7 +89,7 @@ def test_a_whole_swing_is_beside_the_caption():
     plan = kd.plan_kick(leg, kd.Goal(15, time=1), ball, kd.Air(), swing=True)
     swing, viewer = kd.plan_swing(leg, plan), recording_viewer()
     draw_kick(viewer, plan.impact, plan.path, swing=swing)
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (shift,) = (c["matrix"] for c in said if c.get("path") == "/meshcat" and "matrix" in c)
     target = -np.reshape(shift, (4, 4)).T[:3, 3]
     (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
@@ -102,7 +102,7 @@ def test_a_whole_swing_is_beside_the_caption():
 
 
 def test_the_ball_rests_on_the_ground(scene, kick):
-    said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands]
     (ground,) = (c["matrix"] for c in said
                  if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
     assert ground[14] == pytest.approx(kick[0].ball_after.position[2] - kick[1].radius)
@@ -112,7 +112,7 @@ def test_a_flight_to_lower_ground_ends_on_it(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 5.0)
     viewer = recording_viewer()
     draw_kick(viewer, hit, kd.fly(hit.ball_after, ball, ground=kd.Ground(-3.0)))
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (ground,) = (c["matrix"] for c in said
                  if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
     assert ground[14] == pytest.approx(-3.0)

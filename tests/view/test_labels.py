@@ -16,7 +16,7 @@ def test_a_label_is_a_sprite_with_its_text():
     viewer = recording_viewer()
     label = Label("1.2 <N> & s", 0xFF8800)
     viewer["x"].set_object(label)
-    (said,) = (umsgpack.unpackb(packed)["object"] for packed in viewer.window.commands())
+    (said,) = (umsgpack.unpackb(packed)["object"] for packed in viewer.window.commands)
     head, body = said["images"][0]["url"].split(",")
     assert head == "data:image/svg+xml;base64"
     drawn = ET.fromstring(base64.b64decode(body))  # ours, just made

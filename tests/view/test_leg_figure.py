@@ -81,7 +81,7 @@ def test_drawing():
     leg, viewer = kd.Leg.human(), recording_viewer()
     q = leg.configuration({"hip": 0.3})
     draw_leg(viewer["leg"], leg, q)
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     objects = [command for command in said if command["type"] == "set_object"]
     assert len(objects) == len(leg_parts(leg)) == 7
     assert {command["object"]["materials"][0]["color"] for command in objects} == {
@@ -115,7 +115,7 @@ def test_names_are_no_paths(load, spoil):
                      ('link="thigh"', f'link="{evil}"')))  # fmt: skip
     viewer = recording_viewer()
     draw_leg(viewer["leg"], leg, np.zeros(2))
-    paths = {umsgpack.unpackb(packed)["path"] for packed in viewer.window.commands()}
+    paths = {umsgpack.unpackb(packed)["path"] for packed in viewer.window.commands}
     assert paths == {"/meshcat/leg/1/0", "/meshcat/leg/0", "/meshcat/leg/1", "/meshcat/leg/2"}
 
 

@@ -10,7 +10,7 @@ def drawn(draw, *args):
     """Draw into a fresh viewer; return the positions of all triangular meshes, and all said."""
     viewer = recording_viewer()
     draw(viewer["x"], *args)
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     meshes = []
     for command in said:
         for geometry in command.get("object", {}).get("geometries", ()):
@@ -87,8 +87,8 @@ def test_upright_turns_y_to_z():
 
 def panels(radius):
     viewer = recording_viewer()
-    marks.draw_ball(viewer, radius)
-    for packed in viewer.window.commands():
+    marks.draw_ball(viewer, radius, np.zeros(3))
+    for packed in viewer.window.commands[:2]:
         command = umsgpack.unpackb(packed)
         data = command["object"]["geometries"][0]["data"]
         vertices = np.frombuffer(data["attributes"]["position"]["array"].data, dtype=np.float32)

@@ -210,7 +210,8 @@ def test_flights_courses_and_passes_are_curves(commands_of):
     path = kd.fly(kd.BallState(velocity=(20, 0, 9)), ball)
     launch = kd.BallState((0, 0, ball.radius), (5.0, 0, 0))
     course = kd.follow(launch, ball, None, ground)
-    for shown, count in ((path, 1), (course, 1), ([path, course], 2), ({"a": path}, 1)):
+    found = kd.plan_launch(kd.Goal(10, time=1), ball, kd.Air())
+    for shown, count in ((path, 1), (course, 1), ([path, course], 2), ({"a": path}, 1), (found, 1)):
         commands = commands_of(kd.page(shown).html)
         curves = [c for c in commands if c["path"].startswith("/meshcat/curve")]
         assert len(curves) == count

@@ -30,7 +30,7 @@ def test_a_box_is_drawn_where_its_corners_are():
     box = wall_boxes(np.zeros(3), np.array([0.6, 0.8, 0.0]), 5.0, 2.0, 0.5)[0]
     viewer = recording_viewer()
     draw_box(viewer["box"], box)
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     (shape,) = [c["object"]["geometries"][0] for c in said if c["type"] == "set_object"]
     assert [shape["width"], shape["height"], shape["depth"]] == box.size.tolist()
     (place,) = [c["matrix"] for c in said if c["type"] == "set_transform"]
@@ -43,7 +43,7 @@ def test_what_is_behind_a_wall_is_seen_through_it_and_a_goal_is_solid():
     viewer = recording_viewer()
     draw_box(viewer["wall"], wall_boxes(np.zeros(3), np.array([1.0, 0.0, 0.0]), 5.0, 2.0, 0.5)[0])
     draw_box(viewer["goal"], goal_boxes(np.zeros(3), 20.0)[0])
-    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands()]
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     looks = [c["object"]["materials"][0] for c in said if c["type"] == "set_object"]
     assert [look["transparent"] for look in looks] == [True, False]
     assert looks[0]["opacity"] < 0.6

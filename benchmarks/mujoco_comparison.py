@@ -1,6 +1,6 @@
-"""Kick with MuJoCo, the contact made stiffer and stiffer: it approaches the instant of `strike`.
+"""Compare MuJoCo with `strike` for contacts of increasing stiffness.
 
-    python benchmarks/mujoco_witness.py
+    python benchmarks/mujoco_comparison.py
 
 The human leg without gravity, the ball at rest. MuJoCo integrates leg and ball through a contact of
 finite stiffness; what the ball has gained when it is free is compared with the impulse of the law
@@ -126,7 +126,7 @@ def table(stiffnesses: tuple[float, ...] = STIFFNESSES, dt: float = STEP) -> dic
         for kick in (*KICKS, SLIDING)
     }
     limit, hit = relaxed(SLIDING), ours(SLIDING)
-    rows["the same, from MuJoCo's own limit"] = [
+    rows["the same, against MuJoCo's own limit"] = [
         100 * apart(mujoco_kick(hit, stiffness, dt)(), limit) for stiffness in stiffnesses
     ]
     return rows

@@ -1,4 +1,4 @@
-"""MuJoCo's simulation approaches the instant impact as its contact gets stiffer."""
+"""MuJoCo's simulation approaches the instantaneous impact with increasing stiffness."""
 
 import importlib.util
 from pathlib import Path
@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the witness is MuJoCo")
+pytest.importorskip("mujoco", reason="needs MuJoCo")
 
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "benchmarks" / "mujoco_witness.py"
-spec = importlib.util.spec_from_file_location("mujoco_witness", SCRIPT)
+SCRIPT = ROOT / "benchmarks" / "mujoco_comparison.py"
+spec = importlib.util.spec_from_file_location("mujoco_comparison", SCRIPT)
 witness = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(witness)
 

@@ -1,34 +1,14 @@
 """Many flights side by side: none knows of its neighbours."""
 
-import math
-
-import mpmath
-import numba
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.flight import lanes
+from kickdyn.core.lanes import LANES
 from kickdyn.flight.batch import fly_many
 from kickdyn.flight.flight_result import outside_ranges
-from kickdyn.flight.lanes import LANES, mathematics
 
 BALL, AIR = kd.Ball(), kd.Air()
-
-
-@numba.njit
-def exp(x):
-    return lanes.exp(x)
-
-
-def test_exp_is_right_to_the_last_digits():
-    for x in np.concatenate([np.linspace(-708, 709, 2001), np.linspace(-1, 1, 500), [0.0, -0.0]]):
-        exact = mpmath.exp(mpmath.mpf(float(x)))
-        assert abs(mpmath.mpf(exp(float(x))) / exact - 1) < 4e-16
-    assert exp(0.0) == 1.0
-    assert (exp(-709.0), exp(-math.inf), exp(709.5), exp(math.inf)) == (0, 0, math.inf, math.inf)
-    assert math.isnan(exp(math.nan))
-    assert mathematics.sin is math.sin
 
 
 def mixed(n):

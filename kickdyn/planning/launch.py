@@ -234,7 +234,7 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
     for time in goal.nominal_times():
         one = solve_launch(problem, goal, nominal_velocity(goal.target, time), time)
         if one.converged and one.trajectory is not None:
-            falls = float(one.trajectory.place(one.time)[1][2]) <= 1e-9
+            falls = float(one.trajectory.state(one.time)[1][2]) <= 1e-9
             found += [one] if goal.apex is None or falls else []
     return distinct(found)
 

@@ -36,9 +36,9 @@ def reachable(n: int, seed: int = 1) -> list[tuple[kd.Goal, kd.Air, np.ndarray]]
         shot = ShootingProblem(BALL, air, spin).shoot(
             velocity, 2 * velocity[2] / 9.81 * draw.uniform(0.6, 1)
         )
-        if shot is None or shot.place(shot.time)[1][2] >= 0:
+        if shot is None or shot.state(shot.time)[1][2] >= 0:
             continue
-        target = shot.place(shot.time)[0]
+        target = shot.state(shot.time)[0]
         part = 0.4 * math.hypot(*target[:2])
         ahead = np.array([target[0], target[1], 0.0]) / math.hypot(*target[:2])
         kind = ("time", "apex", "speed", "over")[len(goals) % 4]

@@ -63,10 +63,11 @@ def _straight() -> Gain:
     impact = usual("bent by 1e-5", Contact(along, 0.8), q=q, ball_velocity=9.0 * -along).impact()
     exact = exact_impact(*given(impact))["effective mass"]
     n, posture = impact.contact.normal, impact.posture
-    give = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
+    delassus = posture.jacobian @ np.linalg.solve(posture.inertia, posture.jacobian.T)
     return Gain(
         "effective mass along a leg bent by 1e-5 rad", "1 / n^T (J M^-1 J^T) n, as in Eq. (10)",
-        "1 / (L^-1 J^T n)^2", exact.error(1.0 / (n @ give @ n)), exact.error(impact.effective_mass),
+        "1 / (L^-1 J^T n)^2",
+        exact.error(1.0 / (n @ delassus @ n)), exact.error(impact.effective_mass),
     )  # fmt: skip
 
 

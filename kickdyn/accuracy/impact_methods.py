@@ -108,13 +108,13 @@ def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Arra
     inertia, jacobian = posture.inertia.astype(single), posture.jacobian.astype(single)
     n, mass = contact.normal.astype(single), single(ball.mass)
     u = -(jacobian @ v.astype(single))
-    give = jacobian @ np.linalg.solve(inertia, jacobian.T)
+    delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
     e = single(contact.restitution)
     if contact.friction == 0.0:
-        return np.asarray(-(1 + e) * (n @ u) / (n @ give @ n + 1 / mass) * n, dtype=float)
+        return np.asarray(-(1 + e) * (n @ u) / (n @ delassus @ n + 1 / mass) * n, dtype=float)
     turn = single(ball.radius**2 / ball.inertia)
-    give += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
-    return np.asarray(-np.linalg.solve(give, u + e * (n @ u) * n), dtype=float)
+    delassus += (1 / mass + turn) * np.eye(3, dtype=single) - turn * np.outer(n, n)
+    return np.asarray(-np.linalg.solve(delassus, u + e * (n @ u) * n), dtype=float)
 
 
 def stacked(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:

@@ -27,8 +27,8 @@ class CasadiChain:
         torque: CasADi function of q, v, a: :math:`M a + c(q, v) + g(q)` by Newton-Euler, armature
             included [N m].
         momentum: of q and v: :math:`M(q) v` [N m s].
-        point: of q and v: velocity of the contact point, shape `(3,)` [m/s, world axes].
-        place: of q: of the contact point [m, world frame].
+        point_velocity: of q and v: velocity of the contact point, shape `(3,)` [m/s, world axes].
+        point_position: of q: position of the contact point [m, world frame].
         direction: of q and a vector in the last joint's axes: that vector in the world's.
         impulse: of q and a force on the contact point: :math:`J^T f`.
     """
@@ -42,13 +42,13 @@ class CasadiChain:
         self.torque = ca.Function("torque", [q, v, a], [self._newton_euler(q, v, a, True)])
         zero = ca.SX(self.n, 1)
         self.momentum = ca.Function("momentum", [q, v], [self._newton_euler(q, zero, v, False)])
-        place = self._place(q, ca.DM(lever))
+        position = self._position(q, ca.DM(lever))
         self.direction = ca.Function(
-            "direction", [q, f], [self._place(q, f) - self._place(q, ca.DM(3, 1))]
+            "direction", [q, f], [self._position(q, f) - self._position(q, ca.DM(3, 1))]
         )
-        slope = ca.jacobian(place, q)
-        self.point = ca.Function("point", [q, v], [slope @ v])
-        self.place = ca.Function("place", [q], [place])
+        slope = ca.jacobian(position, q)
+        self.point_velocity = ca.Function("point_velocity", [q, v], [slope @ v])
+        self.point_position = ca.Function("point_position", [q], [position])
         self.impulse = ca.Function("impulse", [q, f], [slope.T @ f])
 
     def _step(self, joint: int, angle: Any) -> tuple[Any, Any]:
@@ -61,12 +61,12 @@ class CasadiChain:
         about = ca.DM.eye(3) + ca.sin(angle) * skew + (1 - ca.cos(angle)) * (skew @ skew)
         return rotation @ about, ca.DM(fixed.translation)
 
-    def _place(self, q: Any, place: Any) -> Any:
+    def _position(self, q: Any, point: Any) -> Any:
         """Return a point in the last joint's axes in the world frame."""
         for joint in range(self.n, 0, -1):
             rotation, origin = self._step(joint, q[joint - 1])
-            place = rotation @ place + origin
-        return place
+            point = rotation @ point + origin
+        return point
 
     def _newton_euler(self, q: Any, v: Any, a: Any, gravity: bool) -> Any:
         """Return joint torques: Featherstone, Rigid Body Dynamics Algorithms, Table 5.1."""

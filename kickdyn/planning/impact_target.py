@@ -31,7 +31,7 @@ class ImpactTarget:
     ball: Ball
 
     @property
-    def place(self) -> tuple[float, float]:
+    def contact_offset(self) -> tuple[float, float]:
         """Contact point on the ball, from its centre: upwards, and to the left as it flies [m]."""
         level = np.array([self.impulse[0], self.impulse[1], 0.0])
         left = np.cross((0.0, 0.0, 1.0), level / (np.linalg.norm(level) or 1.0))

@@ -57,7 +57,7 @@ class KickPlan(ReprMixin):
         objective: that was made least, or most.
         value: of the objective.
         share: of the launch speed that is reached; 1 where the status is `met`.
-        impact_target: impulse, normal and place on the ball.
+        impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from there, to the target's plane or to the ground before it; of a pass,
             the course.
@@ -185,7 +185,7 @@ def plan_kick(
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
     velocity follow from each other in closed form; posture and joint velocity are what is left, and
-    a nonlinear program chooses them by the objective. The plan is then struck and flown.
+    a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
 
     Args:
         leg: on a fixed base, without supports or loops.
@@ -224,14 +224,14 @@ def plan_kick(
     check_unconstrained(leg, "kicks are planned")
     objective = _checked_objective(objective, spread, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)
-    place = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
+    offset = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
 
     if surface is None:
         launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
     else:
         launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
-    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, place)
+    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, offset)
     chain = kicking_chain(leg, branches=True)
     program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
     if spread is None:

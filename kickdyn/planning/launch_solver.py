@@ -77,7 +77,7 @@ class LaunchSolution:
         """
         if self.trajectory is None or (goal.lowest == 0.0 and self.velocity[2] < 0.0):
             return False
-        end = float(self.trajectory.place(self.time)[0][2])
+        end = float(self.trajectory.state(self.time)[0][2])
         return self.trajectory.lowest() >= min(0.0, end)
 
 
@@ -178,7 +178,7 @@ def _residual(
         return np.full(n, math.nan), np.full((n, n), math.nan), None
     errors, slope = np.zeros(n), np.zeros((n, n))
     launch = [0, 1, 2, *range(4, n)]
-    position, velocity = flown.place(flown.time)
+    position, velocity = flown.state(flown.time)
     errors[:3], slope[:3, 3] = position - goal.target, velocity
     slope[np.ix_([0, 1, 2], launch)] = flown.slope(flown.time)
     errors[3], slope[3, launch], slope[3, 3] = _condition(goal, x[:3], flown)
@@ -350,7 +350,7 @@ def farthest_launch(problem: ShootingProblem, target: Array, speed: float) -> tu
 
         def above(at: float) -> float:
             assert flown is not None
-            position = flown.place(at)[0]
+            position = flown.state(at)[0]
             return float(position[2] - slope * (ahead @ position))
 
         if flown is None or above(time) >= 0.0:
@@ -359,7 +359,7 @@ def farthest_launch(problem: ShootingProblem, target: Array, speed: float) -> tu
         while above(start) < 0.0 and start > 1e-6 * time:
             start *= 0.9
         when = float(brentq(above, start, min(start / 0.9, time)))
-        position = flown.place(when)[0]
+        position = flown.state(when)[0]
         return float(ahead @ position), when, position, velocity
 
     found = minimize_scalar(

@@ -63,7 +63,7 @@ class PlanReport:
         """Return the plan's numbers as lines of text."""
         plan, launch = self.plan, self.plan.launch
         impact, leg = plan.impact, plan.leg
-        up, left = plan.impact_target.place
+        up, left = plan.impact_target.contact_offset
         heading = _aside(math.degrees(plan.heading), 2, "deg")
         turned = [f"base    turned {heading.replace(' deg', ' deg to the')}"]
         return [
@@ -104,8 +104,8 @@ class PlanReport:
             "impact": {
                 "impulse": impact.impulse.tolist(),
                 "normal": impact.contact.normal.tolist(),
-                "up_m": plan.impact_target.place[0],
-                "left_m": plan.impact_target.place[1],
+                "up_m": plan.impact_target.contact_offset[0],
+                "left_m": plan.impact_target.contact_offset[1],
                 "foot_velocity": impact.foot_velocity.tolist(),
             },
             "leg": {

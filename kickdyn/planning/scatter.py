@@ -98,9 +98,9 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
     if air is not None:
         step = 1e-3 * max(10.0, float(np.linalg.norm(state.spin)))
         for axis, change in enumerate(step * np.eye(3)):
-            ends = [shoot(state.spin + sign * change).place(path.duration)[0] for sign in (1, -1)]
+            ends = [shoot(state.spin + sign * change).state(path.duration)[0] for sign in (1, -1)]
             slopes[:, 3 + axis] = (ends[0] - ends[1]) / (2 * step)
-    velocity = flown.place(path.duration)[1]
+    velocity = flown.state(path.duration)[1]
     level = slopes[:2] - np.outer(velocity[:2], slopes[2] / velocity[2])  # it lands so much sooner
     return (path.landing.position - state.position)[:2], level
 

@@ -30,33 +30,33 @@ TOLERANCE = 1e-12
 LOOKS = 64
 """Places where the lowest point of a flight is looked for."""
 
-Place = Callable[[float], tuple[Array, Array]]
+StateFunction = Callable[[float], tuple[Array, Array]]
 
 
 class Trajectory(NamedTuple):
     """A flight to a time, and its derivatives by launch velocity, then by the spin's size.
 
     Attributes:
-        place: from a time [s] to position `(3,)` [m, from the launch] and velocity `(3,)` [m/s].
+        state: from a time [s] to position `(3,)` [m, from the launch] and velocity `(3,)` [m/s].
         slope: from a time to the derivatives of the position, shape `(3, 3)` or `(3, 4)`.
         time: up to which both hold [s].
     """
 
-    place: Place
+    state: StateFunction
     slope: Callable[[float], Array]
     time: float
 
     def apex(self) -> tuple[float, Array]:
         """Return the greatest height up to the end, and its derivatives, shape `(3,)` or `(4,)`."""
         first, last = 0.0, self.time
-        if self.place(0.0)[1][2] <= 0.0:  # lift may raise it later
+        if self.state(0.0)[1][2] <= 0.0:  # lift may raise it later
             times = np.linspace(0.0, self.time, LOOKS + 1)
-            top = int(np.argmax([self.place(at)[0][2] for at in times]))
+            top = int(np.argmax([self.state(at)[0][2] for at in times]))
             first, last = float(times[max(top - 1, 0)]), float(times[min(top + 1, LOOKS)])
-        when = self._when(lambda at: -float(self.place(at)[1][2]), first, last)
+        when = self._when(lambda at: -float(self.state(at)[1][2]), first, last)
         if when is None:
-            when = max(first, last, key=lambda at: float(self.place(at)[0][2]))
-        return float(self.place(when)[0][2]), self.slope(when)[2]
+            when = max(first, last, key=lambda at: float(self.state(at)[0][2]))
+        return float(self.state(when)[0][2]), self.slope(when)[2]
 
     def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
         """Return the position along a direction at a distance ahead, and its derivatives.
@@ -68,10 +68,10 @@ class Trajectory(NamedTuple):
             distance: ahead [m].
             along: unit vector, shape `(3,)`.
         """
-        when = self._when(lambda at: float(ahead @ self.place(at)[0]) - distance, 0.0, self.time)
+        when = self._when(lambda at: float(ahead @ self.state(at)[0]) - distance, 0.0, self.time)
         if when is None:
             return math.nan, np.full(self.slope(0.0).shape[1], math.nan)
-        position, velocity = self.place(when)
+        position, velocity = self.state(when)
         slope = self.slope(when)
         delay = -(ahead @ slope) / (ahead @ velocity)  # of the crossing
         return float(along @ position), along @ slope + (along @ velocity) * delay
@@ -80,14 +80,14 @@ class Trajectory(NamedTuple):
         """Return the least height, ends included [m, from the launch]."""
 
         def height(at: float) -> float:
-            return float(self.place(at)[0][2])
+            return float(self.state(at)[0][2])
 
         times = np.linspace(0.0, self.time, LOOKS + 1)
         heights = [height(at) for at in times]
         near = {min(max(int(np.argmin(heights)), 1), LOOKS - 1)}
-        if self.place(0.0)[1][2] < 0.0:  # down at first: it may be up again before the next look
+        if self.state(0.0)[1][2] < 0.0:  # down at first: it may be up again before the next look
             near.add(1)
-        if self.place(self.time)[1][2] > 0.0:
+        if self.state(self.time)[1][2] > 0.0:
             near.add(LOOKS - 1)
         dips = [
             minimize_scalar(
@@ -177,7 +177,7 @@ class ShootingProblem:
         def states(at: float) -> Array:
             return np.asarray(last if at == time else found.sol(at)).reshape(len(lanes), 7)
 
-        def place(at: float) -> tuple[Array, Array]:
+        def state(at: float) -> tuple[Array, Array]:
             first = states(at)[0]
             return first[:3], first[3:6]
 
@@ -185,13 +185,13 @@ class ShootingProblem:
             where = states(at)[:, :3]
             return np.asarray(((where[1:] - where[0]) / nudges[:, None]).T)
 
-        return Trajectory(place, slope, time)
+        return Trajectory(state, slope, time)
 
     def _fall(self, velocity: Array, time: float) -> Trajectory:
         """Return the parabola of a ball on which only gravity acts."""
         g = self._gravity
 
-        def place(at: float) -> tuple[Array, Array]:
+        def state(at: float) -> tuple[Array, Array]:
             return velocity * at + 0.5 * g * at * at, velocity + g * at
 
-        return Trajectory(place, lambda at: at * np.eye(3), time)
+        return Trajectory(state, lambda at: at * np.eye(3), time)

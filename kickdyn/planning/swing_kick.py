@@ -184,16 +184,16 @@ class _SwingKickProblem:
         size = self._chain.velocity_limit * float(found.posture.inertia.max())
         across = target.impulse - (normal @ target.impulse) * normal
         ball_point = target.impulse / ball.mass + ball.radius**2 / ball.inertia * across
-        apart = share * ca.DM(ball_point) - symbols.point(q, w)
+        apart = share * ca.DM(ball_point) - symbols.point_velocity(q, w)
         fast = float(np.linalg.norm(ball_point))
-        approach = symbols.point(q, v)
+        approach = symbols.point_velocity(q, v)
         law = ca.dot(normal, apart - target.contact.restitution * approach) / fast
         equal = [jump / ca.DM(size), law]
         if target.contact.friction > 0.0:
             rows = _directions_across(program.directions, normal)
             equal += [rows @ apart / fast] if len(rows) else []
         if len(program.position_rows):
-            off = symbols.place(q) + ca.DM(ball.radius * normal - program.ball_centre)
+            off = symbols.point_position(q) + ca.DM(ball.radius * normal - program.ball_centre)
             equal.append(ca.DM(program.position_rows) @ off / ball.radius)
         return ca.vertcat(*equal)
 

@@ -51,9 +51,9 @@ def test_the_symbols_are_pinocchio_to_rounding(leg):
         )
         posture = leg.posture(whole(leg, joints, q))
         rows = posture.jacobian[:, joints.vs]
-        where = np.asarray(chain.place(q)).ravel()
+        where = np.asarray(chain.point_position(q)).ravel()
         assert where == pytest.approx(posture.contact_point, abs=1e-12)
-        assert np.asarray(chain.point(q, v)).ravel() == pytest.approx(rows @ v, abs=1e-11)
+        assert np.asarray(chain.point_velocity(q, v)).ravel() == pytest.approx(rows @ v, abs=1e-11)
         force = draw.normal(size=3)
         assert np.asarray(chain.impulse(q, force)).ravel() == pytest.approx(
             rows.T @ force, abs=1e-11

@@ -21,7 +21,7 @@ def test_the_strike_gives_what_was_wished_for(friction, spin):
     hit = kd.strike(posture, v, BALL, impact_target.contact)
     assert hit.ball_after.velocity == pytest.approx(velocity, abs=1e-12)
     assert hit.ball_after.spin == pytest.approx(spin, abs=1e-10)
-    below, left = impact_target.place
+    below, left = impact_target.contact_offset
     from_centre = posture.contact_point - hit.ball_after.position
     assert below == pytest.approx(from_centre[2], abs=1e-12)
     sideways = np.cross((0, 0, 1.0), velocity / np.hypot(6, 1))

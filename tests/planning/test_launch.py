@@ -39,7 +39,7 @@ def drawn(kind, rng):
     velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
     air, spin = kd.Air(wind=(*rng.normal(0, 3, 2), 0)), rng.normal(0, 15, 3)
     shot = ShootingProblem(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * 0.85)
-    target = shot.place(shot.time)[0]
+    target = shot.state(shot.time)[0]
     part = 0.4 * math.hypot(*target[:2])
     height = shot.crossing(kd.Goal(target, time=1).ahead, part, np.array([0, 0, 1.0]))[0]
     value = {"time": shot.time, "apex": shot.apex()[0], "speed": speed, "over": (part, height)}

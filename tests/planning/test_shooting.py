@@ -14,8 +14,8 @@ def test_the_flight_is_that_of_fly(air):
     shot = ShootingProblem(kd.Ball(), air, SPIN).shoot(VELOCITY, 1.1)
     path = kd.fly(kd.BallState(velocity=VELOCITY, spin=SPIN), kd.Ball(), air, tol=1e-12)
     here = path.sample(1.1)
-    assert shot.place(1.1)[0] == pytest.approx(here.position, abs=1e-9)
-    assert shot.place(1.1)[1] == pytest.approx(here.velocity, abs=1e-9)
+    assert shot.state(1.1)[0] == pytest.approx(here.position, abs=1e-9)
+    assert shot.state(1.1)[1] == pytest.approx(here.velocity, abs=1e-9)
     assert shot.apex()[0] == pytest.approx(path.height, abs=1e-9)
     ahead, up = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
     assert shot.crossing(ahead, 9.0, up)[0] == pytest.approx(
@@ -30,7 +30,7 @@ def test_slopes_are_those_of_differences():
 
     def results(change):
         shot = field.shoot(VELOCITY + change[:3], 1.1, 30.0 + change[3])
-        return np.array([*shot.place(1.1)[0], shot.apex()[0], shot.crossing(ahead, 9, left)[0]])
+        return np.array([*shot.state(1.1)[0], shot.apex()[0], shot.crossing(ahead, 9, left)[0]])
 
     steps = 1e-3 * np.eye(4)
     expected = np.array([(results(step) - results(-step)) / 2e-3 for step in steps]).T
@@ -44,7 +44,7 @@ def test_slopes_are_those_of_differences():
 def test_lowest_and_highest_places(spin, up):
     velocity = 35 * np.array([np.cos(up), 0, np.sin(up)])
     shot = ShootingProblem(kd.Ball(), kd.Air(), np.array(spin)).shoot(velocity, 1.3)
-    heights = [shot.place(at)[0][2] for at in np.linspace(0, 1.3, 20_001)]
+    heights = [shot.state(at)[0][2] for at in np.linspace(0, 1.3, 20_001)]
     assert shot.lowest() == pytest.approx(min(heights), abs=1e-6)
     assert shot.apex()[0] == pytest.approx(max(heights), abs=1e-6)
     if up < 0 and spin[1]:
@@ -56,7 +56,7 @@ def test_a_short_dip_is_not_overlooked():
     field = ShootingProblem(kd.Ball(), kd.Air(), np.array([0, -80.0, 0]))
     velocity = np.array([35, 0, -0.02])
     far = field.shoot(velocity, 3.0)
-    lands = brentq(lambda at: far.place(at)[0][2] + 1e-9, 0.2, 3.0)  # a hair lower than the start
-    first = [far.place(at)[0][2] for at in np.linspace(0, lands / 64, 2001)]
+    lands = brentq(lambda at: far.state(at)[0][2] + 1e-9, 0.2, 3.0)  # a hair lower than the start
+    first = [far.state(at)[0][2] for at in np.linspace(0, lands / 64, 2001)]
     assert min(first) < -1e-6
     assert field.shoot(velocity, lands).lowest() == pytest.approx(min(first), rel=1e-3)

@@ -28,8 +28,8 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
         dt: time step [s].
     """
     n, e = impact.contact.normal, impact.contact.restitution
-    give = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
-    rate = stiffness * give  # MuJoCo's stiffness is per unit of mass
+    inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
+    rate = stiffness * inverse_mass  # MuJoCo's stiffness is per unit of mass
     damping = 2.0 * damping_ratio(e) * math.sqrt(rate)
     model = mujoco.MjModel.from_xml_string(scene(impact, rate, damping, dt))
     data, n_joints = mujoco.MjData(model), len(impact.v_before)

@@ -15,7 +15,7 @@ from kickdyn.core.files import shipped
 
 COMMANDS = {
     "posture-sweep": "Kick from a grid of postures.",
-    "plan": "From a wished-for flight to the kick.",
+    "plan": "Plan a kick for a given target.",
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
     "tradeoff": "Measure error against cost.",
     "extremes": "Compare with 50 digits at extremes.",

@@ -158,7 +158,7 @@ def plan(
     swing: bool,
     plot: str | None,
 ) -> None:
-    """Find the posture and the joint velocity that send the ball where it shall go.
+    """Find the posture and the joint velocity that send a ball to a target.
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """

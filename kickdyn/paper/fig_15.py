@@ -37,8 +37,8 @@ class Round:
     Attributes:
         speed: of the launch [m/s].
         angle: of the launch above the horizontal [rad].
-        distance_error: distance wished for less the one reached [m].
-        time_error: time wished for less the one taken [s].
+        distance_error: distance of the target less the one reached [m].
+        time_error: time of the target less the one taken [s].
     """
 
     speed: float
@@ -63,8 +63,8 @@ def learn_launch(distance: float, time: float, ball: Ball, air: Air | None) -> t
     the last round tells.
 
     Args:
-        distance: wished for [m].
-        time: wished for [s].
+        distance: of the target [m].
+        time: of the flight to the target [s].
         ball: mass and radius.
         air: None is the vacuum.
     """

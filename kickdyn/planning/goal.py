@@ -34,7 +34,7 @@ class PlanStatus(StrEnum):
 
 
 class LaunchLimit(StrEnum):
-    """What stands in the way of a launch or a pass."""
+    """Reasons why no launch or pass meets a goal."""
 
     SPEED = "speed-limit"
     SPIN = "spin-limit"

@@ -185,7 +185,7 @@ def plan_kick(
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
     velocity follow from each other in closed form; posture and joint velocity are what is left, and
-    a nonlinear program chooses them by the objective. The plan is then struck and flown.
+    a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
 
     Args:
         leg: on a fixed base, without supports or loops.

@@ -44,7 +44,7 @@ class OutOfReach(InvalidInput):
     """A goal that no launch meets.
 
     Attributes:
-        limit: what stands in the way.
+        limit: the reason why there is no such launch.
         nearest: the nearest launch or pass there is; None where none is known.
     """
 
@@ -65,7 +65,7 @@ class Launch(ReprMixin):
         goal: that was asked for.
         reached: the goal that this launch meets: `goal` where the status is `met`, else the nearest
             there is.
-        limit: what stands in the way of an unreachable goal, see `LaunchLimit`; None where it is
+        limit: the reason why a goal is unreachable, see `LaunchLimit`; None where it is
             met.
         velocity: shape `(3,)` [m/s, world frame].
         spin: shape `(3,)` [rad/s, world frame].
@@ -144,7 +144,7 @@ class Launch(ReprMixin):
 
     @property
     def summary(self) -> str:
-        """A line that says whether the goal is met, and what stands in the way."""
+        """A line that says whether the goal is met, and if not, why."""
         if self.limit is None:
             count = 1 + len(self.others)
             return "1 launch meets the goal" if count == 1 else f"{count} launches meet the goal"

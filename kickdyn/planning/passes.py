@@ -36,7 +36,8 @@ class Pass(ReprMixin):
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest there is.
         goal: that was asked for.
-        limit: what stands in the way: `speed-limit`, `rolling` or `bounce`; None where it is met.
+        limit: the reason why the goal is unreachable: `speed-limit`, `rolling` or `bounce`; None
+            where it is met.
         velocity: of the launch, shape `(3,)` [m/s, world frame].
         course: to the plane through the target that faces the ball.
         aside: distance to the left at which it passes the target [m].
@@ -66,7 +67,7 @@ class Pass(ReprMixin):
 
     @property
     def summary(self) -> str:
-        """A line that says whether the goal is met, and what stands in the way."""
+        """A line that says whether the goal is met, and if not, why."""
         if self.limit is None:
             return f"the pass takes {self.time:.4g} s"
         why = {
@@ -147,7 +148,7 @@ def plan_pass(
 
 
 def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, LaunchLimit | None]:
-    """Return the speed that is in time, or the nearest and what stands in the way."""
+    """Return the speed that is in time, or the nearest one and the reason."""
     if delay(limit) > 0.0:
         return limit, LaunchLimit.SPEED
     slow, fast = SLOWEST * limit, limit

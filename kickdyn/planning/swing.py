@@ -38,7 +38,7 @@ class Swing(ReprMixin):
             most from which the leg can be brought there and stopped.
         plan: the kick.
         share: of the planned joint velocity; the ball's launch scales alike.
-        limit: what stands in the way, in a line; empty where the plan is met.
+        limit: the reason why there is no swing, in a line; empty where the plan is met.
         objective: that was made least, `torque-squared` or `time`.
         value: of the objective [s].
         backswing: before the impact.

@@ -2,7 +2,7 @@
 
 Where all motion is in one plane, a kick is two numbers: the impulse along the normal and, over it,
 that along the tangent. Both are bounded before any posture is known: the first by (1 + e) v m, that
-of an endlessly heavy leg, the second by the friction. So thousands of flights serve millions of
+of an infinitely heavy leg, the second by the friction. So thousands of flights serve millions of
 postures.
 """
 

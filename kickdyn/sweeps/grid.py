@@ -114,13 +114,13 @@ class Chunks:
     @classmethod
     def of(cls, grid_shape: tuple[int, ...], size: int) -> Chunks:
         """Divide a grid into chunks of about `size` postures."""
-        shape, room = [1] * len(grid_shape), size
+        shape, remaining = [1] * len(grid_shape), size
         for axis in range(len(grid_shape) - 1, -1, -1):
             length = grid_shape[axis]
-            shape[axis] = -(-length // -(-length // max(1, room)))  # equal parts
+            shape[axis] = -(-length // -(-length // max(1, remaining)))  # equal parts
             if shape[axis] < length:
                 break
-            room //= length
+            remaining //= length
         return cls(grid_shape, tuple(shape))
 
     @property

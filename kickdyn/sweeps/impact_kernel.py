@@ -196,8 +196,8 @@ def solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt):  
         mu: friction.
         impulse: three rows, filled in [N s].
         lost: energy lost, filled in [J].
-        doubt: set to 1 where terms cancel: a foot much lighter than the ball, which gives way
-            along one direction.
+        doubt: set to 1 where terms cancel: a foot much lighter than the ball, which moves
+            easily along one direction.
     """
     push = (1.0 + e) * speed
     for i in range(LANES):

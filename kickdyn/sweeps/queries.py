@@ -131,7 +131,7 @@ def _column(data: xr.Dataset, name: str) -> xr.DataArray:
 
 def shown_unit(data: xr.Dataset, name: str) -> str:
     """Return the unit in which a joint or variable is shown: degrees for radians, else its own."""
-    unit = str(data[name].attrs.get("units", ""))
+    unit = str(data[name].attrs.get("units") or VARIABLES.get(name, ("",))[0])
     return "deg" if unit == "rad" else unit
 
 

@@ -50,7 +50,7 @@ class SweepStore:
         self, path: str | PathLike[str], described: xr.Dataset, chunk: int, *, resume: bool
     ) -> None:
         zarr = _zarr()
-        self._path = Path(path)
+        self._path = _checked_path(path)
         self.created = not self._path.exists()
         try:
             if self.created:
@@ -134,7 +134,7 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     Raises:
         InvalidInput: there is no such file, or it is not a sweep.
     """
-    file = Path(path)
+    file = _checked_path(path)
     if not file.exists():
         raise InvalidInput(f"{path}: there is no such sweep")
     try:
@@ -170,6 +170,13 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
     check_netcdf_name(path)
     with replacing(path) as draft:
         data.to_netcdf(draft, engine="h5netcdf")
+
+
+def _checked_path(path: str | PathLike[str]) -> Path:
+    """Return the path, or raise `InvalidInput` where it cannot be one."""
+    if not isinstance(path, str | PathLike) or "\0" in str(path):
+        raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
+    return Path(path)
 
 
 def _zarr() -> Any:

@@ -24,7 +24,7 @@ SAMPLE = 4000
 """Postures of the random sample."""
 
 BINS = 200
-"""Values of a joint that a marginal tells apart; of more, neighbours go together."""
+"""Values of a joint that a marginal distinguishes; of more, neighbours go together."""
 
 
 class Summary:
@@ -168,7 +168,7 @@ class Marginal:
 
     Args:
         axes: values of every joint.
-        over: the joints that are kept; at most `BINS` values of each are told apart.
+        over: the joints that are kept; at most `BINS` values of each are distinguished.
 
     Attributes:
         values: of each joint, or their means where neighbours go together.

@@ -256,7 +256,7 @@ def _pool(
         size = int(validation.number("workers", workers, at_least=1))
         executor = ProcessPoolExecutor(size, get_context("spawn"), _ignore_interrupt)
     else:
-        size = cores() if threads is None else threads
+        size = _cores() if threads is None else threads
         executor = ThreadPoolExecutor(int(validation.number("threads", size, at_least=1)))
     try:
         yield _Pool(executor.submit, size, shares_memory=workers is None)
@@ -355,7 +355,7 @@ def _resumable(store: SweepStore, path: str | PathLike[str]) -> Iterator[None]:
         ) from None
 
 
-def cores() -> int:
+def _cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

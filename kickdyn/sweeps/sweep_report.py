@@ -118,9 +118,9 @@ def _explanation(values: Mapping[str, float], kick: Kick) -> str:
     """Return why the ball leaves as fast as it does."""
     heavier = values["effective_mass"] / kick.ball.mass
     return (
-        f"along the kick the leg weighs {values['effective_mass']:.3g} kg, {heavier:.3g} times the "
-        f"ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
-        f"(1 + e = {1 + kick.restitution:.3g} for an endlessly heavy leg); "
+        f"the effective mass of the leg is {values['effective_mass']:.3g} kg, {heavier:.3g} times "
+        f"that of the ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
+        f"(1 + e = {1 + kick.restitution:.3g} for an infinitely heavy leg); "
         f"its joints need {values['speed_use']:.0%} of their speed limits"
     )
 

@@ -23,11 +23,11 @@ def test_it_is_strike_and_fly():
     outcome = kick_from(posture, kick)
     n = [math.cos(math.radians(20)), 0, math.sin(math.radians(20))]
     v = posture.joint_velocity(2 * np.array(n))
-    hit = kd.strike(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
+    impact = kd.strike(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
     assert outcome.status == "ok"
-    assert outcome.impact.impulse == pytest.approx(hit.impulse, rel=1e-13)
+    assert outcome.impact.impulse == pytest.approx(impact.impulse, rel=1e-13)
     assert outcome.carry == pytest.approx(
-        kd.fly(hit.ball_after, kd.Ball(), kd.Air()).range, rel=1e-9
+        kd.fly(impact.ball_after, kd.Ball(), kd.Air()).range, rel=1e-9
     )
     assert outcome.speed_use == least_speed_use(posture, 2 * np.array(n))
 

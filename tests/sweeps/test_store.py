@@ -290,6 +290,20 @@ def _unseen(job):
     raise kd.InvalidInput("a worker does not see it")
 
 
+@pytest.mark.parametrize("path", [5, "a\0b.zarr", ["s.zarr"]])
+def test_what_cannot_be_a_path(path):
+    with pytest.raises(kd.InvalidInput, match="must be the name of a folder or file"):
+        kd.open_sweep(path)
+    with pytest.raises(kd.InvalidInput, match="must be the name of a folder or file"):
+        kd.sweep(LEG, {"hip": 0.1}, KICK, store=path)
+
+
+def test_without_zarr_it_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[store\]"'):
+        stored(tmp_path / "s.zarr")
+
+
 def test_files_that_are_not_sweeps(tmp_path):
     with pytest.raises(kd.InvalidInput, match=r"no\.zarr: there is no such sweep"):
         kd.open_sweep(tmp_path / "no.zarr")

@@ -70,7 +70,8 @@ def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
     possible = data.ball_speed.values[data.status.values == 0]
     assert best.values["ball_speed"] == possible.max()
     assert worst.values["ball_speed"] == possible.min()
-    assert f"weighs {best.values['effective_mass']:.3g} kg" in best.explanation
+    mass = f"{best.values['effective_mass']:.3g} kg"
+    assert f"effective mass of the leg is {mass}" in best.explanation
     assert best.outcome.status == worst.outcome.status == "ok"
     at = data.sel({n: np.radians(best.angles[n]) for n in ("hip", "knee")}, method="nearest")
     assert float(at.ball_speed) == best.values["ball_speed"]

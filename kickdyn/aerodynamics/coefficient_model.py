@@ -79,6 +79,27 @@ class CoefficientModel:
         return self.function(reynolds, spin_parameter)
 
 
+@dataclass(frozen=True)
+class ConstantCoefficient:
+    """A coefficient that is `value` everywhere; it can be compared, copied and pickled."""
+
+    value: float
+
+    @property
+    def function(self) -> Coefficient:
+        """The coefficient as a plain function, which `fly_many` compiles."""
+        value = self.value
+
+        def model(reynolds: float, spin_parameter: float = 0.0) -> float:
+            return value
+
+        return model
+
+    def __call__(self, reynolds: float, spin_parameter: float = 0.0) -> float:
+        """Return the value (dimensionless)."""
+        return self.value
+
+
 def registry(*models: CoefficientModel) -> dict[str, CoefficientModel]:
     """Return models by name; copies and pickles of them are the very same objects from now on."""
     _REGISTERED.update({(model.kind, model.name): model for model in models})

@@ -15,6 +15,7 @@ from dataclasses import astuple, dataclass
 from kickdyn.aerodynamics.coefficient_model import (
     Coefficient,
     CoefficientModel,
+    ConstantCoefficient,
     registry,
     smoothstep,
 )
@@ -161,13 +162,9 @@ def goff_carre(reynolds: float, spin_parameter: float = 0.0) -> float:
     return level + weight * (0.4127 * math.pow(spin_parameter, 0.3056) - level)
 
 
-def constant(value: float) -> Coefficient:
+def constant(value: float) -> ConstantCoefficient:
     """Return a model that is `value` everywhere, for comparison with textbooks."""
-
-    def model(reynolds: float, spin_parameter: float = 0.0) -> float:
-        return value
-
-    return model
+    return ConstantCoefficient(value)
 
 
 MODELS = registry(

@@ -22,7 +22,11 @@ import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient, CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import (
+    Coefficient,
+    CoefficientModel,
+    ConstantCoefficient,
+)
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core import lanes
@@ -57,6 +61,10 @@ _LIBRARIES = (math, np)
 _PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.BuiltinFunctionType)
 
 _compiled: dict[tuple[str, bool], Any] = {}
+
+
+WRAPPED = (CoefficientModel, ConstantCoefficient)
+"""Types whose `function` is what gets compiled."""
 
 
 @lru_cache(maxsize=16)
@@ -159,7 +167,7 @@ def _compile_all(rates: Callable[..., Any], air: Air) -> Any:
     """Return the equations of motion, compiled after the wind and coefficients they call."""
     for name in ("wind", "drag", "lift", "torque"):
         part = getattr(air, name)
-        part = part.function if isinstance(part, CoefficientModel) else part
+        part = part.function if isinstance(part, WRAPPED) else part
         if callable(part):
             arguments = (numba.float64,) * (1 if name == "wind" else 2)
             _compile(part, arguments, f"the air's {name}")
@@ -214,7 +222,7 @@ def _tree(function: Any, signature: Any = None) -> Any:
     numba takes the names a function uses as constants, but can call only those among them that
     are compiled themselves.
     """
-    if isinstance(function, CoefficientModel):
+    if isinstance(function, WRAPPED):
         function = function.function
     if isinstance(function, Dispatcher):
         return function
@@ -249,7 +257,7 @@ def _known(value: Any) -> Any:
     if value is math:
         return mathematics
     ours = isinstance(value, types.FunctionType) and not value.__module__.startswith("numpy")
-    return _tree(value) if ours or isinstance(value, CoefficientModel) else value
+    return _tree(value) if ours or isinstance(value, WRAPPED) else value
 
 
 def fingerprint(value: Any, *more: bytes) -> str | None:
@@ -275,7 +283,7 @@ def fingerprint(value: Any, *more: bytes) -> str | None:
 
 def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
     """Yield the bytes that a value is made of; raise `TypeError` where there are none."""
-    if isinstance(value, CoefficientModel):
+    if isinstance(value, WRAPPED):
         value = value.function
     if isinstance(value, types.FunctionType) and not value.__module__.startswith("numpy"):
         if id(value) in met:  # it calls itself

@@ -1,4 +1,6 @@
+import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -162,6 +164,13 @@ def test_spin_drag_agrees_with_a_second_law():
     for spin in (0.05, 0.1, 0.2, 0.3):
         ours = MODELS["teamgeist"](25 * REYNOLDS_PER_SPEED, spin)
         assert ours == pytest.approx(0.4127 * spin**0.3056, abs=0.016)
+
+
+def test_a_constant_can_be_compared_copied_and_pickled():
+    air = kd.Air(drag=constant(0.25))
+    for again in (copy.deepcopy(air), pickle.loads(pickle.dumps(air))):
+        assert again == air != kd.Air(drag=constant(0.3))
+        assert again.drag(1e5, 0.0) == 0.25
 
 
 def test_constant_is():

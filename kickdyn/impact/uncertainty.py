@@ -88,7 +88,8 @@ class Uncertainty(Printed):
         """Return the budget: standard deviation and share of the variance by source."""
         lines = [
             f"{'':13}" + "".join(f"{title:>16}" for title in COLUMNS.values()),
-            f"{'source':13}" + "".join(f"{unit:>9}{'share':>7}" for unit in map(UNIT_OF.get, COLUMNS)),
+            f"{'source':13}"
+            + "".join(f"{unit:>9}{'share':>7}" for unit in map(UNIT_OF.get, COLUMNS)),
         ]
         shares = {result: self.share(result) for result in COLUMNS}
         totals = {

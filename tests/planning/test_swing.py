@@ -1,4 +1,5 @@
 import copy
+
 """Swings of three legs: what the torques do, integrated by others, is what the swing says."""
 
 from dataclasses import replace

@@ -1,7 +1,6 @@
-import copy
-
 """Swings of three legs: what the torques do, integrated by others, is what the swing says."""
 
+import copy
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise

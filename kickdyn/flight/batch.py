@@ -84,8 +84,17 @@ def fly_many(
         flown = _integrate(scenes, states.velocity[integrated], ball, air, tol, time_limit)
         nodes[integrated], status[integrated], evaluations[integrated] = flown
     outside = _outside(states, nodes, integrated, ball, air)
-    attributes = _attributes(ball, air, ground, tol)
-    return _dataset(states, nodes, status, evaluations, outside, attributes)
+    data = _variables(states, nodes, status, evaluations, outside)
+    attributes = {
+        "title": "flights of a ball",
+        "source": f"kickdyn {__version__}",
+        "ball_mass_kg": ball.mass,
+        "ball_radius_m": ball.radius,
+        "air": "none" if air is None else repr(air),
+        "ground": "height of each launch" if ground is None else f"{ground.height:g} m",
+        "tol": tol,
+    }
+    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
 
 
 def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray[np.bool_]:
@@ -177,29 +186,13 @@ def _speed(air: Air, height: float) -> float:
         return math.nan
 
 
-def _attributes(
-    ball: Ball, air: Air | None, ground: Ground | None, tol: float
-) -> dict[str, str | float]:
-    """Return what was flown, as attributes of the dataset."""
-    return {
-        "title": "flights of a ball",
-        "source": f"kickdyn {__version__}",
-        "ball_mass_kg": ball.mass,
-        "ball_radius_m": ball.radius,
-        "air": "none" if air is None else repr(air),
-        "ground": "height of each launch" if ground is None else f"{ground.height:g} m",
-        "tol": tol,
-    }
-
-
-def _dataset(
+def _variables(
     states: BallState,
     nodes: Array,
     status: NDArray[np.int8],
     evaluations: NDArray[np.int64],
     outside: NDArray[np.bool_],
-    attributes: dict[str, str | float],
-) -> xr.Dataset:
+) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
     """Return the results with names, units and meanings."""
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
@@ -222,5 +215,4 @@ def _dataset(
         "flag_values": np.arange(len(STATUSES), dtype=np.int8),
         "flag_meanings": " ".join(STATUSES),
     }
-    data["status"] = ("flight", status, flags)
-    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+    return data | {"status": ("flight", status, flags)}

@@ -37,9 +37,6 @@ THIN = 0.0017
 POINTS = 150
 """Of a flight's curve."""
 
-SELDOM = 8
-"""The camera is set for one picture of a swing in so many."""
-
 
 def draw_kick(
     viewer: Any,
@@ -133,7 +130,7 @@ def _swing_points(swing: Swing, pace: Pace) -> Array:
     """Return positions of joints and contact point during a swing, shape `(n, 3)` [m]."""
     leg = swing.plan.leg
     points = []
-    for time in pace.times[::SELDOM]:
+    for time in pace.times[::8]:  # enough to set the camera
         q = swing.configuration(time)
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)

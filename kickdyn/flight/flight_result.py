@@ -16,7 +16,7 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, side_view
+from kickdyn.core.representation import ReprMixin, Row, side_view, warned
 from kickdyn.core.validation import Array
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
@@ -73,8 +73,7 @@ class Flight(ReprMixin):
         yield "landing", self.landing.position, "m"
         yield "landing speed", self.landing.speed, "m/s"
         yield "method", f"{self.method}, {self.evaluations} evaluations", ""
-        for line in self.warnings:
-            yield "warning", line, ""
+        yield from warned(self.warnings)
 
     def _picture(self) -> str:
         return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))

@@ -23,9 +23,6 @@ from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
 from kickdyn.ground import Ground
 
-STATUSES = (FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED)
-"""How a flight ends, in the order of the flags."""
-
 
 def fly_many(
     states: BallState,
@@ -179,10 +176,10 @@ def _outside(
 
 
 def _speed(air: Air, height: float) -> float:
-    """Return the speed of the wind [m/s], nan where its function fails."""
+    """Return the speed of the wind [m/s], nan where its function, a user's own, fails."""
     try:
         return math.hypot(*air.wind_at(height))
-    except Exception:  # someone's own function
+    except Exception:
         return math.nan
 
 
@@ -212,7 +209,7 @@ def _variables(
         data[name] = (dims, values, {"units": unit, "long_name": meaning})
     flags = {
         "long_name": "how the flight ends",
-        "flag_values": np.arange(len(STATUSES), dtype=np.int8),
-        "flag_meanings": " ".join(STATUSES),
+        "flag_values": np.array([LANDED, ALOFT, FAILED], dtype=np.int8),
+        "flag_meanings": " ".join([FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]),
     }
     return data | {"status": ("flight", status, flags)}

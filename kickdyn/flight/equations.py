@@ -66,13 +66,8 @@ def tolerances(
     quadratic drag of the length L: it rises :math:`\frac{L}{2} \ln(1 + v^2/(g L))` and comes back
     with :math:`v / \sqrt{1 + v^2/(g L)}`.
 
-    Args:
-        velocity: at the launch, shape `(3,)` or `(n, 3)` [m/s].
-        drop: from the launch down to the ground, a number or shape `(n,)` [m].
-        wind: its speed at the launch, likewise [m/s].
-        ball: what flies.
-        air: through what.
-        tol: the relative tolerance.
+    The velocity at the launch has shape `(3,)` or `(n, 3)` [m/s]; the drop to the ground [m] and
+    the speed of the wind at the launch [m/s] are numbers or have shape `(n,)`.
     """
     g = max(abs(downward(ball, air)), 1e-5)  # a weight of less moves nothing for minutes
     drop = np.asarray(drop)

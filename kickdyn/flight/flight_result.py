@@ -200,19 +200,11 @@ def outside_ranges(
 ) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
     """Return each model of drag and lift, and which of n states lie outside its range.
 
-    Models of the torque are left out: nobody measured it for soccer balls at any speed.
-
-    Args:
-        height: of the centres, shape `(n,)` [m].
-        velocity: shape `(n, 3)` [m/s, world frame].
-        spin: shape `(n, 3)` [rad/s, world frame].
-        ball: what flies.
-        air: through what.
+    Models of the torque are left out: nobody measured it for soccer balls at any speed. Heights of
+    the centres have shape `(n,)` [m], velocities and spins `(n, 3)` [m/s, rad/s, world frame].
     """
-    wind: Array = np.asarray(air.wind if not callable(air.wind) else 0.0)
-    if callable(air.wind):
-        wind = np.array([air.wind_at(z) for z in height.tolist()])
-    through = velocity - wind
+    wind = air.wind
+    through = velocity - (np.array([wind(z) for z in height.tolist()]) if callable(wind) else wind)
     square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
     along = np.einsum("ij,ij->i", through, spin)
     whole = np.einsum("ij,ij->i", spin, spin)

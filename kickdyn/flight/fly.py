@@ -133,10 +133,7 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
     """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
 
-    Args:
-        position: of the ball's centre at the launch, shape `(3,)` or `(n, 3)` [m, world frame].
-        ball: what flies.
-        ground: where flights end; None ends them at the height of the launch.
+    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame].
 
     Raises:
         InvalidInput: a ball starts inside the ground.

@@ -45,15 +45,10 @@ def draw_kick(
     scenery: Sequence[Box] = (),
     swing: Swing | None = None,
 ) -> tuple[Pace, float]:
-    """Draw a kick, from the swing to the landing, over and over.
+    """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
-    Args:
-        viewer: a `meshcat.Visualizer`.
-        impact: the impact; its posture's leg is drawn.
-        path: of the ball.
-        scenery: walls and goals.
-        swing: of the leg, from rest to rest through this impact; without it the joints move as
-            `leg_configuration` says.
+    Without a swing from rest to rest through this impact the joints move as `leg_configuration`
+    says.
 
     Returns:
         The pace of the animation, and the width of a stripe of the ground [m].

@@ -13,14 +13,7 @@ ADDRESS = "127.0.0.1"
 
 
 class PageServer:
-    """A server in a thread of this process, for this machine alone.
-
-    Args:
-        html: of the page.
-        port: 0 takes a free one.
-
-    Attributes:
-        url: of the page.
+    """A server in a thread of this process, for this machine alone; `url` is the page's address.
 
     Raises:
         InvalidInput: there is no such port, or it is not free.

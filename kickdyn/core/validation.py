@@ -15,14 +15,10 @@ from kickdyn.errors import InvalidInput
 Array = NDArray[np.float64]
 Choice = TypeVar("Choice", bound=StrEnum)
 
-SMALL = 64
-"""Entries up to which Python's floats are faster than a call of numpy."""
-
-FLOAT64 = np.dtype(np.float64)
-
 LONGEST = 200
 """Characters of a value that a message shows."""
 
+_FLOAT64 = np.dtype(np.float64)
 _NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, np.complexfloating, np.ma.MaskedArray)
 
 
@@ -53,7 +49,7 @@ def number(
 
 def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`."""
-    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):
+    if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (size,):
         usual: Array = value.copy()
         if math.hypot(*usual.tolist()) < math.inf:  # neither NaN nor inf
             return usual
@@ -65,24 +61,21 @@ def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
 
 def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of any shape, or raise `InvalidInput`."""
-    if _holds_bool(value):
-        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers" + _of(unit))
+    of_unit = f" [{unit}]" if unit else ""
     try:
-        raw: Any = value if type(value) is np.ndarray else np.asanyarray(value)
+        raw: Any = np.asanyarray(value)
     except ValueError:  # ragged
         raise InvalidInput(f"{name} is {brief(value)}: it must be an array of numbers") from None
-    if isinstance(raw, np.ma.MaskedArray) and np.ma.is_masked(raw):
+    if np.ma.is_masked(raw):
         raise InvalidInput(f"{name} has masked entries: fill them first")
-    if raw.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers" + _of(unit))
-    if raw.dtype == np.float64:
+    if raw.dtype.kind not in "fiu" or _holds_bool(value):
+        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers{of_unit}")
+    with np.errstate(over="ignore"):  # of longdouble
         array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
-    else:
-        with np.errstate(over="ignore"):  # of longdouble
-            array = np.array(raw, dtype=np.float64)
-    if not _all_finite(array):
-        shown = array.tolist() if array.size <= 20 else f"an array with {_first_bad(array)} in it"
-        raise InvalidInput(f"{name} is {shown}: every entry must be finite" + _of(unit))
+    finite = np.isfinite(array)
+    if not finite.all():
+        shown = array.tolist() if array.size <= 20 else f"an array with {array[~finite][0]} in it"
+        raise InvalidInput(f"{name} is {shown}: every entry must be finite{of_unit}")
     return array
 
 
@@ -107,13 +100,6 @@ def _holds_bool(value: object) -> bool:
     if not isinstance(value, (list, tuple)):
         return isinstance(value, (bool, np.bool_))
     return any(map(_holds_bool, value))
-
-
-def _all_finite(array: Array) -> bool:
-    """Return whether no entry is NaN or infinite."""
-    if array.size <= SMALL:
-        return all(map(math.isfinite, array.ravel().tolist()))
-    return bool(np.isfinite(array).all())
 
 
 def check_type(kind: type, *, optional: bool = False, **values: object) -> None:
@@ -170,19 +156,9 @@ def direction(name: str, value: ArrayLike) -> Array:
     return np.asarray(array / math.sqrt(float(array @ array)))
 
 
-def _first_bad(array: Array) -> float:
-    """Return the first entry that is NaN or infinite."""
-    return float(array[~np.isfinite(array)][0])
-
-
 def length(vectors: Array) -> Array:
     """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True)
     safe = np.where(largest > 0, largest, 1.0)
     scaled = vectors / safe
     return np.asarray(safe[..., 0] * np.sqrt((scaled * scaled).sum(axis=-1)))
-
-
-def _of(unit: str) -> str:
-    """Return a unit in brackets after a blank, or nothing."""
-    return f" [{unit}]" if unit else ""

@@ -56,6 +56,12 @@ class FlightEquations:
             ax = ay = az = k = math.nan
         return [vx, vy, vz, ax, ay, az, -k * left if self._brakes else 0.0]
 
+    def count_changing(self) -> int:
+        """Return how many of the seven states change from the launch on."""
+        rates = np.array(self.rates(0.0, self.begin))
+        axes = (self.begin[3:6] != 0.0) | (rates[3:6] != 0.0)
+        return 2 * int(axes.sum()) + bool(self._brakes)
+
 
 def tolerances(
     velocity: Array, drop: ArrayLike, wind: ArrayLike, ball: Ball, air: Air, tol: float

@@ -15,7 +15,7 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.flight.forces import downward, forces, time_to_fall
-from kickdyn.flight.integrate import Arc, Event, fly_until, joined
+from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
 from kickdyn.ground import Surface
 
 
@@ -176,7 +176,7 @@ def roll(
         events.append(Event(lambda y: gap + float(normal[:2] @ y[:2])))
 
     begin = np.array([0.0, 0.0, u, v])
-    arcs: list[Arc] = []
+    arcs: list[FlightArc] = []
     at, moved = 0.0, begin
     reached = stop if speed <= slow else None
     while reached is not stop or blowing > resistance:

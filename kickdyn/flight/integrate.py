@@ -36,7 +36,7 @@ class Event(NamedTuple):
     rate: Callable[[Array], float] | None = None
 
 
-class Arc(NamedTuple):
+class FlightArc(NamedTuple):
     """A solution up to an event, or to the time limit.
 
     Attributes:
@@ -56,7 +56,7 @@ class Arc(NamedTuple):
     crests: list[tuple[float, Array]]
 
 
-def joined(arcs: Sequence[Arc], begin: Array) -> Callable[[Array], Array]:
+def joined(arcs: Sequence[FlightArc], begin: Array) -> Callable[[Array], Array]:
     """Return the states `(m, n)` at n times as a function of the times, from consecutive arcs.
 
     Without any arc they are those at the beginning.
@@ -80,7 +80,7 @@ def fly_until(
     time_limit: float,
     rtol: float,
     atol: Array,
-) -> Arc:
+) -> FlightArc:
     """Integrate until the first of `events`, or to the time limit.
 
     Args:
@@ -121,8 +121,8 @@ def fly_until(
             if top <= last.t:
                 crests.append((top, piece(top)))
             total = solver.nfev + calls
-            return Arc(last.t, last(last.t), [*pieces, *final], total, reached, crests)
-    return Arc(time_limit, state, pieces, solver.nfev, None, crests)
+            return FlightArc(last.t, last(last.t), [*pieces, *final], total, reached, crests)
+    return FlightArc(time_limit, state, pieces, solver.nfev, None, crests)
 
 
 def _step(solver: DOP853) -> tuple[Array, DenseOutput]:

@@ -41,19 +41,6 @@ STEP = 1e-7
 UNLIMITED = 100.0
 """Scale of the speed of a joint without a limit [rad/s]."""
 
-STARTS = 4
-"""Postures that the search starts from."""
-
-DRAWN = 80
-"""Postures that the starts are chosen from, by the joint speed they need."""
-
-NEAR = 1.0
-"""Distance from the zero configuration within which postures are drawn [rad]: farther off, legs are
-tangled."""
-
-UPRIGHT = 1e-9
-"""Largest lean of a vertical plane."""
-
 
 @dataclass(frozen=True, eq=False)
 class KickSolution:
@@ -273,10 +260,10 @@ class KickProgram:
         return ball_position, self.directions
 
     def _starts(self) -> list[Array]:
-        """Return the unknowns of the postures, of many drawn, that need the least joint speed."""
+        """Return the unknowns of the 4 postures, of 80 drawn, that need the least joint speed."""
         rated = []
-        low, high = np.maximum(self.lower, -NEAR), np.minimum(self.upper, NEAR)
-        for number in range(DRAWN):
+        low, high = np.maximum(self.lower, -1.0), np.minimum(self.upper, 1.0)  # farther: tangled
+        for number in range(80):
             q = self._draw.uniform(np.minimum(low, self.upper), np.maximum(high, self.lower))
             posture = self.posture(q)
             rows = posture.jacobian[:, self.vs] * self.velocity_scale
@@ -284,7 +271,7 @@ class KickProgram:
             off = float(np.linalg.norm(self.position_error(posture)))
             off -= float(self.facing(posture).clip(max=0.0).sum())
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
-        return [start for _, _, start in sorted(rated)[:STARTS]]
+        return [start for _, _, start in sorted(rated)[:4]]
 
     def _unknowns(self, found: KickSolution) -> Array:
         """Return a solution as the unknowns of the program."""
@@ -292,10 +279,7 @@ class KickProgram:
         return np.array([*found.posture.q[self.qs], *v, found.share])
 
     def _solve_from(self, start: Array, cost: Cost | None) -> KickSolution | None:
-        """Return the solution that SLSQP finds; None where it is not feasible.
-
-        Without a cost, the share of the foot velocity is made largest; else it is 1.
-        """
+        """Return the solution that SLSQP finds, if any; without a cost, of the largest share."""
         scale = 1.0
         if cost is not None:  # of the order of 1
             first = ProgramPoint(self, start, None, 1.0)
@@ -468,12 +452,7 @@ def explain_infeasible(program: KickProgram) -> str:
 
 
 def turn_leg(leg: Leg, heading: float) -> Leg:
-    """Return a leg with its base turned to the left about the world's vertical [rad].
-
-    Args:
-        leg: on a fixed base, without supports or loops.
-        heading: positive to the left, from x towards y.
-    """
+    """Return a leg on a fixed base, turned to the left about the world's vertical [rad]."""
     model, turn = leg.model, pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.zeros(3))
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
@@ -492,7 +471,7 @@ def _heading_towards(directions: Array, vector: Array) -> float | None:
     if len(directions) != 2 or not math.hypot(vector[0], vector[1]) > 0.0:
         return None
     across = np.cross(*directions)
-    if abs(across[2]) > UPRIGHT:
+    if abs(across[2]) > 1e-9:
         return None
     ahead = np.array([across[1], -across[0]])
     if ahead[0] < 0.0:  # legs face x

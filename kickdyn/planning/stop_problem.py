@@ -30,9 +30,6 @@ from kickdyn.robot.kicking_chain import KickingChain
 UNIT = 0.1
 """Accelerations are scaled by the speed limit over this time [s], to the order of 1."""
 
-SHORTEST = 1e-3
-"""Shortest duration [s]."""
-
 MARGIN = 1e-7
 """Distance of positions and speeds from their limits, over the limits: Ipopt's rounding."""
 
@@ -47,9 +44,6 @@ NEARLY = 1e-6
 
 SLACK = 0.005
 """Share of the torque limits left over at first, for torques between the solver's points."""
-
-ROUNDS = 5
-"""Solutions, each with more slack, until the torques keep their limits between those points."""
 
 OPTIONS = {
     "expand": True,  # into scalars: a quarter faster
@@ -206,7 +200,9 @@ class StopEquations:
         speeds[-1] = 0.0
         free = np.full(count * n, np.inf)
         return (
-            np.concatenate([low.ravel(), -speeds.ravel(), -free, [SHORTEST]]),
+            np.concatenate(
+                [low.ravel(), -speeds.ravel(), -free, [1e-3]]
+            ),  # the shortest duration [s]
             np.concatenate([high.ravel(), speeds.ravel(), free, [longest]]),
         )
 
@@ -296,7 +292,7 @@ class StopSolver:
             whole = StopSolution(True, "", 1.0, float(self._cost(x)), x, ("", 0))
             fallback = replace(known, chain=self.equations.chain), whole
         slack = SLACK
-        for _ in range(ROUNDS):
+        for _ in range(5):
             solved = self.solve(stop, slack=slack, most=most, near=near)
             if fallback is not None and not (solved.ok and solved.share == most):
                 return fallback
@@ -389,12 +385,7 @@ class StopSolver:
         )
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:
-        """Return the limit and joint whose widening, by a share of its width, would gain most.
-
-        Args:
-            of_unknowns: multipliers of their bounds.
-            of_constraints: likewise.
-        """
+        """Return the limit and joint whose widening would gain most, by multipliers of bounds."""
         chain, count = self.equations.chain, self.equations.nodes + 1
         n, gains = len(chain.names), dict[tuple[str, int], float]()
         bounds = np.abs(of_unknowns[: 2 * count * n]).reshape(2, count, n)

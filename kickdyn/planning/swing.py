@@ -25,9 +25,6 @@ from kickdyn.robot.leg import Leg
 if TYPE_CHECKING:
     from kickdyn.planning.stop_problem import Stop
 
-LEAST = 1e-3
-"""Share of the planned speed below which there is no swing."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Swing(ReprMixin):
@@ -205,7 +202,7 @@ def plan_swing(
                 f"{stop.name}: the {what} limit of {chain.names[joint]} leaves {share:.4g} of the "
                 "planned speed"
             )
-            if share < LEAST:
+            if share < 1e-3:
                 raise InvalidInput(f"there is no swing to this kick; {limit}")
     if found[0][1].share > share:
         found[0] = solver.find(stops[0], share, known[0])

@@ -42,22 +42,8 @@ The second is used where the first falls short of the goal, or of the limits bet
 has as many as `plan_swing` takes, and contains the nodes of the first.
 """
 
-SMOOTH = 1e-3
-"""Weight of the torques against the objective: it picks one of the swings there are."""
-
-INSIDE = 0.2
-"""Distance from the ends of the range at which the search starts, over the range."""
-
-STARTS = 3
-
 LEFT = 0.006
 """Share of the torque limits left over on the fine grid: more than `plan_swing` leaves at first."""
-
-TIGHTER = 0.1
-"""Largest slack that is added at once."""
-
-MOST_SLACK = 0.5
-"""Slack beyond which tightening the torques has failed."""
 
 Phases = tuple[SwingPhase, SwingPhase]
 
@@ -90,7 +76,7 @@ def solve_with_swing(
     coarse = _SwingKickProblem(program, found, objective, *GRIDS[0])
     best: SwingKick | None = None
     draw = np.random.default_rng(0)
-    for number in range(STARTS):
+    for number in range(3):
         q = found.posture.q[program.qs]
         if number:
             q = q + draw.normal(0.0, 0.3, len(q))
@@ -169,7 +155,7 @@ class _SwingKickProblem:
             {
                 "x": ca.vertcat(*unknowns, q, before, after, share),
                 "g": ca.vertcat(*constraints, equal, static, *facing),
-                "f": cost + SMOOTH * torque - EAGER * share,
+                "f": cost + 1e-3 * torque - EAGER * share,  # torque picks one of many swings
             },
             OPTIONS,
         )
@@ -203,11 +189,11 @@ class _SwingKickProblem:
         Where they do not, it is solved again with so much more slack.
         """
         slack = self.slack
-        while slack < MOST_SLACK:
+        while slack < 0.5:
             one = self.solve(self._unknowns(near), slack)
             if one is None or one.excess <= 0.0:
                 return one
-            near, slack = one, slack + min(one.excess + LEFT / 2, TIGHTER)
+            near, slack = one, slack + min(one.excess + LEFT / 2, 0.1)
         return None
 
     def slow_down(self, near: SwingKick) -> SwingKick:
@@ -230,7 +216,7 @@ class _SwingKickProblem:
     def guess(self, q: Array) -> Array:
         """Return unknowns to start from, with even decelerations to a posture and from it."""
         program, chain, speed = self._program, self._chain, self._chain.velocity_limit
-        room = INSIDE * (chain.upper - chain.lower)
+        room = 0.2 * (chain.upper - chain.lower)
         q = np.clip(q, chain.lower + room, chain.upper - room)
         posture = program.posture(q)
         v = np.linalg.pinv(posture.jacobian[:, program.vs] * speed, rcond=1e-2)

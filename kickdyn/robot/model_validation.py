@@ -136,16 +136,14 @@ def _spread(inertia: Any) -> Array:
 def _check_limits(model: Any) -> None:
     """Raise `InvalidInput` for joint ranges, speed limits or armatures that make no sense."""
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    speed, armature = model.velocityLimit, model.armature
+    speed, rotors = model.velocityLimit, model.armature
     span = f"{lower.tolist()} to {upper.tolist()}"
     for name, value, sound, valid in (
         ("joint range", span, not np.isnan([lower, upper]).any(), "every limit must be a number"),
         ("joint range", span, (lower <= upper).all(), "lower must not exceed upper"),
         ("velocity limit", speed.tolist(), (speed >= 0).all(), "every entry must be 0 or more"),
-        (
-            *("armature", armature.tolist(), (np.isfinite(armature) & (armature >= 0)).all()),
-            "every entry must be finite and 0 or more",
-        ),
+        ("armature", rotors.tolist(), np.isfinite(rotors).all(), "every entry must be finite"),
+        ("armature", rotors.tolist(), (rotors >= 0).all(), "every entry must be 0 or more"),
     ):
         if not sound:
             raise InvalidInput(f"{name} is {value}: {valid}")

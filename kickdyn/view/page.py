@@ -37,7 +37,7 @@ from kickdyn.view.wall_and_goal import Box, plane_boxes
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass
-_Kick = Impact | KickPlan | Swing | Scene | Simulation
+_MovingSubject = Impact | KickPlan | Swing | Scene | Simulation
 
 
 class Page:
@@ -109,7 +109,7 @@ class Page:
 
 
 def page(
-    subject: _Kick | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    subject: _MovingSubject | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     path: _Path | None = None,
     *,
     caption: str = "",

@@ -206,13 +206,10 @@ class KickProgram:
     def _set_leg(self, leg: Leg) -> None:
         """Take a leg, and find the directions in which its foot can move, by drawn postures."""
         self.leg, self._model, self._data = leg, leg.model, leg.model.createData()
-        stacked = np.hstack([self._any_posture().jacobian for _ in range(8)])
+        drawn = (self._draw.uniform(self.lower, self.upper) for _ in range(8))
+        stacked = np.hstack([self.posture(q).jacobian for q in drawn])
         left, gains, _ = np.linalg.svd(stacked)
         self.directions = np.asarray(left[:, gains > 1e-9 * gains[0]].T)
-
-    def _any_posture(self) -> Posture:
-        """Return a posture drawn within the joints' ranges."""
-        return self.posture(self._draw.uniform(self.lower, self.upper))
 
     def _checked_limit(self, what: str, limit: Array) -> Array:
         """Return limits of speed or torque; where limits are lifted, one of 0 is infinite."""
@@ -250,7 +247,8 @@ class KickProgram:
             return np.zeros(3), np.zeros((0, 3))
         if isinstance(ball_position, float | int):
             return np.array([0.0, 0.0, ball_position]), np.array([[0.0, 0.0, 1.0]])
-        off = self.ball_centre_at(self._any_posture()) - ball_position
+        q = self._draw.uniform(self.lower, self.upper)
+        off = self.ball_centre_at(self.posture(q)) - ball_position
         beside = float(np.linalg.norm(off - self.directions.T @ (self.directions @ off)))
         if beside > FEASIBLE * self.target.ball.radius:
             raise InvalidInput(
@@ -341,16 +339,12 @@ class ProgramPoint:
         self.posture = program.posture(x[:n])
         self.v = program.whole_velocity(x[n : 2 * n] * program.velocity_scale)
         self.share = float(x[-1])
-
-    @cached_property
-    def _foot_velocity(self) -> Array:
-        """The foot velocity of the impact target."""
-        return self.program.target.foot_velocity(self.posture)
+        self.wanted = program.target.foot_velocity(self.posture)
 
     @cached_property
     def values(self) -> Array:
         """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
-        program, wanted = self.program, self._foot_velocity
+        program, wanted = self.program, self.wanted
         missed = self.posture.jacobian @ self.v - self.share * wanted
         parts = [
             [self._scaled_cost(self.posture, self.v)],
@@ -365,7 +359,7 @@ class ProgramPoint:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of `values` by the unknowns, one row each."""
-        program, posture, v, wanted = self.program, self.posture, self.v, self._foot_velocity
+        program, posture, v, wanted = self.program, self.posture, self.v, self.wanted
         n, scale, jacobian = program.n, program.velocity_scale, posture.jacobian
         target, at_v = program.target, slice(n, 2 * n)
         v_after = v + posture.solve(-target.impulse @ jacobian)
@@ -427,11 +421,10 @@ def explain_infeasible(program: KickProgram) -> str:
         found = lifted.solve(Cost(lambda posture, v: float(v @ v)))
         if found is not None:
             needed = np.abs(lifted.torque(found.posture.q, np.zeros(leg.nv)))
+            uses = zip(program.names, needed, program.torque_limit, strict=True)
             weak = [
                 f"{name} takes {torque:.3g} N m and has {limit:.3g}"
-                for name, torque, limit in zip(
-                    program.names, needed, program.torque_limit, strict=True
-                )
+                for name, torque, limit in uses
                 if torque > limit
             ]
             still = f": at rest, {', '.join(weak)}" if weak else ""

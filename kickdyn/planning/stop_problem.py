@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -38,9 +39,6 @@ EAGER = 100.0
 
 SHORT = 0.2
 """Duration of the first guess [s]."""
-
-NEARLY = 1e-6
-"""Share up to which a stop may fall short and count as whole."""
 
 SLACK = 0.005
 """Share of the torque limits left over at first, for torques between the solver's points."""
@@ -285,12 +283,14 @@ class StopSolver:
         Raises:
             InvalidInput: the solver finds none.
         """
-        near = None if known is None else self._whole(known)
-        fallback = None
-        if known is not None and stop.rest is None and most == 1.0 and self._keeps(known, stop):
-            x = self._whole(known)
-            whole = StopSolution(True, "", 1.0, float(self._cost(x)), x, ("", 0))
-            fallback = replace(known, chain=self.equations.chain), whole
+        near = fallback = None
+        if known is not None:
+            near = np.append(self.equations.unknowns_of(known), 1.0)
+            known = replace(known, chain=self.equations.chain)  # whose limits may be others
+            within = max(known.torque_use, known.speed_use) <= 1.0 and known.range_left >= 0.0
+            if within and known.duration <= stop.longest and stop.rest is None and most == 1.0:
+                whole = StopSolution(True, "", 1.0, float(self._cost(near)), near, ("", 0))
+                fallback = known, whole
         slack = SLACK
         for _ in range(5):
             solved = self.solve(stop, slack=slack, most=most, near=near)
@@ -319,21 +319,16 @@ class StopSolver:
         A guess of a short stop is tried first; where that falls short of `most`, also a long one
         and the unknowns `near` the wanted ones, in the end with `most` of the velocity at once.
         """
-
-        def run(
-            shares: tuple[float, float], weights: tuple[float, float], start: Array
-        ) -> StopSolution:
-            return self._run(stop, slack, shares, weights, start)
-
-        tried = list[StopSolution]()
+        run, tried = partial(self._run, stop, slack), list[StopSolution]()
+        whole = most * (1 - 1e-6)
         times = sorted({min(SHORT, stop.longest), stop.longest})
         starts = [self.equations.guess(stop.q, stop.v, time) for time in times]
         for start in starts if near is None else [*starts, near[:-1]]:
             both = run((0.0, most), (1.0, EAGER), start)
-            if both.ok and both.share > most * (1 - NEARLY):
+            if both.ok and both.share > whole:
                 return both._replace(share=most)
             alone = run((0.0, most), (0.0, 1.0), both.unknowns[:-1] if both.ok else start)
-            if alone.ok and alone.share > most * (1 - NEARLY):
+            if alone.ok and alone.share > whole:
                 best = run((most, most), (1.0, 0.0), alone.unknowns[:-1])
                 return (best if best.ok else alone)._replace(share=most)
             tried += [both, alone]
@@ -342,16 +337,6 @@ class StopSolver:
             if best.ok:
                 return best._replace(share=most)
         return max(tried, key=lambda one: (one.ok, one.share))
-
-    def _whole(self, phase: SwingPhase) -> Array:
-        """Return the unknowns of a stop from all of the velocity."""
-        return np.append(self.equations.unknowns_of(phase), 1.0)
-
-    def _keeps(self, known: SwingPhase, stop: Stop) -> bool:
-        """Return whether a stop keeps the limits, which may differ from those it was found with."""
-        phase = replace(known, chain=self.equations.chain)
-        within = max(phase.torque_use, phase.speed_use) <= 1.0 and phase.range_left >= 0.0
-        return within and known.duration <= stop.longest
 
     def _run(
         self,

@@ -87,19 +87,8 @@ def solve_with_swing(
             break
     if best is None:
         raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to")
-    if best.kick.share < 1.0 or best.excess > 0.0:
-        best = _within_limits(program, found, objective, coarse, best)
-    return best.kick, best.phases
-
-
-def _within_limits(
-    program: KickProgram,
-    found: KickSolution,
-    objective: KickObjective,
-    coarse: _SwingKickProblem,
-    best: SwingKick,
-) -> SwingKick:
-    """Return a kick near one whose torques keep their limits between the nodes too."""
+    if best.kick.share == 1.0 and best.excess <= 0.0:
+        return best.kick, best.phases
     kept = []
     for nodes, slack in reversed(GRIDS):
         problem = _SwingKickProblem(program, found, objective, nodes, slack)
@@ -107,19 +96,12 @@ def _within_limits(
         kept += [] if one is None else [one]
         if one is not None and one.kick.share >= best.kick.share - 1e-6:
             break
-    return max(kept, key=lambda one: one.kick.share) if kept else coarse.slow_down(best)
+    best = max(kept, key=lambda one: one.kick.share) if kept else coarse.slow_down(best)
+    return best.kick, best.phases
 
 
 class _SwingKickProblem:
-    """The problem of a kick and both stops, on a grid.
-
-    Args:
-        program: leg and impact target.
-        found: a kick to scale the equations by.
-        objective: to be least.
-        nodes: intervals of each stop.
-        slack: share of the torque limits that is left over.
-    """
+    """The problem of a kick and both stops on a grid, scaled by the kick `found`."""
 
     def __init__(
         self,
@@ -147,14 +129,14 @@ class _SwingKickProblem:
         facing = [ca.dot(normal, symbols.direction(q, ca.DM(lever))) for lever in levers]
         torque = self._stops[0].torque_squared + self._stops[1].torque_squared
         cost = _symbolic_cost(objective, symbols, q, v, speed)
-        unknowns = [stop.unknowns for stop in self._stops]
-        constraints = [stop.constraints for stop in self._stops]
         self._solver = ca.nlpsol(
             "kick",
             "ipopt",
             {
-                "x": ca.vertcat(*unknowns, q, before, after, share),
-                "g": ca.vertcat(*constraints, equal, static, *facing),
+                "x": ca.vertcat(*(stop.unknowns for stop in self._stops), q, before, after, share),
+                "g": ca.vertcat(
+                    *(stop.constraints for stop in self._stops), equal, static, *facing
+                ),
                 "f": cost + 1e-3 * torque - EAGER * share,  # torque picks one of many swings
             },
             OPTIONS,

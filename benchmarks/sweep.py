@@ -23,8 +23,8 @@ from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import Kernel
-from kickdyn.sweeps.kick import Kick
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE
+from kickdyn.sweeps.sweep_kick import Kick
 
 KICK = Kick(speed=12.0)
 FEW, MANY, FLOWN, ROUNDS = 3000, 200_000, 60, 5

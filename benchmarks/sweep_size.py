@@ -29,8 +29,8 @@ import kickdyn as kd
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import Kernel
-from kickdyn.sweeps.kick import Kick
 from kickdyn.sweeps.sweep import sweep_chunks
+from kickdyn.sweeps.sweep_kick import Kick
 
 LEG, KICK = kd.Leg.human(), Kick(speed=12.0)
 RANGES = ((-0.5, 1.5), (0.0, 2.4), (-0.3, 0.8))

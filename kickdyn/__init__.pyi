@@ -51,7 +51,7 @@ from .scene.scene import Scene as Scene
 from .scene.simulate import simulate as simulate
 from .scene.simulation import Simulation as Simulation
 from .scene.toml_reader import load_scene as load_scene
-from .sweeps.kick import Kick as Kick
 from .sweeps.store import open_sweep as open_sweep
 from .sweeps.sweep import sweep as sweep
+from .sweeps.sweep_kick import Kick as Kick
 from .view.page import page as page

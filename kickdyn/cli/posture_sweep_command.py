@@ -21,11 +21,11 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import IN_MEMORY, Grid, check_size, read_postures
-from kickdyn.sweeps.kick import Kick
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
+from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import ReportLine, as_json, extreme_lines, paper_lines, show
 
 if TYPE_CHECKING:

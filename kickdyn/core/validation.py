@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import StrEnum
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,14 +16,10 @@ from kickdyn.errors import InvalidInput
 Array = NDArray[np.float64]
 Choice = TypeVar("Choice", bound=StrEnum)
 
-SMALL = 64
-"""Entries up to which Python's floats are faster than a call of numpy."""
-
-FLOAT64 = np.dtype(np.float64)
-
 LONGEST = 200
 """Characters of a value that a message shows."""
 
+_FLOAT64 = np.dtype(np.float64)
 _NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, np.complexfloating, np.ma.MaskedArray)
 
 
@@ -36,24 +33,25 @@ def number(
     unit: str = "",
 ) -> float:
     """Return `value` as a float, finite and inside the bounds, or raise `InvalidInput`."""
+    shown = None
+    try:
+        if not isinstance(value, _NO_NUMBERS):  # float() would take them
+            result = float(value)  # type: ignore[arg-type]
+            if math.isfinite(result) and result > above and at_least <= result <= at_most:
+                return result
+            shown = repr(result)
+    except (TypeError, ValueError, OverflowError):
+        pass
     limits = [f"above {above:g}"] if above > -math.inf else []
     limits += [f"at least {at_least:g}"] if at_least > -math.inf else []
     limits += [f"at most {at_most:g}"] if at_most < math.inf else []
     valid = f"a finite number {' and '.join(limits)}".rstrip() + (f" [{unit}]" if unit else "")
-    try:
-        if isinstance(value, _NO_NUMBERS):  # float() would take them
-            raise TypeError
-        result = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidInput(f"{name} is {brief(value)}: it must be {valid}") from None
-    if not (math.isfinite(result) and result > above and at_least <= result <= at_most):
-        raise InvalidInput(f"{name} is {result!r}: it must be {valid}")
-    return result
+    raise InvalidInput(f"{name} is {shown or brief(value)}: it must be {valid}")
 
 
 def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of shape `(size,)`, or raise `InvalidInput`."""
-    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):
+    if type(value) is np.ndarray and value.dtype is _FLOAT64 and value.shape == (size,):
         usual: Array = value.copy()
         if math.hypot(*usual.tolist()) < math.inf:  # neither NaN nor inf
             return usual
@@ -65,24 +63,21 @@ def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
 
 def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
     """Return `value` as a new, finite float64 array of any shape, or raise `InvalidInput`."""
-    if _holds_bool(value):
-        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers" + _of(unit))
+    of_unit = f" [{unit}]" if unit else ""
     try:
-        raw: Any = value if type(value) is np.ndarray else np.asanyarray(value)
+        raw: Any = np.asanyarray(value)
     except ValueError:  # ragged
         raise InvalidInput(f"{name} is {brief(value)}: it must be an array of numbers") from None
-    if isinstance(raw, np.ma.MaskedArray) and np.ma.is_masked(raw):
+    if np.ma.is_masked(raw):
         raise InvalidInput(f"{name} has masked entries: fill them first")
-    if raw.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers" + _of(unit))
-    if raw.dtype == np.float64:
+    if raw.dtype.kind not in "fiu" or _holds_bool(value):
+        raise InvalidInput(f"{name} is {brief(value)}: it must hold real numbers{of_unit}")
+    with np.errstate(over="ignore"):  # of longdouble
         array = np.array(raw, dtype=np.float64)  # native byte order: Pinocchio misreads any other
-    else:
-        with np.errstate(over="ignore"):  # of longdouble
-            array = np.array(raw, dtype=np.float64)
-    if not _all_finite(array):
-        shown = array.tolist() if array.size <= 20 else f"an array with {_first_bad(array)} in it"
-        raise InvalidInput(f"{name} is {shown}: every entry must be finite" + _of(unit))
+    finite = np.isfinite(array)
+    if not finite.all():
+        shown = array.tolist() if array.size <= 20 else f"an array with {array[~finite][0]} in it"
+        raise InvalidInput(f"{name} is {shown}: every entry must be finite{of_unit}")
     return array
 
 
@@ -109,13 +104,6 @@ def _holds_bool(value: object) -> bool:
     return any(map(_holds_bool, value))
 
 
-def _all_finite(array: Array) -> bool:
-    """Return whether no entry is NaN or infinite."""
-    if array.size <= SMALL:
-        return all(map(math.isfinite, array.ravel().tolist()))
-    return bool(np.isfinite(array).all())
-
-
 def check_type(kind: type, *, optional: bool = False, **values: object) -> None:
     """Raise `InvalidInput` for a value that is not of a type, or None if `optional`."""
     for name, value in values.items():
@@ -134,10 +122,16 @@ def flag(name: str, value: object) -> bool:
 def choice(name: str, value: object, kind: type[Choice]) -> Choice:
     """Return the member of a `StrEnum` that `value` is or names, or raise `InvalidInput`."""
     try:
-        return kind(value)  # type: ignore[arg-type]
-    except ValueError:
+        return _member(kind, value)  # type: ignore[return-value]
+    except (TypeError, ValueError):  # TypeError: not hashable
         valid = ", ".join(kind)
         raise InvalidInput(f"{name} is {brief(value)}: it must be one of {valid}") from None
+
+
+@lru_cache
+def _member(kind: type[StrEnum], value: object) -> StrEnum:
+    """Return the member of a value: kept, because the enum takes longer to find it."""
+    return kind(value)  # type: ignore[arg-type]
 
 
 def times(t: ArrayLike, duration: float, what: str) -> Array:
@@ -170,19 +164,9 @@ def direction(name: str, value: ArrayLike) -> Array:
     return np.asarray(array / math.sqrt(float(array @ array)))
 
 
-def _first_bad(array: Array) -> float:
-    """Return the first entry that is NaN or infinite."""
-    return float(array[~np.isfinite(array)][0])
-
-
 def length(vectors: Array) -> Array:
     """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
     largest = np.abs(vectors).max(axis=-1, keepdims=True)
     safe = np.where(largest > 0, largest, 1.0)
     scaled = vectors / safe
     return np.asarray(safe[..., 0] * np.sqrt((scaled * scaled).sum(axis=-1)))
-
-
-def _of(unit: str) -> str:
-    """Return a unit in brackets after a blank, or nothing."""
-    return f" [{unit}]" if unit else ""

@@ -65,16 +65,11 @@ class ContactProblem(NamedTuple):
         row = self.normal.dot(self.delassus_factor)
         return float(row.dot(row)) + 1.0 / self.ball.mass
 
-    def leg_delassus(self) -> Array:
-        """Return J M^-1 J^T, the leg's share of G, shape `(3, 3)` [1/kg]."""
-        matrix: Array = self.delassus_factor.dot(self.delassus_factor.T)
-        return matrix
-
     def delassus(self) -> Array:
         """Return G in the world frame, shape `(3, 3)` [1/kg]."""
-        turn, n = self.ball.turning, self.normal
+        turn, n, factor = self.ball.turning, self.normal, self.delassus_factor
         ball = (1.0 / self.ball.mass + turn) * np.eye(3) - turn * np.outer(n, n)
-        return self.leg_delassus() + ball
+        return np.asarray(factor.dot(factor.T) + ball)
 
     def delassus_in(self, axes: Array) -> Array:
         """Return G in contact axes, whose third column is the normal, shape `(3, 3)` [1/kg].

@@ -11,17 +11,21 @@ from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, Printed
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.sensitivity import UNITS, Branch, Sensitivity
 
 MAX_SPREAD = 1e100
 """Above it, variances would leave double precision."""
 
-RESULTS = {"impulse": "N s", "velocity": "m/s", "spin": "rad/s"}
-
-SIZES = {"impulse_size": "impulse", "speed": "velocity"}
-"""Results that are the size of a vector, and the vector."""
+UNIT_OF = {
+    "impulse_size": "N s",
+    "speed": "m/s",
+    "impulse": "N s",
+    "velocity": "m/s",
+    "spin": "rad/s",
+}
+"""Every result and its unit."""
 
 COLUMNS = {
     "impulse_size": "impulse size",
@@ -46,10 +50,8 @@ class Uncertainty(Printed):
         impulse_size: standard deviation of the impulse's size [N s].
         speed: of the ball's speed just after [m/s]. Both leave out what only rotates the vector, so
             the root of a covariance's trace is larger; of a ball brought to rest it is that root.
-        directions: unit vectors of the impulse (`impulse_size`) and of the ball's velocity
-            (`speed`).
-        by_source: for each source, what `impulse`, `velocity` and `spin` would be if it were the
-            only one; they add up to these.
+        by_source: for each source, the covariance of every result if it were the only one; those
+            of `impulse_size` and `speed` are variances. They add up.
         branch: `frictionless`, `stick` or `slip`.
         branch_sigmas: how many standard deviations the other branch is away. First order holds on
             one branch only: below about 2, read the covariances as rough.
@@ -60,7 +62,6 @@ class Uncertainty(Printed):
     spin: Array
     impulse_size: float
     speed: float
-    directions: Mapping[str, Array]
     by_source: Mapping[str, Mapping[str, Array]]
     branch: Branch
     branch_sigmas: float
@@ -77,29 +78,22 @@ class Uncertainty(Printed):
         Raises:
             InvalidInput: another result.
         """
-        known = (*SIZES, *RESULTS)
-        if result not in known:
-            raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(known)}")
-        parts = {source: self._variance(result, of) for source, of in self.by_source.items()}
+        if result not in UNIT_OF:
+            raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
+        parts = {source: float(np.trace(of[result])) for source, of in self.by_source.items()}
         total = sum(parts.values())
         return {source: part / total if total else 0.0 for source, part in parts.items()}
 
-    def _variance(self, result: str, of: Mapping[str, Array]) -> float:
-        """Return the variance of a result, of the covariances of all or of one source."""
-        if result in SIZES:
-            return _variance_along(self.directions[result], of[SIZES[result]])
-        return float(np.trace(of[result]))
-
     def __str__(self) -> str:
         """Return the budget: standard deviation and share of the variance by source."""
-        units = {result: RESULTS[SIZES.get(result, result)] for result in COLUMNS}
         lines = [
             f"{'':13}" + "".join(f"{title:>16}" for title in COLUMNS.values()),
-            f"{'source':13}" + "".join(f"{unit:>9}{'share':>7}" for unit in units.values()),
+            f"{'source':13}"
+            + "".join(f"{unit:>9}{'share':>7}" for unit in map(UNIT_OF.get, COLUMNS)),
         ]
         shares = {result: self.share(result) for result in COLUMNS}
         totals = {
-            result: sum(self._variance(result, of) for of in self.by_source.values())
+            result: sum(float(np.trace(of[result])) for of in self.by_source.values())
             for result in COLUMNS
         }
         for source in self.by_source:
@@ -144,55 +138,38 @@ def uncertainty(
     for name, value in spread.items():
         margin_slope = slopes.margin_slope[name]
         covariance = _covariance(name, value, margin_slope.shape[1])
-        by_source[name] = {
-            result: _propagated(getattr(slopes, result)[name], covariance) for result in RESULTS
+        jacobians = {
+            "impulse_size": _size_rows(impulse) @ slopes.impulse[name],
+            "speed": _size_rows(velocity) @ slopes.velocity[name],
+            "impulse": slopes.impulse[name],
+            "velocity": slopes.velocity[name],
+            "spin": slopes.spin[name],
         }
-        margin_variance += float(_propagated(margin_slope, covariance)[0, 0])
+        by_source[name] = {
+            result: read_only(rows @ covariance @ rows.T) for result, rows in jacobians.items()
+        }
+        margin_variance += float((margin_slope @ covariance @ margin_slope.T)[0, 0])
     totals = {
-        result: np.sum([parts[result] for parts in by_source.values()], axis=0)
-        for result in RESULTS
+        result: read_only(np.sum([parts[result] for parts in by_source.values()], axis=0))
+        for result in UNIT_OF
     }
-    for array in totals.values():
-        array.setflags(write=False)
-    directions = {"impulse_size": _direction(impulse), "speed": _direction(velocity)}
+    sigmas = math.inf if margin_variance <= 0.0 else slopes.margin / math.sqrt(margin_variance)
     return Uncertainty(
-        **totals,
-        impulse_size=math.sqrt(_variance_along(directions["impulse_size"], totals["impulse"])),
-        speed=math.sqrt(_variance_along(directions["speed"], totals["velocity"])),
-        directions=directions,
+        impulse=totals["impulse"],
+        velocity=totals["velocity"],
+        spin=totals["spin"],
+        impulse_size=math.sqrt(max(np.trace(totals["impulse_size"]), 0.0)),
+        speed=math.sqrt(max(np.trace(totals["speed"]), 0.0)),
         by_source=by_source,
         branch=slopes.branch,
-        branch_sigmas=_sigmas(slopes, margin_variance),
+        branch_sigmas=0.0 if slopes.at_boundary else sigmas,
     )
 
 
-def _direction(vector: Array) -> Array:
-    """Return the unit vector along a vector, read-only; 0 of 0, which has no direction."""
+def _size_rows(vector: Array) -> Array:
+    """Return the derivative of a vector's size by the vector; of 0, by each of its entries."""
     size = math.hypot(*vector)
-    direction: Array = vector / size if size else np.zeros(3)
-    direction.setflags(write=False)
-    return direction
-
-
-def _variance_along(direction: Array, covariance: Array) -> float:
-    """Return the variance of the size of a vector with this direction."""
-    if not direction.any():
-        return float(np.trace(covariance))
-    return max(float(direction @ covariance @ direction), 0.0)
-
-
-def _sigmas(slopes: Sensitivity, variance: float) -> float:
-    """Return how many standard deviations of the margin the other branch is away."""
-    if slopes.at_boundary:
-        return 0.0
-    return math.inf if variance <= 0.0 else slopes.margin / math.sqrt(variance)
-
-
-def _propagated(jacobian: Array, covariance: Array) -> Array:
-    """Return the covariance of a result by one source, read-only."""
-    result: Array = jacobian @ covariance @ jacobian.T
-    result.setflags(write=False)
-    return result
+    return vector[None] / size if size else np.eye(3)
 
 
 def _covariance(name: str, value: ArrayLike, size: int) -> Array:

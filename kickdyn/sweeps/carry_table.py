@@ -21,7 +21,7 @@ from kickdyn.core.compilation import compiled
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.sweep_kick import Kick
 
 NODES, CHECKS = 8, 9
 """Flights per side of a patch, to fit its polynomial and to check it."""

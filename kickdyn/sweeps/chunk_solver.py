@@ -14,7 +14,7 @@ from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kick import Kick, kick_from
+from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 KERNEL_FROM = 2000
 """Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""

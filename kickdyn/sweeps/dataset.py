@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.grid import DECIMALS, Grid
-from kickdyn.sweeps.kick import Kick, PostureOutcome, PostureStatus
+from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus
 
 VARIABLES = {
     "effective_mass": ("kg", "effective mass of the leg along the normal"),

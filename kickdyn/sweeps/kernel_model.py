@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
-from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.sweep_kick import Kick
 
 PARALLEL = 1e-12
 """Sine of the angle below which axes count as parallel."""

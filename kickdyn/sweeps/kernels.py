@@ -30,10 +30,10 @@ from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import (
     impact_kernel,
     kernel_model,
-    kick,
     planar_kernel,
     spatial_kernel,
     speed_use_kernel,
+    sweep_kick,
 )
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.impact_kernel import (
@@ -49,8 +49,8 @@ from kickdyn.sweeps.impact_kernel import (
     whiten,
 )
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kick import Kick
 from kickdyn.sweeps.speed_use_kernel import least_speed_use
+from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
 """Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
@@ -249,7 +249,7 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
     """Return a kernel, from the disk where it is kept there."""
     kinematics = planar_kernel if in_plane else spatial_kernel
     # numba looks for changes in this file only; the others are part of the name
-    modules = (lanes, kernel_model, impact_kernel, kick, speed_use_kernel, kinematics)
+    modules = (lanes, kernel_model, impact_kernel, sweep_kick, speed_use_kernel, kinematics)
     content = zlib.crc32(b"".join(Path(str(each.__file__)).read_bytes() for each in modules))
     names = {**globals(), "motion": kinematics, "WIDTH": 2 if in_plane else 3}
     variant = named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")

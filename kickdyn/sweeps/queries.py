@@ -20,7 +20,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Chunks
-from kickdyn.sweeps.kick import Kick, PostureOutcome, PostureStatus, kick_from
+from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 BLOCK = 1_000_000
 """Postures of a block, roughly, where the dataset is not stored in chunks."""

@@ -1,4 +1,4 @@
-"""The least use of the joints' speed limits: `kick.least_speed_use`, many postures at once.
+"""The least use of the joints' speed limits: `sweep_kick.least_speed_use`, many postures at once.
 
 The candidates y of the dual linear programme are tried one after the other. The foot's velocity is
 along the normal, so that w y is its speed times the last entry of y.
@@ -13,7 +13,7 @@ import numpy as np
 from kickdyn.core.lanes import LANES
 from kickdyn.sweeps.impact_kernel import njit
 from kickdyn.sweeps.kernel_model import LIMIT
-from kickdyn.sweeps.kick import ROUNDING, UNLIMITED
+from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
 
 PARALLEL, ASKEW = ROUNDING**2, 1e-8
 """Squared sine of two columns up to which they count as parallel, and from which on their cross

@@ -23,7 +23,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.sweeps.dataset import STATUS_ATTRIBUTES, VARIABLES, difference
 from kickdyn.sweeps.grid import Chunks
-from kickdyn.sweeps.kick import PostureStatus
+from kickdyn.sweeps.sweep_kick import PostureStatus
 
 _NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from kickdyn.core.validation import Array
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import DECIMALS
-from kickdyn.sweeps.kick import PostureStatus
 from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown_unit
+from kickdyn.sweeps.sweep_kick import PostureStatus
 
 BEST = 10
 """Postures of highest ball speed that are kept."""

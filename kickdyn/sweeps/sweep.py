@@ -35,8 +35,8 @@ from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import VARIABLES, describe, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
-from kickdyn.sweeps.kick import Kick, PostureStatus
 from kickdyn.sweeps.store import SweepStore, open_sweep
+from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
 
 CARRY_TOLERANCE = 1e-6
 """Largest error of an interpolated carry unless another is asked for [m]."""

@@ -18,8 +18,8 @@ from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid, named_joints
-from kickdyn.sweeps.kick import Kick, PostureOutcome, PostureStatus, kick_from
 from kickdyn.sweeps.summary import Summary
+from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 PAPER_POSTURES = {
     "paper a": ((5.0, 10.0, -5.0), 1.554),

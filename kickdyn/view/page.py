@@ -37,10 +37,7 @@ from kickdyn.view.wall_and_goal import Box, plane_boxes
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass
-_Kick = Impact | KickPlan | Swing | Scene | Simulation
-
-BEYOND = 10.0
-"""How far ahead a plane is drawn that the ball does not reach, over the length of its path."""
+_MovingSubject = Impact | KickPlan | Swing | Scene | Simulation
 
 
 class Page:
@@ -112,7 +109,7 @@ class Page:
 
 
 def page(
-    subject: _Kick | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
+    subject: _MovingSubject | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     path: _Path | None = None,
     *,
     caption: str = "",
@@ -216,7 +213,8 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
     boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
     ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
     length = (end - start)[:2]
-    is_near = 0.0 < float(ahead @ length) < BEYOND * float(length @ length)
+    # A plane that the ball does not reach is drawn up to ten times the length of the path ahead.
+    is_near = 0.0 < float(ahead @ length) < 10.0 * float(length @ length)
     if is_near or simulation.status == "at-plane":
         return impact, path, caption, boxes
     return impact, path, f"{caption}, its plane out of the picture", []

@@ -9,7 +9,7 @@ from kickdyn.sweeps.carry_table import CarryTable, launches
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.sweep_kick import Kick
 
 LEG = kd.Leg.human()
 

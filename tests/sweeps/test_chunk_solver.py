@@ -8,7 +8,7 @@ from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import variables_of
 from kickdyn.sweeps.grid import Grid
-from kickdyn.sweeps.kick import Kick, kick_from
+from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 KICK = Kick(speed=3.0, attack=0.5, restitution=0.6, friction=0.15, air=None)
 

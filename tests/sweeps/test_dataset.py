@@ -9,7 +9,7 @@ import kickdyn as kd
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.dataset import VARIABLES, describe, difference, provenance, with_variables
 from kickdyn.sweeps.grid import Grid, read_postures
-from kickdyn.sweeps.kick import Kick
+from kickdyn.sweeps.sweep_kick import Kick
 
 KICK = Kick(attack=0.3)
 

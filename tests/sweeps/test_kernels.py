@@ -20,7 +20,7 @@ from kickdyn.sweeps.kernels import (
     Kernel,
     fill_variables,
 )
-from kickdyn.sweeps.kick import Kick, kick_from
+from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
 LEG = kd.Leg.human()
 

@@ -6,7 +6,6 @@ import kickdyn as kd
 from kickdyn.sweeps import chunk_solver, queries
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import read_postures
-from kickdyn.sweeps.kick import kick_from
 from kickdyn.sweeps.queries import (
     blocks,
     condition,
@@ -18,6 +17,7 @@ from kickdyn.sweeps.queries import (
     take,
 )
 from kickdyn.sweeps.store import save_netcdf
+from kickdyn.sweeps.sweep_kick import kick_from
 
 LEG, KICK = kd.Leg.human(), kd.Kick(speed=6.0, attack=0.0, air=None)
 POSTURES = read_postures(LEG, ["hip=0:90:15", "knee=0:30:5", "ankle=0:50:10"])

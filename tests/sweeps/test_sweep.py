@@ -10,8 +10,8 @@ import kickdyn as kd
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import read_postures
-from kickdyn.sweeps.kick import kick_from
 from kickdyn.sweeps.sweep import sweep_chunks
+from kickdyn.sweeps.sweep_kick import kick_from
 
 LEG = kd.Leg.human()
 KICK = kd.Kick(attack=0.0)

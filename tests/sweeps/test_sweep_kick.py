@@ -5,7 +5,7 @@ import pytest
 from chains import random_leg
 
 import kickdyn as kd
-from kickdyn.sweeps.kick import (
+from kickdyn.sweeps.sweep_kick import (
     Kick,
     PostureStatus,
     kick_from,

@@ -183,9 +183,7 @@ class Air(ValueEquality, ReprMixin):
 def _checked_wind(wind: ArrayLike | Wind) -> Array | Wind:
     """Return a wind as a read-only array of shape `(3,)`, or the function that it is."""
     if not callable(wind):
-        steady = validation.vector("wind", wind, 3, unit="m/s")
-        steady.setflags(write=False)
-        return steady
+        return validation.read_only(validation.vector("wind", wind, 3, unit="m/s"))
     try:
         blowing = wind(0.0)
     except (ArithmeticError, ValueError):  # as a logarithm, not defined there

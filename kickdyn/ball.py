@@ -41,10 +41,9 @@ class Ball(ReprMixin):
     inertia_factor: float = 2.0 / 3.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "mass", validation.number("ball mass", self.mass, above=0, unit="kg")
-        )
+        mass = validation.number("ball mass", self.mass, above=0, unit="kg")
         radius = validation.number("ball radius", self.radius, above=0, unit="m")
+        object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "radius", radius)
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return

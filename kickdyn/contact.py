@@ -44,11 +44,9 @@ class Contact(ValueEquality, ReprMixin):
         friction: float = 0.0,
         offset: ArrayLike | None = None,
     ) -> None:
-        unit = validation.direction("contact normal", normal)
-        unit.setflags(write=False)
+        unit = validation.read_only(validation.direction("contact normal", normal))
         if offset is not None:
-            offset = validation.vector("contact offset", offset, 3, unit="m")
-            offset.setflags(write=False)
+            offset = validation.read_only(validation.vector("contact offset", offset, 3, unit="m"))
         e = validation.number("restitution", restitution, at_least=0, at_most=1)
         object.__setattr__(self, "normal", unit)
         object.__setattr__(self, "restitution", e)

@@ -99,9 +99,8 @@ class Ground(ReprMixin):
     surface: str | Surface | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "height", validation.number("ground height", self.height, unit="m")
-        )
+        height = validation.number("ground height", self.height, unit="m")
+        object.__setattr__(self, "height", height)
         if isinstance(self.surface, str):
             if self.surface not in SURFACES:
                 raise InvalidInput(

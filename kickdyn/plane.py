@@ -23,10 +23,6 @@ class ReachedBy(StrEnum):
     BACK = "back"
 
 
-_RADII = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
-"""How many radii behind the centre that part is, along the normal."""
-
-
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Plane(ValueEquality, ReprMixin):
     """An endless plane that a flight ends at, reached from the side its normal points to.
@@ -49,13 +45,10 @@ class Plane(ValueEquality, ReprMixin):
     def __init__(self, point: ArrayLike, normal: ArrayLike, reached_by: str = "front") -> None:
         place = validation.vector("point of the plane", point, 3, unit="m")
         towards = validation.direction("normal of the plane", normal)
-        for array in (place, towards):
-            array.setflags(write=False)
-        object.__setattr__(self, "point", place)
-        object.__setattr__(self, "normal", towards)
-        object.__setattr__(
-            self, "reached_by", validation.choice("reached_by", reached_by, ReachedBy)
-        )
+        part = validation.choice("reached_by", reached_by, ReachedBy)
+        object.__setattr__(self, "point", validation.read_only(place))
+        object.__setattr__(self, "normal", validation.read_only(towards))
+        object.__setattr__(self, "reached_by", part)
 
     def __repr__(self) -> str:
         """Return every value, in a line."""
@@ -79,7 +72,8 @@ class Plane(ValueEquality, ReprMixin):
         Raises:
             InvalidInput: the ball is beyond it already.
         """
-        away = float(self.normal @ (position - self.point)) + _RADII[self.reached_by] * ball.radius
+        radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
+        away = float(self.normal @ (position - self.point)) + radii[self.reached_by] * ball.radius
         scale = max(ball.radius, float(abs(self.point).max()), float(abs(position).max()))
         if away < -1e-9 * scale:  # more than rounding
             raise InvalidInput(

@@ -45,7 +45,10 @@ def paper(
     check_outputs(view, json_file=json_file)
     shown = None if view is None else _with_flights(sections)
     if figures is not None and drawings:
-        _make_folder(figures)
+        try:
+            Path(figures).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InvalidInput(f"{figures} cannot be made ({error.strerror})") from None
         check_outputs(*drawings)
     items: dict[str, list[Item]] = {}
     others: dict[str, list[Item]] = {}
@@ -94,11 +97,3 @@ def _figure(draw: Callable[[Figure], None]) -> Figure:
     figure = Figure(figsize=(9, 5))
     draw(figure)
     return figure
-
-
-def _make_folder(name: str) -> None:
-    """Make a folder where it is missing; raise `InvalidInput` where that fails."""
-    try:
-        Path(name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InvalidInput(f"{name} cannot be made ({error.strerror})") from None

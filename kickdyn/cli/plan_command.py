@@ -51,11 +51,6 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
     return read
 
 
-def _wall(_: click.Context, __: click.Option, text: str | None) -> Wall | None:
-    """Return the wall that an option names."""
-    return None if text is None else Wall.read(text)
-
-
 def _spread(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
     """Return the standard deviations that an option names, by source."""
     if text is None:
@@ -83,7 +78,8 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--beside", callback=PAIR, metavar="DISTANCE:LEFT",
               help="Where a curved way passes, left of the line to the target [m]: the ball gets "
               "the spin for it.")  # fmt: skip
-@click.option("--wall", callback=_wall, metavar="DISTANCE:HEIGHT[:WIDTH]",
+@click.option("--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
+              callback=lambda _, __, text: None if text is None else Wall.read(text),
               help="A wall across the line to the target, 2.5 m wide if not named [m]. The ball "
               "goes over it, or beside it; with nothing else named, 0.1 m over it.")  # fmt: skip
 @click.option("--goal", "goal_mouth", is_flag=True,

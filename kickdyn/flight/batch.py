@@ -23,9 +23,6 @@ from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
 from kickdyn.ground import Ground
 
-STATUSES = (FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED)
-"""How a flight ends, in the order of the flags."""
-
 
 def fly_many(
     states: BallState,
@@ -84,8 +81,17 @@ def fly_many(
         flown = _integrate(scenes, states.velocity[integrated], ball, air, tol, time_limit)
         nodes[integrated], status[integrated], evaluations[integrated] = flown
     outside = _outside(states, nodes, integrated, ball, air)
-    attributes = _attributes(ball, air, ground, tol)
-    return _dataset(states, nodes, status, evaluations, outside, attributes)
+    data = _variables(states, nodes, status, evaluations, outside)
+    attributes = {
+        "title": "flights of a ball",
+        "source": f"kickdyn {__version__}",
+        "ball_mass_kg": ball.mass,
+        "ball_radius_m": ball.radius,
+        "air": "none" if air is None else repr(air),
+        "ground": "height of each launch" if ground is None else f"{ground.height:g} m",
+        "tol": tol,
+    }
+    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
 
 
 def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray[np.bool_]:
@@ -170,36 +176,20 @@ def _outside(
 
 
 def _speed(air: Air, height: float) -> float:
-    """Return the speed of the wind [m/s], nan where its function fails."""
+    """Return the speed of the wind [m/s], nan where its function, a user's own, fails."""
     try:
         return math.hypot(*air.wind_at(height))
-    except Exception:  # someone's own function
+    except Exception:
         return math.nan
 
 
-def _attributes(
-    ball: Ball, air: Air | None, ground: Ground | None, tol: float
-) -> dict[str, str | float]:
-    """Return what was flown, as attributes of the dataset."""
-    return {
-        "title": "flights of a ball",
-        "source": f"kickdyn {__version__}",
-        "ball_mass_kg": ball.mass,
-        "ball_radius_m": ball.radius,
-        "air": "none" if air is None else repr(air),
-        "ground": "height of each launch" if ground is None else f"{ground.height:g} m",
-        "tol": tol,
-    }
-
-
-def _dataset(
+def _variables(
     states: BallState,
     nodes: Array,
     status: NDArray[np.int8],
     evaluations: NDArray[np.int64],
     outside: NDArray[np.bool_],
-    attributes: dict[str, str | float],
-) -> xr.Dataset:
+) -> dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]]:
     """Return the results with names, units and meanings."""
     ended, moved, velocity = nodes[:, 0], nodes[:, 1:4], nodes[:, 4:7]
     data: dict[str, tuple[str | tuple[str, ...], NDArray[Any], dict[str, Any]]] = {}
@@ -219,8 +209,7 @@ def _dataset(
         data[name] = (dims, values, {"units": unit, "long_name": meaning})
     flags = {
         "long_name": "how the flight ends",
-        "flag_values": np.arange(len(STATUSES), dtype=np.int8),
-        "flag_meanings": " ".join(STATUSES),
+        "flag_values": np.array([LANDED, ALOFT, FAILED], dtype=np.int8),
+        "flag_meanings": " ".join([FlightStatus.LANDED, FlightStatus.ALOFT, FlightStatus.FAILED]),
     }
-    data["status"] = ("flight", status, flags)
-    return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+    return data | {"status": ("flight", status, flags)}

@@ -46,17 +46,8 @@ _vector = numba.float64[::1]
 SIGNATURE: Any = numba.void(_vector, _vector, _vector)
 """Of what `side_by_side` returns, the same for every ball and air: one integrator serves all."""
 
-_IN_MEMORY = 200
-"""Compiled functions that are kept in memory; each takes some 100 kB."""
-
 _ON_DISK = 200
 """Files of equations that are kept on the disk, two for a ball and its air."""
-
-_SOURCES = (numba.__version__.encode(), Path(str(lanes.__file__)).read_bytes())
-"""What the equations are made of besides their own functions: `exp`, and how to compile."""
-
-_LIBRARIES = (math, np)
-"""Modules whose names mean the same tomorrow; the attributes of others may be anything."""
 
 _PLAIN = (int, float, complex, bool, str, bytes, type(None), type(...), types.BuiltinFunctionType)
 
@@ -143,7 +134,8 @@ def side_by_side(
 
 def _from_disk(rates: Callable[..., Any], air: Air) -> Any:
     """Return the equations of motion as machine code, read from the disk if they are there."""
-    name = fingerprint(rates, *_SOURCES)
+    # besides their own functions they are made of `exp`, and of how they are compiled
+    name = fingerprint(rates, numba.__version__.encode(), Path(str(lanes.__file__)).read_bytes())
     if name is None:
         return _compile_all(rates, air)
     # numba keeps a function by its name and what it closes over: the name says all, and what is
@@ -246,7 +238,7 @@ def _tree(function: Any, signature: Any = None) -> Any:
     # would take either
     twin.__qualname__ = f"{function.__name__}_{name}"
     dispatcher = inlined(twin) if signature is None else numba.njit(signature, **HOW)(twin)
-    if len(_compiled) >= _IN_MEMORY:
+    if len(_compiled) >= 200:  # of some 100 kB each
         _compiled.clear()
     _compiled[key] = dispatcher
     return dispatcher
@@ -307,7 +299,7 @@ def _parts(value: Any, met: set[int]) -> Iterator[bytes]:
         yield b"%d" % len(ordered)
         for part in ordered:
             yield from _parts(part, met)
-    elif isinstance(value, types.FunctionType | np.ufunc) or any(value is m for m in _LIBRARIES):
+    elif isinstance(value, types.FunctionType | np.ufunc) or value is math or value is np:
         yield f"{getattr(value, '__module__', '')} {value.__name__}".encode()
     elif isinstance(value, _PLAIN):
         yield f"{type(value).__name__} {value!r}".encode()

@@ -23,9 +23,6 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.flight.forces import brakes, downward, forces
 
-WEIGHTLESS = 1e-5
-"""Downward acceleration [m/s2] that moves nothing by more than metres in a thousand seconds."""
-
 _PER_DECADE, _DECADES = 8, 3
 _FARTHEST = 15
 """Reynolds numbers from 1e-15 to 1e15 are told apart here."""
@@ -33,11 +30,6 @@ _FARTHEST = 15
 
 class FlightEquations:
     """The equations of motion of a ball launched into the air.
-
-    Args:
-        launch: the start.
-        ball: what flies.
-        air: through what.
 
     Attributes:
         begin: the states at the launch, shape `(7,)`.
@@ -80,15 +72,10 @@ def tolerances(
     quadratic drag of the length L: it rises :math:`\frac{L}{2} \ln(1 + v^2/(g L))` and comes back
     with :math:`v / \sqrt{1 + v^2/(g L)}`.
 
-    Args:
-        velocity: at the launch, shape `(3,)` or `(n, 3)` [m/s].
-        drop: from the launch down to the ground, a number or shape `(n,)` [m].
-        wind: its speed at the launch, likewise [m/s].
-        ball: what flies.
-        air: through what.
-        tol: the relative tolerance.
+    The velocity at the launch has shape `(3,)` or `(n, 3)` [m/s]; the drop to the ground [m] and
+    the speed of the wind at the launch [m/s] are numbers or have shape `(n,)`.
     """
-    g = max(abs(downward(ball, air)), WEIGHTLESS)
+    g = max(abs(downward(ball, air)), 1e-5)  # a weight of less moves nothing for minutes
     drop = np.asarray(drop)
     with np.errstate(over="ignore", invalid="ignore"):  # spoils its own flight only
         fastest = np.maximum(validation.length(velocity), np.maximum(wind, np.sqrt(2.0 * g * drop)))

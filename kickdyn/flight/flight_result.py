@@ -16,16 +16,10 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row, side_view
+from kickdyn.core.representation import ReprMixin, Row, side_view, warned
 from kickdyn.core.validation import Array
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
-
-NO_SPIN = 1e-9
-"""Surface speed over speed below which a ball does not spin: rounding leaves as much to a plan."""
-
-SPIN_NODES = 32
-"""Of Gauss's rule for the integral of the spin, which is far smoother than the path."""
 
 
 class FlightStatus(StrEnum):
@@ -79,8 +73,7 @@ class Flight(ReprMixin):
         yield "landing", self.landing.position, "m"
         yield "landing speed", self.landing.speed, "m/s"
         yield "method", f"{self.method}, {self.evaluations} evaluations", ""
-        for line in self.warnings:
-            yield "warning", line, ""
+        yield from warned(self.warnings)
 
     def _picture(self) -> str:
         return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))
@@ -174,7 +167,8 @@ class Flight(ReprMixin):
         Raises:
             InvalidInput: a time outside the flight.
         """
-        times, moved = self._states(t)
+        times = validation.times(t, self.duration, "the flight")
+        moved = self._trajectory(np.atleast_1d(times)).reshape(*times.shape, 7)
         spin = moved[..., 6:7] * self.launch.spin
         return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
 
@@ -195,16 +189,10 @@ class Flight(ReprMixin):
             InvalidInput: a time outside the flight.
         """
         times = validation.times(t, self.duration, "the flight")
-        nodes, weights = np.polynomial.legendre.leggauss(SPIN_NODES)
+        nodes, weights = np.polynomial.legendre.leggauss(32)  # spin is far smoother than the path
         left = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]
-        turned = 0.5 * times * (left.reshape(*times.shape, SPIN_NODES) @ weights)
+        turned = 0.5 * times * (left.reshape(*times.shape, len(nodes)) @ weights)
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
-
-    def _states(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Return checked times, and the states of `FlightEquations` there, shape `(..., 7)`."""
-        times = validation.times(t, self.duration, "the flight")
-        moved = self._trajectory(np.atleast_1d(times))
-        return times, moved.reshape(*times.shape, 7)
 
 
 def outside_ranges(
@@ -212,19 +200,11 @@ def outside_ranges(
 ) -> list[tuple[CoefficientModel, NDArray[np.bool_]]]:
     """Return each model of drag and lift, and which of n states lie outside its range.
 
-    Models of the torque are left out: nobody measured it for soccer balls at any speed.
-
-    Args:
-        height: of the centres, shape `(n,)` [m].
-        velocity: shape `(n, 3)` [m/s, world frame].
-        spin: shape `(n, 3)` [rad/s, world frame].
-        ball: what flies.
-        air: through what.
+    Models of the torque are left out: nobody measured it for soccer balls at any speed. Heights of
+    the centres have shape `(n,)` [m], velocities and spins `(n, 3)` [m/s, rad/s, world frame].
     """
-    wind: Array = np.asarray(air.wind if not callable(air.wind) else 0.0)
-    if callable(air.wind):
-        wind = np.array([air.wind_at(z) for z in height.tolist()])
-    through = velocity - wind
+    wind = air.wind
+    through = velocity - (np.array([wind(z) for z in height.tolist()]) if callable(wind) else wind)
     square = np.maximum(np.einsum("ij,ij->i", through, through), 1e-300)
     along = np.einsum("ij,ij->i", through, spin)
     whole = np.einsum("ij,ij->i", spin, spin)
@@ -232,7 +212,7 @@ def outside_ranges(
     speed = np.sqrt(square)
     reynolds = 2 * ball.radius * air.density / air.viscosity * speed
     spin_parameter = ball.radius * across / speed
-    spins = ball.radius * np.sqrt(whole) > NO_SPIN * speed
+    spins = ball.radius * np.sqrt(whole) > 1e-9 * speed  # rounding leaves less to a plan
     return [
         (model, (spins | (model is air.drag)) & model.is_outside(reynolds, spin_parameter))
         for model in (air.drag, air.lift)
@@ -250,12 +230,7 @@ def warning_of(model: CoefficientModel, share: float) -> str:
 
 
 def profile(states: BallState, marked: tuple[BallState, ...]) -> str:
-    """Draw height over the distance ahead, in the direction of the launch, as an SVG.
-
-    Args:
-        states: along the path of the ball, the first the launch.
-        marked: states to put a dot on.
-    """
+    """Return an SVG of height over distance ahead from the first state, dots on those marked."""
     start = states.position[0]
     ahead = next((v[:2] for v in states.velocity if np.any(v[:2])), np.array([1.0, 0.0]))
     ahead = ahead / math.hypot(*ahead)

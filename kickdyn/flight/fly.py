@@ -25,7 +25,7 @@ from kickdyn.flight.forces import (
     is_ballistic,
     time_to_fall,
 )
-from kickdyn.flight.integrate import METHOD, Event, FlightArc, fly_until, joined
+from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
@@ -133,10 +133,7 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
     """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
 
-    Args:
-        position: of the ball's centre at the launch, shape `(3,)` or `(n, 3)` [m, world frame].
-        ball: what flies.
-        ground: where flights end; None ends them at the height of the launch.
+    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame].
 
     Raises:
         InvalidInput: a ball starts inside the ground.
@@ -226,7 +223,7 @@ def _integrated(state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float)
         _at(state, top, highest),
         _at(state, end, last),
         status,
-        f"{METHOD}, rtol {tol:g}, {effects}",
+        f"DOP853, rtol {tol:g}, {effects}",
         sum(arc.evaluations for arc in arcs),
         lambda t: trajectory(t).T,
     )
@@ -279,14 +276,12 @@ def _passes(wall: Event, begin: Array, rates: Array) -> bool:
 def _wind_speed(air: Air, height: float) -> float:
     """Return the speed of the wind at a height [m/s], or raise `InvalidInput` where it has none."""
     try:
-        blowing = air.wind_at(height)
-        return validation.number("wind", math.hypot(*blowing), at_most=MAX_SPEED, unit="m/s")
-    except InvalidInput:
-        raise
+        speed = math.hypot(*air.wind_at(height))
     except Exception as fault:
         raise InvalidInput(
             f"the wind at the launch, {height:g} m high, raised {type(fault).__name__}: {fault}"
         ) from fault
+    return validation.number("wind", speed, at_most=MAX_SPEED, unit="m/s")
 
 
 def _at(launch: BallState, time: float, moved: Array) -> BallState:

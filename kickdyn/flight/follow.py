@@ -13,7 +13,7 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
 from kickdyn.flight.fly import check_launch, fly, wall_of
@@ -53,8 +53,7 @@ class Course(ReprMixin):
         yield "distance", self.distance, "m"
         yield "duration", self.duration, "s"
         yield "end", self.rest.position, "m"
-        for line in self.warnings:
-            yield "warning", line, ""
+        yield from warned(self.warnings)
 
     def _picture(self) -> str:
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))

@@ -111,13 +111,9 @@ def reynolds_number(ball: Ball, air: Air) -> Reynolds:
 def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
     r"""Return when a body first is `drop` below its start while moving down [s]; inf if never.
 
-    :math:`(v + \sqrt{v^2 + 2 g d}) / g` (Eq. 24). Down is any direction: towards a plane `drop` is
-    the gap, and `rise_speed` and `g` are the components along its normal.
-
-    Args:
-        rise_speed: upward speed at the start [m/s].
-        drop: 0 or more [m].
-        g: downward acceleration [m/s2].
+    :math:`(v + \sqrt{v^2 + 2 g d}) / g` (Eq. 24). Down is any direction: towards a plane the
+    `drop`, 0 or more [m], is the gap, and `rise_speed` [m/s] and the downward acceleration `g`
+    [m/s2] are the components along its normal.
     """
     fallen = 2.0 * g * drop
     if fallen < 0.0:

@@ -18,14 +18,6 @@ from kickdyn.flight.forces import downward, forces, time_to_fall
 from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
 from kickdyn.ground import Surface
 
-LOOSEST = 1e-9
-"""Relative tolerance of rolling at most: friction turns with the ball, ever faster as it slows, and
-looser steps miss where it rests."""
-
-SLOW = 1e-7
-"""Share of its speed at the start, or of the wind's push, at which rolling ends in a straight line:
-the forces on the ball are constant from there on."""
-
 
 @dataclass(frozen=True, eq=False)
 class GroundPhase:
@@ -71,17 +63,12 @@ def slip(state: BallState, ball: Ball) -> tuple[float, float]:
 
 
 def bounce(state: BallState, ball: Ball, surface: Surface) -> BallState:
-    r"""Return the ball just after it touched the ground.
+    r"""Return the ball just after it touched the ground, from its state just before.
 
     The normal impulse is :math:`m (1 + e) |v_z|`. The tangential one, against the slip u, is
     :math:`m (1 + e_t) |u| / (1 + m r^2 / I)` where the ball grips, which turns u into
     :math:`-e_t u`, and :math:`\mu` times the normal one where that is less. Energy never rises:
     each of the two is a passive collision of its own.
-
-    Args:
-        state: just before, moving downwards.
-        ball: mass, radius and inertia.
-        surface: of the ground.
     """
     vx, vy, vz = state.velocity.tolist()
     wx, wy, wz = state.spin.tolist()
@@ -157,7 +144,8 @@ def roll(
     ball, and a wind that would keep it rolling does so to `time_limit`. A wall, normal and gap [m],
     may end it before.
     """
-    tol = min(tol, LOOSEST)
+    # Friction turns with the ball, ever faster as it slows: looser steps miss where it rests.
+    tol = min(tol, 1e-9)
     resistance = surface.rolling_deceleration
     share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
     acting = None if air is None or air.density == 0 else forces(ball, air)
@@ -178,7 +166,7 @@ def roll(
     u, v, _ = state.velocity.tolist()
     wind = push(0.0, 0.0)
     blowing, speed = math.hypot(*wind), math.hypot(u, v)
-    slow = SLOW * max(speed, blowing)
+    slow = 1e-7 * max(speed, blowing)  # the forces are constant from there on to rest
     length = max(speed, slow) ** 2 / (2 * resistance)
     atol = tol * np.array([length, length, *2 * [max(speed, slow)]])
     stop = Event(lambda y: math.hypot(y[2], y[3]) - slow)

@@ -17,8 +17,6 @@ from scipy.optimize import brentq
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 
-METHOD = "DOP853"
-
 MAX_EVALUATIONS = 250_000
 """Most evaluations of the rates: a ball in syrup would take an explicit method for ever."""
 
@@ -203,7 +201,9 @@ def _landed(
 
 def _when(event: Event, piece: DenseOutput, before: Array, after: Array) -> float:
     """Return when an event comes within a step, inf if it does not."""
-    if _falls(event.value, before, after):
+    if event.value(before) >= 0.0 >= event.value(after) and event.value(before) > event.value(
+        after
+    ):
         return _root(event.value, piece, piece.t)
     if event.rate is None or not event.rate(before) < 0.0 < event.rate(after):
         return math.inf
@@ -212,11 +212,6 @@ def _when(event: Event, piece: DenseOutput, before: Array, after: Array) -> floa
     if event.value(piece(lowest)) > 0.0:
         return math.inf
     return _root(event.value, piece, lowest)
-
-
-def _falls(value: Callable[[Array], float], before: Array, after: Array) -> bool:
-    """Return whether a value falls through zero from one state to another."""
-    return value(before) >= 0.0 >= value(after) and value(before) > value(after)
 
 
 def _root(of: Callable[[Array], float], piece: DenseOutput, ended: float) -> float:

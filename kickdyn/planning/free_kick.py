@@ -16,9 +16,6 @@ from kickdyn.planning.kick import KickPlan
 OVER = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
-WIDTH = 2.5
-"""Width of a wall of five players, half a metre each [m]."""
-
 MOUTH = (7.32, 2.44)
 """Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
 
@@ -40,7 +37,7 @@ class Wall(NamedTuple):
 
     distance: float
     height: float
-    width: float = WIDTH
+    width: float = 2.5  # of five players
 
     @classmethod
     def read(cls, text: str) -> Wall:

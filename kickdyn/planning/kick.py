@@ -38,12 +38,6 @@ from kickdyn.planning.swing_phase import SwingPhase, check_solver
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
 
-AT_END = 1e-6
-"""Distance from the end of its range at which a joint is there [rad; m]."""
-
-STILL = 1e-9
-"""Share of the fastest joint's speed below which a joint stands still."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KickPlan(ReprMixin):
@@ -150,7 +144,7 @@ class KickPlan(ReprMixin):
         for name, i in self._moving():
             (low, high), v = self.leg.joint_range(name), self.impact.v_after[i]
             at = values[name]
-            if (at - low < AT_END and v < 0.0) or (high - at < AT_END and v > 0.0):
+            if (at - low < 1e-6 and v < 0.0) or (high - at < 1e-6 and v > 0.0):
                 found.append(name)
         return tuple(found)
 
@@ -158,7 +152,7 @@ class KickPlan(ReprMixin):
         """Return the joints that move just after the impact, with their index in v."""
         leg, speed = self.leg, np.abs(self.impact.v_after)
         every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
-        return [(name, i) for name, i in every if speed[i] > STILL * speed.max()]
+        return [(name, i) for name, i in every if speed[i] > 1e-9 * speed.max()]
 
 
 def plan_kick(
@@ -299,13 +293,11 @@ def _checked_ball_position(
     ball_height: float | None, ball_at: ArrayLike | None
 ) -> float | Array | None:
     """Return the height or the position of the ball's centre; None where it is free."""
-    if ball_at is None:
-        return (
-            None if ball_height is None else validation.number("ball height", ball_height, unit="m")
-        )
-    if ball_height is not None:
+    if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
-    return validation.vector("ball_at", ball_at, 3, unit="m")
+    if ball_height is not None:
+        return validation.number("ball height", ball_height, unit="m")
+    return None if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
 
 
 def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:

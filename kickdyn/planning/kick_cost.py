@@ -21,12 +21,6 @@ from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_slopes, launch_covariances
 from kickdyn.robot.leg import Posture
 
-SMOOTH = 12
-"""Power of the norm that stands for the largest of several impulses, within 10 % for six joints."""
-
-NEVER = 1e6
-"""Scatter of a foot that does not meet the ball [m]."""
-
 
 class KickObjective(StrEnum):
     r"""What a kick makes least, or most where the name says so.
@@ -112,7 +106,7 @@ def scatter_cost(
         try:
             impact = strike(posture, v, target.ball, plain)
         except NoImpact:  # far from feasible
-            return NEVER
+            return 1e6
         covariances = launch_covariances(impact, slopes, sizes)
         return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
 
@@ -142,17 +136,14 @@ def _kinetic_energy() -> Cost:
 
 
 def _joint_impulse(impulse: Array) -> Cost:
-    """Return the largest linear impulse in a joint [N s], smoothed; Pinocchio has no derivatives.
-
-    Args:
-        impulse: on the ball, shape `(3,)` [N s].
-    """
+    """Return the largest linear impulse in a joint [N s], smoothed; it has no derivatives."""
 
     def largest(posture: Posture, v: Array) -> float:
         jump, of_constraints = posture.respond(-impulse @ posture.jacobian)
         transmitted, _ = joint_impulses(posture, jump, -impulse, of_constraints)
         sizes = np.linalg.norm(transmitted[:, :3], axis=1)
         top = float(sizes.max())
-        return top * math.pow(float(np.sum((sizes / top) ** SMOOTH)), 1 / SMOOTH)
+        # the norm of power 12 is the largest within 10 % for six joints
+        return top * math.pow(float(np.sum((sizes / top) ** 12)), 1 / 12)
 
     return Cost(largest, by_velocity=False)

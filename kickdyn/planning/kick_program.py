@@ -41,19 +41,6 @@ STEP = 1e-7
 UNLIMITED = 100.0
 """Scale of the speed of a joint without a limit [rad/s]."""
 
-STARTS = 4
-"""Postures that the search starts from."""
-
-DRAWN = 80
-"""Postures that the starts are chosen from, by the joint speed they need."""
-
-NEAR = 1.0
-"""Distance from the zero configuration within which postures are drawn [rad]: farther off, legs are
-tangled."""
-
-UPRIGHT = 1e-9
-"""Largest lean of a vertical plane."""
-
 
 @dataclass(frozen=True, eq=False)
 class KickSolution:
@@ -117,7 +104,7 @@ class KickProgram:
         self._set_leg(leg)
         self.heading = 0.0
         if turn and self._leaves_directions(target.impulse):
-            self.heading = _heading_towards(self.directions, target.impulse) or 0.0
+            self.heading = _heading_towards(self.directions, target.impulse)
             if self.heading:
                 self._set_leg(turn_leg(leg, self.heading))
         self._check_directions()
@@ -219,13 +206,10 @@ class KickProgram:
     def _set_leg(self, leg: Leg) -> None:
         """Take a leg, and find the directions in which its foot can move, by drawn postures."""
         self.leg, self._model, self._data = leg, leg.model, leg.model.createData()
-        stacked = np.hstack([self._any_posture().jacobian for _ in range(8)])
+        drawn = (self._draw.uniform(self.lower, self.upper) for _ in range(8))
+        stacked = np.hstack([self.posture(q).jacobian for q in drawn])
         left, gains, _ = np.linalg.svd(stacked)
         self.directions = np.asarray(left[:, gains > 1e-9 * gains[0]].T)
-
-    def _any_posture(self) -> Posture:
-        """Return a posture drawn within the joints' ranges."""
-        return self.posture(self._draw.uniform(self.lower, self.upper))
 
     def _checked_limit(self, what: str, limit: Array) -> Array:
         """Return limits of speed or torque; where limits are lifted, one of 0 is infinite."""
@@ -263,7 +247,8 @@ class KickProgram:
             return np.zeros(3), np.zeros((0, 3))
         if isinstance(ball_position, float | int):
             return np.array([0.0, 0.0, ball_position]), np.array([[0.0, 0.0, 1.0]])
-        off = self.ball_centre_at(self._any_posture()) - ball_position
+        q = self._draw.uniform(self.lower, self.upper)
+        off = self.ball_centre_at(self.posture(q)) - ball_position
         beside = float(np.linalg.norm(off - self.directions.T @ (self.directions @ off)))
         if beside > FEASIBLE * self.target.ball.radius:
             raise InvalidInput(
@@ -273,10 +258,10 @@ class KickProgram:
         return ball_position, self.directions
 
     def _starts(self) -> list[Array]:
-        """Return the unknowns of the postures, of many drawn, that need the least joint speed."""
+        """Return the unknowns of the 4 postures, of 80 drawn, that need the least joint speed."""
         rated = []
-        low, high = np.maximum(self.lower, -NEAR), np.minimum(self.upper, NEAR)
-        for number in range(DRAWN):
+        low, high = np.maximum(self.lower, -1.0), np.minimum(self.upper, 1.0)  # farther: tangled
+        for number in range(80):
             q = self._draw.uniform(np.minimum(low, self.upper), np.maximum(high, self.lower))
             posture = self.posture(q)
             rows = posture.jacobian[:, self.vs] * self.velocity_scale
@@ -284,7 +269,7 @@ class KickProgram:
             off = float(np.linalg.norm(self.position_error(posture)))
             off -= float(self.facing(posture).clip(max=0.0).sum())
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
-        return [start for _, _, start in sorted(rated)[:STARTS]]
+        return [start for _, _, start in sorted(rated)[:4]]
 
     def _unknowns(self, found: KickSolution) -> Array:
         """Return a solution as the unknowns of the program."""
@@ -292,10 +277,7 @@ class KickProgram:
         return np.array([*found.posture.q[self.qs], *v, found.share])
 
     def _solve_from(self, start: Array, cost: Cost | None) -> KickSolution | None:
-        """Return the solution that SLSQP finds; None where it is not feasible.
-
-        Without a cost, the share of the foot velocity is made largest; else it is 1.
-        """
+        """Return the solution that SLSQP finds, if any; without a cost, of the largest share."""
         scale = 1.0
         if cost is not None:  # of the order of 1
             first = ProgramPoint(self, start, None, 1.0)
@@ -357,16 +339,12 @@ class ProgramPoint:
         self.posture = program.posture(x[:n])
         self.v = program.whole_velocity(x[n : 2 * n] * program.velocity_scale)
         self.share = float(x[-1])
-
-    @cached_property
-    def _foot_velocity(self) -> Array:
-        """The foot velocity of the impact target."""
-        return self.program.target.foot_velocity(self.posture)
+        self.wanted = program.target.foot_velocity(self.posture)
 
     @cached_property
     def values(self) -> Array:
         """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
-        program, wanted = self.program, self._foot_velocity
+        program, wanted = self.program, self.wanted
         missed = self.posture.jacobian @ self.v - self.share * wanted
         parts = [
             [self._scaled_cost(self.posture, self.v)],
@@ -381,7 +359,7 @@ class ProgramPoint:
     @cached_property
     def slopes(self) -> Array:
         """Derivatives of `values` by the unknowns, one row each."""
-        program, posture, v, wanted = self.program, self.posture, self.v, self._foot_velocity
+        program, posture, v, wanted = self.program, self.posture, self.v, self.wanted
         n, scale, jacobian = program.n, program.velocity_scale, posture.jacobian
         target, at_v = program.target, slice(n, 2 * n)
         v_after = v + posture.solve(-target.impulse @ jacobian)
@@ -443,11 +421,10 @@ def explain_infeasible(program: KickProgram) -> str:
         found = lifted.solve(Cost(lambda posture, v: float(v @ v)))
         if found is not None:
             needed = np.abs(lifted.torque(found.posture.q, np.zeros(leg.nv)))
+            uses = zip(program.names, needed, program.torque_limit, strict=True)
             weak = [
                 f"{name} takes {torque:.3g} N m and has {limit:.3g}"
-                for name, torque, limit in zip(
-                    program.names, needed, program.torque_limit, strict=True
-                )
+                for name, torque, limit in uses
                 if torque > limit
             ]
             still = f": at rest, {', '.join(weak)}" if weak else ""
@@ -468,12 +445,7 @@ def explain_infeasible(program: KickProgram) -> str:
 
 
 def turn_leg(leg: Leg, heading: float) -> Leg:
-    """Return a leg with its base turned to the left about the world's vertical [rad].
-
-    Args:
-        leg: on a fixed base, without supports or loops.
-        heading: positive to the left, from x towards y.
-    """
+    """Return a leg on a fixed base, turned to the left about the world's vertical [rad]."""
     model, turn = leg.model, pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.zeros(3))
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
@@ -484,16 +456,11 @@ def turn_leg(leg: Leg, heading: float) -> Leg:
     return leg.with_model(model)
 
 
-def _heading_towards(directions: Array, vector: Array) -> float | None:
-    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad].
-
-    None where that is no such plane, or the vector has no horizontal part to turn to.
-    """
-    if len(directions) != 2 or not math.hypot(vector[0], vector[1]) > 0.0:
-        return None
-    across = np.cross(*directions)
-    if abs(across[2]) > UPRIGHT:
-        return None
+def _heading_towards(directions: Array, vector: Array) -> float:
+    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad]."""
+    across = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
+    if abs(across[2]) > 1e-9 or not math.hypot(vector[0], vector[1]) > 0.0:
+        return 0.0  # no such plane, or no horizontal part to turn to
     ahead = np.array([across[1], -across[0]])
     if ahead[0] < 0.0:  # legs face x
         ahead = -ahead

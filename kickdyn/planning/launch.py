@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,10 +34,6 @@ from kickdyn.planning.shooting import ShootingProblem
 
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
-
-ROUNDING = 1e-6
-"""Depth in the ground down to which a launch may come to its target [m]: it does not land there by
-rounding."""
 
 
 class OutOfReach(InvalidInput):
@@ -295,10 +291,7 @@ def _nearest_curve(
     spin_limit: float,
     solutions: list[LaunchSolution],
 ) -> Launch:
-    """Return the launch with the largest spin towards the side that `beside` asks for.
-
-    Where the speed limit is in the way even without `beside`, that is the answer.
-    """
+    """Return the launch with the largest spin towards the side that `beside` asks for."""
     assert goal.beside is not None
     distance, sideways = goal.beside
     pushed = float(np.cross(problem.spin, goal.ahead) @ goal.left)  # it starts to the other side
@@ -312,7 +305,7 @@ def _nearest_curve(
         spin=spin,
         speed_limit=speed_limit,
     )
-    if spun.status != PlanStatus.MET:
+    if spun.status != PlanStatus.MET:  # the speed limit is in the way even without `beside`
         return replace(spun, goal=goal)
     flown = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
     assert flown is not None
@@ -331,13 +324,7 @@ def _nearest_curve(
 def _nearest(family: LaunchFamily, members: list[LaunchSolution], *, buried: bool) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
-    Args:
-        family: of all launches to the target.
-        members: of it, within the speed limit.
-        buried: whether solutions exist and the ground is in the way of all.
-
-    Raises:
-        OutOfReach: the ground is in the way of all members.
+    `buried` says that solutions exist and the ground is in the way of all.
     """
     goal = family.goal
     best = min(members, key=lambda member: abs(member.condition_error(goal)))
@@ -370,12 +357,7 @@ def _nearest(family: LaunchFamily, members: list[LaunchSolution], *, buried: boo
 
 
 def fly_to_target(
-    state: BallState,
-    goal: Goal,
-    ball: Ball,
-    air: Air | None,
-    time: float | None = None,
-    tol: float = 1e-11,
+    state: BallState, goal: Goal, ball: Ball, air: Air | None, time: float | None = None
 ) -> Flight:
     """Fly to the vertical plane through a goal's target, or to the ground before it.
 
@@ -384,11 +366,10 @@ def fly_to_target(
     """
     plane = Plane(state.position + goal.target, -goal.ahead, "centre")
     floor = float(state.position[2]) + goal.lowest - ball.radius
-    ground = Ground(floor if time is None else floor - ROUNDING)
-    flown = partial(fly, state, ball, air, ground, tol)
     if time is None:
-        return flown(plane=plane)
-    path = flown(plane=plane, time_limit=2 * time)
+        return fly(state, ball, air, Ground(floor), 1e-11, plane=plane)
+    ground = Ground(floor - 1e-6)
+    path = fly(state, ball, air, ground, 1e-11, plane=plane, time_limit=2 * time)
     if path.status == "at-plane" and abs(path.duration - time) < 0.5 * time:
         return path
-    return flown(time_limit=time)
+    return fly(state, ball, air, ground, 1e-11, time_limit=time)

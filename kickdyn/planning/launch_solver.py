@@ -22,20 +22,8 @@ from kickdyn.planning.shooting import ShootingProblem, Trajectory
 ACCURACY = 1e-9
 """Largest error of a solution [m, s, m/s]; farther than 1 km, 1e-12 of the distance."""
 
-MOST_STEPS = 40
-HALVINGS = 12
-
-STRIDE = 1.35
-"""Ratio of neighbouring times on the walk along the family."""
-
-EDGE = 1e-6
-"""Relative accuracy of the time of the last launch that is clear of the ground."""
-
 COARSE_TOL = 1e-8
 """Relative tolerance of the flights on the walk along the family; `refine` makes them exact."""
-
-SAME = 1e-6
-"""Relative difference of two times of flight up to which they belong to one solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +95,17 @@ def solve_launch(
     if accuracy is None:
         accuracy = max(ACCURACY, 1e-12 * float(np.abs(goal.target).max()))
     x = np.array([*velocity, time, spin_size][: 5 if goal.beside else 4])
-    scale = _scale(goal)
+    length = float(np.linalg.norm(goal.target))
+    last = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
+    scale = np.array([length] * 3 + [last] + [length] * (len(x) - 4))  # of the errors
     errors, slope, trajectory = _residual(problem, goal, x)
     history = [x[:3]]
-    while not np.abs(errors).max() <= accuracy and len(history) <= MOST_STEPS:
+    while not np.abs(errors).max() <= accuracy and len(history) <= 40:
         if not (np.isfinite(errors).all() and np.isfinite(slope).all()):
             break
         step = np.linalg.lstsq(slope / scale[:, None], -errors / scale, rcond=1e-14)[0]
         before = float(np.linalg.norm(errors / scale))
-        for halving in range(HALVINGS):
+        for halving in range(12):
             cut = np.asarray(step * 0.5**halving)
             moved = np.append(step_in_root(x[:3], cut[:3]), x[3:] + cut[3:])
             if moved[3] <= 0.0:
@@ -156,16 +146,9 @@ def distinct(solutions: list[LaunchSolution]) -> list[LaunchSolution]:
     """Return solutions by time of flight, each once."""
     apart: list[LaunchSolution] = []
     for one in sorted(solutions, key=lambda one: one.time):
-        if not apart or one.time > apart[-1].time * (1 + SAME):
+        if not apart or one.time > apart[-1].time * (1 + 1e-6):
             apart.append(one)
     return apart
-
-
-def _scale(goal: Goal) -> Array:
-    """Return the size of each error, shape `(4,)` or `(5,)`."""
-    length = float(np.linalg.norm(goal.target))
-    last = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
-    return np.array([length] * 3 + [last] + [length] * (goal.beside is not None))
 
 
 def _residual(
@@ -249,8 +232,8 @@ class LaunchFamily:
             return []
         if self.goal.speed is not None and least.speed >= self.goal.speed:
             return [least]
-        ends = [self._walk(least, ratio) for ratio in (1 / STRIDE, STRIDE)]
-        return [*reversed(ends[0]), least, *ends[1]]
+        earlier, later = (self._walk(least, ratio) for ratio in (1 / 1.35, 1.35))
+        return [*reversed(earlier), least, *later]
 
     def solutions_between(self, members: list[LaunchSolution]) -> list[LaunchSolution]:
         """Return the goal's solutions between members whose errors of its condition differ in sign.
@@ -317,7 +300,7 @@ class LaunchFamily:
 
     def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> LaunchSolution:
         """Return the last member that is clear of the ground, by bisection."""
-        while abs(math.log(clear.time / buried.time)) > EDGE:
+        while abs(math.log(clear.time / buried.time)) > 1e-6:
             member = self.at(math.sqrt(clear.time * buried.time))
             if member is None:
                 break

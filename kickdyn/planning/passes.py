@@ -25,9 +25,6 @@ from kickdyn.planning.goal import Goal, LaunchLimit, PlanStatus
 ACCURACY = 1e-6
 """Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
 
-SLOWEST = 1e-3
-"""Least launch speed that is tried, over the limit."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pass(ReprMixin):
@@ -151,7 +148,7 @@ def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, 
     """Return the speed that is in time, or the nearest one and the reason."""
     if delay(limit) > 0.0:
         return limit, LaunchLimit.SPEED
-    slow, fast = SLOWEST * limit, limit
+    slow, fast = 1e-3 * limit, limit
     if delay(slow) <= 0.0:
         return slow, LaunchLimit.ROLLING
     while delay(slow) == math.inf and fast - slow > 1e-12 * limit:

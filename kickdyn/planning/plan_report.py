@@ -18,12 +18,6 @@ from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
 
-NEAR = 5e-4
-"""Distance from the target that is not worth a word beside the limits [m]."""
-
-MARGIN = 5e-3
-"""Share by which a kick that is named as possible is slower than the hardest one."""
-
 
 @dataclass(frozen=True)
 class PlanReport:
@@ -165,7 +159,7 @@ def verdict(plan: KickPlan) -> str:
             f"The ball comes to ({where}) m {after}; strike and flight miss it by "
             f"{plan.landing_error:.2g} m."
         )
-    missed = "" if plan.landing_error < NEAR else f", {plan.landing_error:.3g} m from it"
+    missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from it"
     if path.status == "at-plane":
         late = "late" if plan.time_error > 0 else "early"
         end = f"passes it {after}, {abs(plan.time_error):.3g} s {late}"
@@ -203,11 +197,11 @@ def unreachable_json(goal: Goal, error: OutOfReach) -> dict[str, Any]:
 
 
 def _flight_within_limits(plan: KickPlan) -> Flight | None:
-    """Return a flight in the kick's direction that is a little within the limits, if known."""
+    """Return a flight in the kick's direction, 0.5 % within the limits, if known."""
     if isinstance(plan.path, Course) or plan.launch.spin.any() or plan.launch.angle <= 0.0:
         return None
     state = plan.impact.ball_after
-    slower = BallState(state.position, (1.0 - MARGIN) * state.velocity)
+    slower = BallState(state.position, 0.995 * state.velocity)
     path = fly(slower, plan.impact.ball, plan.launch.air)
     return path if path.status == "landed" else None
 

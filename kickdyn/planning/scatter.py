@@ -33,8 +33,6 @@ Foot speed, relative; direction of the foot's velocity and place of the contact 
 upwards and sideways; restitution; drag coefficient, relative.
 """
 
-DRAG_STEP = 1e-4
-
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
@@ -110,10 +108,7 @@ def launch_covariances(
 ) -> dict[str, Array]:
     """Return the landing's covariance by source of the launch, each of shape `(2, 2)` [m2].
 
-    Args:
-        impact: the strike.
-        slopes: of the landing, as `landing_slopes` computes them.
-        sizes: standard deviation by source; that of the drag is left out.
+    The slopes are those of `landing_slopes`; sizes are standard deviations, the drag's left out.
     """
     launch = _launch_slopes(impact)
     moved = {name: size * slopes @ launch[name] for name, size in sizes.items() if name in launch}
@@ -160,7 +155,8 @@ def _drag_slope(impact: Impact, air: Air | None) -> Array:
         scaled = replace(air, drag=lambda reynolds, spin: factor * function(reynolds, spin))
         return fly(impact.ball_after, impact.ball, scaled, tol=1e-11).landing.position[:2]
 
-    return (landing(1.0 + DRAG_STEP) - landing(1.0 - DRAG_STEP)) / (2 * DRAG_STEP)
+    step = 1e-4
+    return (landing(1.0 + step) - landing(1.0 - step)) / (2 * step)
 
 
 def checked_spread(spread: Mapping[str, float]) -> dict[str, float]:

@@ -20,17 +20,10 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.forces import downward, forces, is_ballistic
 
 NUDGE = 1e-6
-"""Change of a launch, over its speed; of a spin, over `SPIN_SCALE`."""
-
-SPIN_SCALE = 10.0
-"""[rad/s]"""
-
-TOLERANCE = 1e-12
+"""Change of a launch, over its speed; of a spin, over 10 rad/s."""
 
 LOOKS = 64
 """Places where the lowest point of a flight is looked for."""
-
-StateFunction = Callable[[float], tuple[Array, Array]]
 
 
 class Trajectory(NamedTuple):
@@ -42,7 +35,7 @@ class Trajectory(NamedTuple):
         time: up to which both hold [s].
     """
 
-    state: StateFunction
+    state: Callable[[float], tuple[Array, Array]]
     slope: Callable[[float], Array]
     time: float
 
@@ -122,7 +115,7 @@ class ShootingProblem:
         air: Air | None,
         spin: Array,
         seeks_spin: bool = False,
-        tol: float = TOLERANCE,
+        tol: float = 1e-12,
     ) -> None:
         self.tol = tol
         self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
@@ -139,14 +132,13 @@ class ShootingProblem:
         if is_ballistic(self.air, spin) and not self.seeks_spin:
             return self._fall(velocity, time)
         speed = math.hypot(*velocity)
-        nudge = NUDGE * max(speed, 1e-6)
-        lanes = [velocity, *(velocity + nudge * axis for axis in np.eye(3))]
+        nudges = np.full(3, NUDGE * max(speed, 1e-6))
+        lanes = [velocity, *(velocity + np.diag(nudges))]
         spins = [spin] * 4
-        nudges = np.array([nudge] * 3)
         if self.seeks_spin:
+            nudges = np.append(nudges, NUDGE * 10.0)  # [rad/s]
             lanes.append(velocity)
-            spins.append(self.spin_of(size + NUDGE * SPIN_SCALE))
-            nudges = np.append(nudges, NUDGE * SPIN_SCALE)
+            spins.append(self.spin_of(size + nudges[3]))
         begin = np.array([[0, 0, 0, *lane, 1.0] for lane in lanes], dtype=float)
         turning = [tuple(one.tolist()) for one in spins]
         acting = self._acting

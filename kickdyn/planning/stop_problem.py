@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -30,9 +31,6 @@ from kickdyn.robot.kicking_chain import KickingChain
 UNIT = 0.1
 """Accelerations are scaled by the speed limit over this time [s], to the order of 1."""
 
-SHORTEST = 1e-3
-"""Shortest duration [s]."""
-
 MARGIN = 1e-7
 """Distance of positions and speeds from their limits, over the limits: Ipopt's rounding."""
 
@@ -42,14 +40,8 @@ EAGER = 100.0
 SHORT = 0.2
 """Duration of the first guess [s]."""
 
-NEARLY = 1e-6
-"""Share up to which a stop may fall short and count as whole."""
-
 SLACK = 0.005
 """Share of the torque limits left over at first, for torques between the solver's points."""
-
-ROUNDS = 5
-"""Solutions, each with more slack, until the torques keep their limits between those points."""
 
 OPTIONS = {
     "expand": True,  # into scalars: a quarter faster
@@ -206,7 +198,9 @@ class StopEquations:
         speeds[-1] = 0.0
         free = np.full(count * n, np.inf)
         return (
-            np.concatenate([low.ravel(), -speeds.ravel(), -free, [SHORTEST]]),
+            np.concatenate(
+                [low.ravel(), -speeds.ravel(), -free, [1e-3]]
+            ),  # the shortest duration [s]
             np.concatenate([high.ravel(), speeds.ravel(), free, [longest]]),
         )
 
@@ -252,19 +246,15 @@ class StopSolver:
     ) -> None:
         q, v = ca.MX.sym("q1", symbols.n), ca.MX.sym("v1", symbols.n)
         share, weights = ca.MX.sym("share"), ca.MX.sym("weights", 2)
-        self.equations = StopEquations(symbols, chain, nodes, q, share * v)
-        unknowns = ca.vertcat(self.equations.unknowns, share)
-        cost = (
-            self.equations.time
-            if objective == SwingObjective.TIME
-            else self.equations.torque_squared
-        )
+        self.equations = stop = StopEquations(symbols, chain, nodes, q, share * v)
+        unknowns = ca.vertcat(stop.unknowns, share)
+        cost = stop.time if objective == SwingObjective.TIME else stop.torque_squared
         self._solver = ca.nlpsol(
             "stop",
             "ipopt",
             {
                 "x": unknowns,
-                "g": self.equations.constraints,
+                "g": stop.constraints,
                 "f": weights[0] * cost - weights[1] * share,
                 "p": ca.vertcat(q, v, weights),
             },
@@ -289,14 +279,16 @@ class StopSolver:
         Raises:
             InvalidInput: the solver finds none.
         """
-        near = None if known is None else self._whole(known)
-        fallback = None
-        if known is not None and stop.rest is None and most == 1.0 and self._keeps(known, stop):
-            x = self._whole(known)
-            whole = StopSolution(True, "", 1.0, float(self._cost(x)), x, ("", 0))
-            fallback = replace(known, chain=self.equations.chain), whole
+        near = fallback = None
+        if known is not None:
+            near = np.append(self.equations.unknowns_of(known), 1.0)
+            known = replace(known, chain=self.equations.chain)  # whose limits may be others
+            within = max(known.torque_use, known.speed_use) <= 1.0 and known.range_left >= 0.0
+            if within and known.duration <= stop.longest and stop.rest is None and most == 1.0:
+                whole = StopSolution(True, "", 1.0, float(self._cost(near)), near, ("", 0))
+                fallback = known, whole
         slack = SLACK
-        for _ in range(ROUNDS):
+        for _ in range(5):
             solved = self.solve(stop, slack=slack, most=most, near=near)
             if fallback is not None and not (solved.ok and solved.share == most):
                 return fallback
@@ -323,21 +315,16 @@ class StopSolver:
         A guess of a short stop is tried first; where that falls short of `most`, also a long one
         and the unknowns `near` the wanted ones, in the end with `most` of the velocity at once.
         """
-
-        def run(
-            shares: tuple[float, float], weights: tuple[float, float], start: Array
-        ) -> StopSolution:
-            return self._run(stop, slack, shares, weights, start)
-
-        tried = list[StopSolution]()
+        run, tried = partial(self._run, stop, slack), list[StopSolution]()
+        whole = most * (1 - 1e-6)
         times = sorted({min(SHORT, stop.longest), stop.longest})
         starts = [self.equations.guess(stop.q, stop.v, time) for time in times]
         for start in starts if near is None else [*starts, near[:-1]]:
             both = run((0.0, most), (1.0, EAGER), start)
-            if both.ok and both.share > most * (1 - NEARLY):
+            if both.ok and both.share > whole:
                 return both._replace(share=most)
             alone = run((0.0, most), (0.0, 1.0), both.unknowns[:-1] if both.ok else start)
-            if alone.ok and alone.share > most * (1 - NEARLY):
+            if alone.ok and alone.share > whole:
                 best = run((most, most), (1.0, 0.0), alone.unknowns[:-1])
                 return (best if best.ok else alone)._replace(share=most)
             tried += [both, alone]
@@ -346,16 +333,6 @@ class StopSolver:
             if best.ok:
                 return best._replace(share=most)
         return max(tried, key=lambda one: (one.ok, one.share))
-
-    def _whole(self, phase: SwingPhase) -> Array:
-        """Return the unknowns of a stop from all of the velocity."""
-        return np.append(self.equations.unknowns_of(phase), 1.0)
-
-    def _keeps(self, known: SwingPhase, stop: Stop) -> bool:
-        """Return whether a stop keeps the limits, which may differ from those it was found with."""
-        phase = replace(known, chain=self.equations.chain)
-        within = max(phase.torque_use, phase.speed_use) <= 1.0 and phase.range_left >= 0.0
-        return within and known.duration <= stop.longest
 
     def _run(
         self,
@@ -377,24 +354,18 @@ class StopSolver:
             p=np.concatenate([stop.q, stop.v, weights]),
         )
         state, x = self._solver.stats(), np.asarray(found["x"]).ravel()
+        multipliers = (np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
         return StopSolution(
             ok=bool(state["success"]),
             message=str(state["return_status"]),
             share=float(x[-1]),
             value=float(self._cost(x)),
             unknowns=x,
-            binding=self._binding(
-                *(np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
-            ),
+            binding=self._binding(*multipliers),
         )
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:
-        """Return the limit and joint whose widening, by a share of its width, would gain most.
-
-        Args:
-            of_unknowns: multipliers of their bounds.
-            of_constraints: likewise.
-        """
+        """Return the limit and joint whose widening would gain most, by multipliers of bounds."""
         chain, count = self.equations.chain, self.equations.nodes + 1
         n, gains = len(chain.names), dict[tuple[str, int], float]()
         bounds = np.abs(of_unknowns[: 2 * count * n]).reshape(2, count, n)

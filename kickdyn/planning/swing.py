@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -24,9 +23,6 @@ from kickdyn.robot.leg import Leg
 
 if TYPE_CHECKING:
     from kickdyn.planning.stop_problem import Stop
-
-LEAST = 1e-3
-"""Share of the planned speed below which there is no swing."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -188,11 +184,8 @@ def plan_swing(
     rests = [_checked_rest(chain, leg, name, q) for name, q in (("start", start), ("end", end))]
     symbols = CasadiChain(chain.model, plan.impact.posture.contact_lever)
     solver = StopSolver(symbols, chain, nodes, objective)
-    q, impact = plan.q[chain.qs], plan.impact
-    stops = [
-        Stop(-1, q, -impact.v_before[chain.vs], rests[0], longest),
-        Stop(1, q, impact.v_after[chain.vs], rests[1], longest),
-    ]
+    q, before, after = plan.q[chain.qs], plan.v[chain.vs], plan.impact.v_after[chain.vs]
+    stops = [Stop(-1, q, -before, rests[0], longest), Stop(1, q, after, rests[1], longest)]
     known = plan.phases or (None, None)
     found, share, limit = [], 1.0, ""
     for stop, near in zip(stops, known, strict=True):
@@ -205,7 +198,7 @@ def plan_swing(
                 f"{stop.name}: the {what} limit of {chain.names[joint]} leaves {share:.4g} of the "
                 "planned speed"
             )
-            if share < LEAST:
+            if share < 1e-3:
                 raise InvalidInput(f"there is no swing to this kick; {limit}")
     if found[0][1].share > share:
         found[0] = solver.find(stops[0], share, known[0])
@@ -259,15 +252,10 @@ def _check_room(chain: KickingChain, leg: Leg, stop: Stop) -> None:
     if not stuck.any():
         return
     worst = int(np.argmax(np.where(stuck, fast, 0.0)))
-    name, speed, at = chain.names[worst], abs(float(stop.v[worst])), float(stop.q[worst])
+    name, speed = chain.names[worst], abs(float(stop.v[worst]))
     unit = leg.joint_unit(name)
-    where = f"{at:.4g} m" if unit == "m" else f"{round(math.degrees(at), 1) + 0.0:g} deg"
-    moves = (
-        "just before the impact it would come from beyond"
-        if stop.sign < 0
-        else "just after the impact it moves on"
-    )
     raise InvalidInput(
-        f"there is no swing to this kick; {stop.name}: {name} is at the end of its range ({where}) "
-        f"and {moves} at {speed:.4g} {unit}/s; plan_kick(..., swing=True) leaves room"
+        f"there is no swing to this kick; {stop.name}: {name} is at the end of its range "
+        f"({stop.q[worst]:.4g} {unit}) and moves on at {speed:.4g} {unit}/s; "
+        "plan_kick(..., swing=True) leaves room"
     )

@@ -42,22 +42,8 @@ The second is used where the first falls short of the goal, or of the limits bet
 has as many as `plan_swing` takes, and contains the nodes of the first.
 """
 
-SMOOTH = 1e-3
-"""Weight of the torques against the objective: it picks one of the swings there are."""
-
-INSIDE = 0.2
-"""Distance from the ends of the range at which the search starts, over the range."""
-
-STARTS = 3
-
 LEFT = 0.006
 """Share of the torque limits left over on the fine grid: more than `plan_swing` leaves at first."""
-
-TIGHTER = 0.1
-"""Largest slack that is added at once."""
-
-MOST_SLACK = 0.5
-"""Slack beyond which tightening the torques has failed."""
 
 Phases = tuple[SwingPhase, SwingPhase]
 
@@ -90,7 +76,7 @@ def solve_with_swing(
     coarse = _SwingKickProblem(program, found, objective, *GRIDS[0])
     best: SwingKick | None = None
     draw = np.random.default_rng(0)
-    for number in range(STARTS):
+    for number in range(3):
         q = found.posture.q[program.qs]
         if number:
             q = q + draw.normal(0.0, 0.3, len(q))
@@ -101,19 +87,8 @@ def solve_with_swing(
             break
     if best is None:
         raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to")
-    if best.kick.share < 1.0 or best.excess > 0.0:
-        best = _within_limits(program, found, objective, coarse, best)
-    return best.kick, best.phases
-
-
-def _within_limits(
-    program: KickProgram,
-    found: KickSolution,
-    objective: KickObjective,
-    coarse: _SwingKickProblem,
-    best: SwingKick,
-) -> SwingKick:
-    """Return a kick near one whose torques keep their limits between the nodes too."""
+    if best.kick.share == 1.0 and best.excess <= 0.0:
+        return best.kick, best.phases
     kept = []
     for nodes, slack in reversed(GRIDS):
         problem = _SwingKickProblem(program, found, objective, nodes, slack)
@@ -121,19 +96,12 @@ def _within_limits(
         kept += [] if one is None else [one]
         if one is not None and one.kick.share >= best.kick.share - 1e-6:
             break
-    return max(kept, key=lambda one: one.kick.share) if kept else coarse.slow_down(best)
+    best = max(kept, key=lambda one: one.kick.share) if kept else coarse.slow_down(best)
+    return best.kick, best.phases
 
 
 class _SwingKickProblem:
-    """The problem of a kick and both stops, on a grid.
-
-    Args:
-        program: leg and impact target.
-        found: a kick to scale the equations by.
-        objective: to be least.
-        nodes: intervals of each stop.
-        slack: share of the torque limits that is left over.
-    """
+    """The problem of a kick and both stops on a grid, scaled by the kick `found`."""
 
     def __init__(
         self,
@@ -161,15 +129,15 @@ class _SwingKickProblem:
         facing = [ca.dot(normal, symbols.direction(q, ca.DM(lever))) for lever in levers]
         torque = self._stops[0].torque_squared + self._stops[1].torque_squared
         cost = _symbolic_cost(objective, symbols, q, v, speed)
-        unknowns = [stop.unknowns for stop in self._stops]
-        constraints = [stop.constraints for stop in self._stops]
         self._solver = ca.nlpsol(
             "kick",
             "ipopt",
             {
-                "x": ca.vertcat(*unknowns, q, before, after, share),
-                "g": ca.vertcat(*constraints, equal, static, *facing),
-                "f": cost + SMOOTH * torque - EAGER * share,
+                "x": ca.vertcat(*(stop.unknowns for stop in self._stops), q, before, after, share),
+                "g": ca.vertcat(
+                    *(stop.constraints for stop in self._stops), equal, static, *facing
+                ),
+                "f": cost + 1e-3 * torque - EAGER * share,  # torque picks one of many swings
             },
             OPTIONS,
         )
@@ -203,11 +171,11 @@ class _SwingKickProblem:
         Where they do not, it is solved again with so much more slack.
         """
         slack = self.slack
-        while slack < MOST_SLACK:
+        while slack < 0.5:
             one = self.solve(self._unknowns(near), slack)
             if one is None or one.excess <= 0.0:
                 return one
-            near, slack = one, slack + min(one.excess + LEFT / 2, TIGHTER)
+            near, slack = one, slack + min(one.excess + LEFT / 2, 0.1)
         return None
 
     def slow_down(self, near: SwingKick) -> SwingKick:
@@ -230,7 +198,7 @@ class _SwingKickProblem:
     def guess(self, q: Array) -> Array:
         """Return unknowns to start from, with even decelerations to a posture and from it."""
         program, chain, speed = self._program, self._chain, self._chain.velocity_limit
-        room = INSIDE * (chain.upper - chain.lower)
+        room = 0.2 * (chain.upper - chain.lower)
         q = np.clip(q, chain.lower + room, chain.upper - room)
         posture = program.posture(q)
         v = np.linalg.pinv(posture.jacobian[:, program.vs] * speed, rcond=1e-2)

@@ -20,9 +20,6 @@ from kickdyn.errors import InvalidInput
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
 from kickdyn.robot.leg import Leg
 
-FINE = 20
-"""Points per interval at which a swing is checked."""
-
 LONGEST = 1.0
 """Longest duration of a phase, when not named [s]."""
 
@@ -91,8 +88,8 @@ class SwingPhase(ReprMixin):
 
     @cached_property
     def fine(self) -> Motion:
-        """The motion at many times between the nodes, both ends included, in order."""
-        count = FINE * (len(self._a.x) - 1) + 1
+        """The motion at 20 times per interval, both ends included, in order."""
+        count = 20 * (len(self._a.x) - 1) + 1
         low, high = sorted((0.0, self.sign * self.duration))
         return self.sample(np.linspace(low, high, count))
 

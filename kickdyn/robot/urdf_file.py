@@ -21,7 +21,6 @@ from kickdyn.robot.urdf_validation import find_faults
 
 MAX_BYTES = 20_000_000
 MAX_DEPTH = 32
-MAX_COMPLAINT = 200
 
 
 @dataclass(frozen=True)
@@ -151,7 +150,7 @@ def _parse(text: str, source: str) -> ElementTree.Element:
 
 def _complaint(line: str) -> str:
     """Return what a line of the parser says of the file; nothing of a line about its own code."""
-    line = line.strip()[:MAX_COMPLAINT]
+    line = line.strip()[:200]
     return "" if line.startswith("at line ") else line.removeprefix("Error:").strip()
 
 

@@ -22,20 +22,6 @@ LEFT, RIGHT = 0.9 * UP, 1.6 * UP
 UP_AXIS = np.array([0.0, 0.0, 1.0])
 
 TOP, BOTTOM = 0.85 * UP, 0.88 * UP
-SHARE = 0.36
-"""Share of the picture's height that leg and ball fill at least, if any direction allows it."""
-
-LOWEST = 0.1
-"""Least height of the camera above the ground, over its distance from the leg."""
-
-TURNS = np.radians(np.arange(15, 86, 5))
-"""Directions from the side to behind the leg, in the order in which they are tried [rad]."""
-
-BEHIND = math.radians(72)
-"""Least turn that counts as looking along the flight [rad]."""
-
-TILTS = np.radians((14, 8, 2, -4))
-"""Angles by which the camera looks down, likewise [rad]: a high flight is seen from below."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +64,10 @@ def camera_for(
     """
     floor = min(near[:, 2].min(), far[:, 2].min())
     points = np.vstack([near, far] if marks is None else [near, far, marks])
+    # From the side to behind the leg; looking down, then up at a high flight.
+    turns = np.radians(np.arange(75 if behind else 15, 86, 5))
     candidates = []
-    for turn, tilt in product(TURNS[TURNS > BEHIND] if behind else TURNS, TILTS):
+    for turn, tilt in product(turns, np.radians((14, 8, 2, -4))):
         level = math.sin(turn) * forward + math.cos(turn) * np.cross(UP_AXIS, forward)
         axes = _axes(math.cos(tilt) * level - math.sin(tilt) * UP_AXIS)
         position = _nearest_position(points @ axes.T)
@@ -87,9 +75,9 @@ def camera_for(
         share = float(np.ptp(seen[:, 1] / seen[:, 2])) / (2 * UP)
         depth = float(np.median(seen[:, 2]))
         camera = Camera(position @ axes, (position + np.array([0.0, 0.0, depth])) @ axes)
-        above = bool(camera.position[2] > floor + LOWEST * depth)
+        above = bool(camera.position[2] > floor + 0.1 * depth)
         candidates.append((above, share, camera))
-        if above and share > SHARE:
+        if above and share > 0.36:  # leg and ball fill as much of the picture's height
             return camera
     return max(candidates, key=lambda candidate: candidate[:2])[2]
 

@@ -17,27 +17,13 @@ from kickdyn.view.impulses import JOINT, LEAST, joint_impulses_in_world
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
-FEW = 4
-"""Joints up to which the angles are in sight; of more, they are folded with their impulses."""
-
-LONG = 16
-"""Characters above which a row takes a line of its own where rows stand side by side."""
-
 Row = tuple[str, str]
 """What it is and its value, both HTML."""
 
 
 def kick_panel(impact: Impact, path: Flight | Course, pace: Pace, stripe: float, text: str) -> str:
-    """Return the panel of a kick.
-
-    Args:
-        impact: the impact.
-        path: of the ball.
-        pace: of the animation.
-        stripe: width of a stripe of the ground [m].
-        text: a line of plain text above the numbers; may be empty.
-    """
-    few = len(impact.posture.leg.joint_names) <= FEW
+    """Return the panel of a kick, with a line of plain text, over stripes so wide [m]."""
+    few = len(impact.posture.leg.joint_names) <= 4  # of more, angles and impulses are folded
     rows = [
         *(_angles(impact).items() if few else ()),
         *_impact_rows(impact),
@@ -57,9 +43,9 @@ def panel_of(title: str, rows: Sequence[Row], text: str = "", end: str = "") -> 
 
 def _table(rows: Sequence[Row]) -> str:
     """Return rows as a table."""
-    long = ' class="long"'
+    long = ' class="long"'  # a line of its own where rows stand side by side
     lines = (
-        f"<tr{long if len(value) > LONG else ''}><th>{head}</th><td>{value}</td></tr>"
+        f"<tr{long if len(value) > 16 else ''}><th>{head}</th><td>{value}</td></tr>"
         for head, value in rows
     )
     return "<table>\n" + "\n".join(lines) + "\n</table>"

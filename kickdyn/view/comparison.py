@@ -27,12 +27,6 @@ COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B,
 MOST = len(COLOURS)
 """Flights or impacts of one picture."""
 
-GAP = 0.25
-"""Between legs, over the size of the largest."""
-
-LONGEST = 0.45
-"""Length of the longest arrow, over the size of the largest leg."""
-
 X = np.array([1.0, 0.0, 0.0])
 
 
@@ -98,13 +92,13 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         ball, radius = impact.ball_before.position, impact.ball.radius
         figures.append(np.vstack([leg, ball - radius, ball + radius]))
     size = max(float(np.ptp(figure, axis=0).max()) for figure in figures)
-    scale = LONGEST * size / most if most > 0 else 0.0
+    scale = 0.45 * size / most if most > 0 else 0.0
     tips = [impact.posture.contact_point + scale * impact.impulse for impact in impacts.values()]
     shifts, left = [], 0.0
     for figure, tip in zip(figures, tips, strict=True):
         low, high = figure[:, 0].min(), max(figure[:, 0].max(), tip[0])
         shifts.append(np.array([left - low, 0.0, 0.0]))
-        left += float(high - low) + GAP * size
+        left += float(high - low) + 0.25 * size
     points = np.vstack([figure + shift for figure, shift in zip(figures, shifts, strict=True)])
     floor, top = float(points[:, 2].min()), float(points[:, 2].max())
     heads = [np.array([figure[:, 0].mean(), 0.0, top + 0.1 * size]) for figure in figures]

@@ -107,17 +107,12 @@ if (at) {{
 
 
 class Recorder:
-    """The window into which a `meshcat.Visualizer` draws: it has no socket, server or process.
+    """The window into which a `meshcat.Visualizer` draws: it has no socket, server or process."""
 
-    Attributes:
-        web_url: the address that a `meshcat.Visualizer` reads; there is none.
-        commands: of the scene, packed, in order.
-    """
-
-    web_url = "in memory"
+    web_url = "in memory"  # the address that a `meshcat.Visualizer` reads; there is none
 
     def __init__(self) -> None:
-        self.commands: list[bytes] = []
+        self.commands: list[bytes] = []  # packed, in order
 
     def send(self, command: Any) -> None:
         """Record a meshcat command."""
@@ -130,13 +125,7 @@ def recording_viewer() -> Any:
 
 
 def html_document(viewer: Any, title: str, panel: str) -> str:
-    """Return a page that contains its scene.
-
-    Args:
-        viewer: from `recording_viewer`.
-        title: plain text; it is escaped here.
-        panel: HTML laid over the scene.
-    """
+    """Return a page that contains a recorded scene, a title in plain text, and a panel of HTML."""
     commands = (f'"{base64.b64encode(each).decode()}"' for each in viewer.window.commands)
     return _PAGE.format(
         policy=_POLICY,

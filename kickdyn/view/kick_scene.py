@@ -37,9 +37,6 @@ THIN = 0.0017
 POINTS = 150
 """Of a flight's curve."""
 
-SELDOM = 8
-"""The camera is set for one picture of a swing in so many."""
-
 
 def draw_kick(
     viewer: Any,
@@ -48,15 +45,10 @@ def draw_kick(
     scenery: Sequence[Box] = (),
     swing: Swing | None = None,
 ) -> tuple[Pace, float]:
-    """Draw a kick, from the swing to the landing, over and over.
+    """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
-    Args:
-        viewer: a `meshcat.Visualizer`.
-        impact: the impact; its posture's leg is drawn.
-        path: of the ball.
-        scenery: walls and goals.
-        swing: of the leg, from rest to rest through this impact; without it the joints move as
-            `leg_configuration` says.
+    Without a swing from rest to rest through this impact the joints move as `leg_configuration`
+    says.
 
     Returns:
         The pace of the animation, and the width of a stripe of the ground [m].
@@ -133,7 +125,7 @@ def _swing_points(swing: Swing, pace: Pace) -> Array:
     """Return positions of joints and contact point during a swing, shape `(n, 3)` [m]."""
     leg = swing.plan.leg
     points = []
-    for time in pace.times[::SELDOM]:
+    for time in pace.times[::8]:  # enough to set the camera
         q = swing.configuration(time)
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)

@@ -102,11 +102,7 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
 
 
 class LabelLayout:
-    """Labels of a picture, placed one after another, the most important first.
-
-    Args:
-        camera: of the picture.
-    """
+    """Labels of a camera's picture, placed one after another, the most important first."""
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera

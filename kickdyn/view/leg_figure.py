@@ -46,9 +46,7 @@ class Part:
 def joint_poses(leg: Leg, q: Array) -> list[Array]:
     """Return the pose of every joint, the world first, each `(4, 4)` [m, world frame].
 
-    Args:
-        leg: the leg.
-        q: configuration, shape `(nq,)` [rad; m for prismatic joints].
+    The configuration q has the shape `(nq,)` [rad; m for prismatic joints].
     """
     model, data = leg.workspace.model, leg.workspace.data
     pin.forwardKinematics(model, data, q)

@@ -58,12 +58,10 @@ class Triangles:
 
 
 def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangles]:
-    """Return the surfaces of a mesh that a URDF names.
+    """Return the surfaces of a mesh that a URDF names, scaled by a number or by three.
 
-    Args:
-        filename: relative to the folder, or `package://NAME/...`, also searched there.
-        folder: of the URDF; no file outside is opened.
-        scale: None, a number, or three.
+    The name is relative to the URDF's folder, or `package://NAME/...`, also searched there; no file
+    outside that folder is opened.
 
     Raises:
         InvalidInput: the mesh lies outside, is missing, is too large, or cannot be read.

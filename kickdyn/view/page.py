@@ -39,9 +39,6 @@ _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass
 _MovingSubject = Impact | KickPlan | Swing | Scene | Simulation
 
-BEYOND = 10.0
-"""How far ahead a plane is drawn that the ball does not reach, over the length of its path."""
-
 
 class Page:
     """A 3-D page, as `page` returns it; in Jupyter it is shown as the result of its cell.
@@ -216,7 +213,8 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
     boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
     ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
     length = (end - start)[:2]
-    is_near = 0.0 < float(ahead @ length) < BEYOND * float(length @ length)
+    # A plane that the ball does not reach is drawn up to ten times the length of the path ahead.
+    is_near = 0.0 < float(ahead @ length) < 10.0 * float(length @ length)
     if is_near or simulation.status == "at-plane":
         return impact, path, caption, boxes
     return impact, path, f"{caption}, its plane out of the picture", []

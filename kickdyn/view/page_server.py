@@ -11,19 +11,9 @@ from kickdyn.errors import InvalidInput
 
 ADDRESS = "127.0.0.1"
 
-HOSTS = (ADDRESS, "localhost")
-"""Host names that are answered; under another one a foreign page could read the scene."""
-
 
 class PageServer:
-    """A server in a thread of this process, for this machine alone.
-
-    Args:
-        html: of the page.
-        port: 0 takes a free one.
-
-    Attributes:
-        url: of the page.
+    """A server in a thread of this process, for this machine alone; `url` is the page's address.
 
     Raises:
         InvalidInput: there is no such port, or it is not free.
@@ -68,8 +58,9 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a request."""
-        host = self.headers.get("Host", "").rpartition(":")[0] or self.headers.get("Host", "")
-        if self.path != "/" or host not in HOSTS:
+        host = self.headers.get("Host", "").partition(":")[0]
+        # Under another name of this machine a foreign page could read the scene.
+        if self.path != "/" or host not in (ADDRESS, "localhost"):
             self.send_error(404)
             return
         self.send_response(200)

@@ -18,11 +18,8 @@ from kickdyn.view.marks import pose_of
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
-SWING, FOLLOW, CHANGE, FLY, REST = 1.2, 0.4, 0.6, 1.8, 0.8
-"""How long each phase is shown: before and after the impact, change of pace, flight, end [s]."""
-
-PLANNED_SWING = 3.0
-"""How long a planned backswing is shown [s]."""
+FOLLOW, CHANGE, FLY = 0.4, 0.6, 1.8
+"""How long each phase is shown: after the impact, change of pace, flight [s]."""
 
 GROWING = 8
 """Pictures from the impact to arrows of full length."""
@@ -60,21 +57,17 @@ class Pace:
 
 
 def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -> Pace:
-    """Return the pace that shows strike and flight in about four seconds.
+    """Return the pace that shows strike and flight, of this duration [s], in about four seconds.
 
     A hard strike takes a hundredth of the flight's time, so it is shown slower; where the flight
-    is no longer than the strike, both have one pace.
-
-    Args:
-        impact: the impact.
-        duration: of the flight [s].
-        backswing: duration of a planned swing from rest to the impact [s].
+    is no longer than the strike, both have one pace. A planned swing takes `backswing` [s] from
+    rest to the impact.
     """
     fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
     swing = TRAVEL / fastest if fastest > 0 else math.inf
     alike = duration / (FOLLOW + CHANGE + FLY) if duration > 0 else math.inf
-    strike = min(swing / SWING, alike) if backswing is None else backswing / PLANNED_SWING
-    before = SWING if backswing is None else PLANNED_SWING
+    before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
+    strike = min(swing / before, alike) if backswing is None else backswing / before
     if not math.isfinite(strike):
         strike = 1.0
     after = max(duration, strike * (FOLLOW + CHANGE + FLY))
@@ -87,7 +80,7 @@ def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -
         + (flight - strike) * changing**2 / (2 * CHANGE)
         + flight * np.maximum(moments - FOLLOW - CHANGE, 0.0)
     )
-    end = len(times) - 1 + round(REST * RATE)
+    end = len(times) - 1 + round(0.8 * RATE)
     return Pace(times, round(before * RATE), 1 / strike, 1 / flight, end)
 
 

@@ -42,12 +42,7 @@ def find_browser(path: str | PathLike[str]) -> str:
 
 
 def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
-    """Write a page as a PNG.
-
-    Args:
-        html: of a page that needs no other file.
-        path: of the picture, ending in `.png`.
-        at: time of the page's animation [s].
+    """Write a page as a PNG, at a time of its animation [s].
 
     Raises:
         InvalidInput: there is no Chromium, or the file cannot be written.

@@ -16,18 +16,14 @@ def swing_figure(swing: Swing) -> Figure:
     The impact is at 0, where speeds jump and torques may.
     """
     chain = swing.chain
-    parts, torque_limit = [phase.fine for phase in swing.phases], chain.effort_limit
+    parts, torque = [phase.fine for phase in swing.phases], chain.effort_limit
     figure = Figure(figsize=(9.0, 8.0))
     rows = figure.subplots(3, 1, sharex=True)
     gap = np.full((1, len(swing.joints)), np.nan)  # no line across the impact
     time = np.concatenate([parts[0].time, [0.0], parts[1].time])
     for axes, label, values in (
         (rows[0], "speed, % of its limit", [100 * part.v / chain.velocity_limit for part in parts]),
-        (
-            rows[1],
-            "torque, % of its limit",
-            [100 * part.torque / torque_limit for part in parts],
-        ),
+        (rows[1], "torque, % of its limit", [100 * part.torque / torque for part in parts]),
         (rows[2], "power [W]", [part.power for part in parts]),
     ):
         lines = axes.plot(time, np.vstack([values[0], gap, values[1]]))

@@ -17,9 +17,6 @@ from kickdyn.view.marks import pose_of
 
 WALL, FRAME = 0x34506E, 0xF7F7F7
 
-SHEER = 0.4
-"""Opacity of a wall that the ball passes: its flight goes on behind."""
-
 GOAL = (7.32, 2.44, 0.12)
 """Width between the posts, height under the bar, thickness [m]: IFAB, Laws of the Game, Law 1."""
 
@@ -75,8 +72,8 @@ def wall_boxes(
     each, heading = width / count, math.atan2(ahead[1], ahead[0])
     size = np.array([0.3, 0.9 * each, height])
     middle = foot + distance * ahead + np.array([0.0, 0.0, height / 2])
-    return [
-        Box(middle + side * each * left, size, heading, WALL, opacity=SHEER)
+    return [  # not opaque, as the ball passes and its flight goes on behind
+        Box(middle + side * each * left, size, heading, WALL, opacity=0.4)
         for side in np.arange(count) - (count - 1) / 2
     ]
 
@@ -103,12 +100,8 @@ def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
     """Return the boxes that draw a scene's plane: a goal if it is a goal line, else a wall.
 
     A goal line is upright and reached by the ball's centre or back; the goal stands at the plane's
-    point. A wall is drawn around the end of the ball's path.
-
-    Args:
-        plane: of the scene.
-        end: of the ball's path, shape `(3,)` [m].
-        floor: height of the ground [m].
+    point. A wall is drawn around the end of the ball's path, shape `(3,)` [m]. The ground is at the
+    height `floor` [m].
     """
     normal = plane.normal
     heading = math.atan2(normal[1], normal[0])

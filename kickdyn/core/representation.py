@@ -118,8 +118,10 @@ def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
     span = np.maximum(high - low, 1e-9 * np.abs(line).max() + 1e-300)
     scale = min((WIDTH - 2 * MARGIN) / span[0], (HEIGHT - 2 * MARGIN) / span[1])
 
+    origin = MARGIN, HEIGHT - MARGIN
+
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.add((MARGIN, HEIGHT - MARGIN), (points - low) * (scale, -scale))
+        return np.asarray(origin + (points - low) * (scale, -scale))
 
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed(line))
     marks = "".join(

@@ -46,9 +46,7 @@ def measure_effects(
 ) -> list[EffectSize]:
     """Measure every effect of a scene, the largest first.
 
-    Args:
-        whole: the simulation of the scene with everything modelled, by `simulate(scene, None)`.
-        report: called with each effect's name as it begins.
+    The scene is that of `simulate(scene, None)`; `report` is called with each effect's name.
     """
     scene, sizes = whole.scene, []
     for effect in effects_of(scene):
@@ -59,11 +57,10 @@ def measure_effects(
             sizes.append(EffectSize(effect.name, math.nan, math.nan, str(error)))
             continue
         impulse = float(np.linalg.norm(less.impact.impulse - whole.impact.impulse))
-        moved, why = float(np.linalg.norm(less.end.position - whole.end.position)), ""
-        for status in (whole.status, less.status):
-            if status not in ENDS:
-                moved, why = math.nan, f"no end: {status}"
-                break
+        moved, why = math.dist(less.end.position, whole.end.position), ""
+        endless = [status for status in (whole.status, less.status) if status not in ENDS]
+        if endless:
+            moved, why = math.nan, f"no end: {endless[0]}"
         sizes.append(EffectSize(effect.name, moved, impulse, why))
     return sorted(sizes, key=lambda size: math.inf if math.isnan(size.end) else -size.end)
 
@@ -72,10 +69,7 @@ def measure_effects(
 def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Figure:
     """Return how far leaving out each effect moves the end, as bars on a logarithmic scale.
 
-    Args:
-        title: of the scene.
-        sizes: as `measure_effects` returns them.
-        tolerance: drawn as a line: half of it is there for all that is left out [m].
+    A line is drawn at the tolerance [m]: half of it is there for all that is left out.
     """
     figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(sizes)))
     axes: Any = figure.subplots()

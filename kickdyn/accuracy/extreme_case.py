@@ -94,12 +94,8 @@ def compare(
 ) -> ExtremeCase:
     """Return the case with the worst verdict; among equals, what has least digits to spare.
 
-    Args:
-        family: of the case.
-        case: its name.
-        errors: of its answers by name, relative.
-        conditions: of the answers.
-        claims: digits that the answers claim; `FULL` where there is no claim.
+    Relative errors, conditions and the digits claimed are those of its answers by name; an answer
+    that claims none has `FULL`.
     """
     worst = max(errors.values())
     cases = [

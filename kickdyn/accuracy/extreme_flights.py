@@ -157,11 +157,11 @@ def tolerances() -> Iterator[ExtremeCase]:
 def _in_pieces(
     start: BallState, ball: Ball, air: Air, ground: Ground, tol: float, pieces: int
 ) -> tuple[Array, float]:
-    """Return the landing of a flight in pieces, and the largest error that a piece estimates.
+    """Return the landing of a flight in pieces, and the largest error of a tenth of the pieces.
 
-    A tenth of the pieces are asked. With d the largest, the speed after one of duration t is off by
-    2 d / t (see `vertical_answers`), which moves the ball by 2 d in each piece that follows. The
-    sum over n pieces is d n^2, if the air brings neighbours no farther apart.
+    With d that error, the speed after a piece of duration t is off by 2 d / t, as in
+    `vertical_answers`: this moves the ball by 2 d in each piece that follows. The sum over n pieces
+    is d n^2, if the air brings neighbours no farther apart.
     """
     limit = fly(start, ball, air, ground, tol).duration / (pieces - 0.5)
     state, number, own = start, 0, 0.0
@@ -236,15 +236,8 @@ def vertical(
     """Return height, duration and landing speed of a ball thrown up, or dropped, by quadrature.
 
     With a(v) what drag makes, dt is dv over g + a on the way up and over g - a on the way down, and
-    dz is v dt. The landing speed is Newton's root of the height.
-
-    Args:
-        formula: of the drag coefficient.
-        speed: upward [m/s].
-        drop: how far below the start it ends [m].
-        ball: what flies.
-        air: what through.
-        near: a landing speed to begin with.
+    dz is v dt. The landing speed is Newton's root of the height, from a `near` one [m/s]. The
+    flight begins at an upward speed [m/s] and ends a drop [m] below its start.
     """
     m, constants = coarse, Constants(coarse)
     g = m.mpf(downward(ball, air))
@@ -286,17 +279,15 @@ def _breaks(low: Any, high: Any, per_speed: float) -> list[Any]:
 
 def flight_refusals() -> list[ExtremeCase]:
     """Return what becomes of NaN and inf in a flight's arguments, and as Reynolds numbers."""
-    return [
-        *(
-            expect_refusal(f"{name} = {bad}", attempt)
-            for bad in (math.nan, math.inf, -math.inf)
-            for name, attempt in _bad_flights(bad).items()
-        ),
-        *(
-            expect_refusal(f"{kind} {name} at Re {bad:g}", partial(MODELS[kind][name], bad))
-            for kind, name in FORMULAS
-            for bad in (0.0, math.nan, math.inf)
-        ),
+    flights = [
+        expect_refusal(f"{name} = {bad}", attempt)
+        for bad in (math.nan, math.inf, -math.inf)
+        for name, attempt in _bad_flights(bad).items()
+    ]
+    return flights + [
+        expect_refusal(f"{kind} {name} at Re {bad:g}", partial(MODELS[kind][name], bad))
+        for kind, name in FORMULAS
+        for bad in (0.0, math.nan, math.inf)
     ]
 
 

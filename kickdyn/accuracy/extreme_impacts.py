@@ -21,12 +21,8 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 
-FORWARD, DOWN, OBLIQUE, SIDEWAYS = (
-    (1.0, 0.0, 0.0),
-    (0.0, 0.0, -1.0),
-    (2.0, 0.3, 1.0),
-    (2.0, 0.8, 1.0),
-)
+FORWARD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
+OBLIQUE, SIDEWAYS = (2.0, 0.3, 1.0), (2.0, 0.8, 1.0)
 """Normals."""
 
 BENT, SPEEDS = (0.4, 0.7, -0.3), (-3.0, -5.0, -4.0)
@@ -72,11 +68,8 @@ def chain(
 ) -> Leg:
     """Return slender rods that hang from each other, hinged about y; contact at the last one's end.
 
-    Args:
-        lengths: of the rods [m].
-        masses: [kg]; 1 when not named.
-        base: where the first hangs [m].
-        turn: of the whole, a rotation.
+    Lengths are in m, masses in kg, 1 when not named; the first rod hangs at `base` [m], and `turn`
+    is a rotation of the whole.
     """
     model, parent = pin.Model(), 0
     model.name = f"chain of {len(lengths)}"

@@ -22,14 +22,10 @@ from kickdyn.flight.equations import FlightEquations
 from kickdyn.flight.fly import fly
 from kickdyn.flight.forces import downward
 
-SCIPY = ("RK45", "DOP853", "LSODA", "Radau")
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
 LEAST_ERROR = 1e-16
 """Least error of a landing that is reported [m], for pictures with logarithms."""
-
-MANY = 2000
-"""Flights that the batch integrators are timed with: they are made for many."""
 
 Landings = Callable[[list[BallState], float], tuple[Array, float, int]]
 """Of launches and a tolerance: landing points, calls per flight, and the number of flights."""
@@ -52,13 +48,8 @@ def measure_flights(
     """Measure every integrator on the same kicks, in one run, against 20 digits.
 
     The scenes are `vacuum`; `drag only`, without spin; and `full`: drag, lift and decay of spin.
-
-    Args:
-        tolerances: relative ones, for each integrator.
-        report: called with each method's name as it begins.
-
-    Returns:
-        One row per scene, method and tolerance; those on a scene's Pareto front are marked.
+    The measurements on a scene's Pareto front are marked; `report` is called with each method's
+    name.
     """
     ball, rows = Ball(), [_measure_vacuum()]
     without_spin = [BallState(state.position, state.velocity) for state in kicks()]
@@ -95,7 +86,8 @@ def _measure_vacuum() -> Measurement:
 
 def _methods(scene: str, ball: Ball, air: Air, tolerances: Sequence[float]) -> dict[str, Landings]:
     """Return the integrators of a scene by name."""
-    methods: dict[str, Landings] = {name: _scipy(name, ball, air) for name in SCIPY}
+    names = ("RK45", "DOP853", "LSODA", "Radau")
+    methods: dict[str, Landings] = {name: _scipy(name, ball, air) for name in names}
     methods["kd.fly"] = _fly(ball, air)
     methods["kd.fly_many"] = _fly_many(ball, air)
     if scene == "full":  # its equations for heyoka divide by the spin
@@ -163,9 +155,9 @@ def _heyoka(compiled: dict[float, Callable[[BallState], tuple[Array, int]]]) -> 
 
 
 def _repeated(states: list[BallState]) -> BallState:
-    """Return many states, by repeating a few."""
+    """Return 2000 states, by repeating a few: the batch integrators are made for many."""
     position, velocity, spin = (
-        np.tile([getattr(state, name) for state in states], (MANY // len(states), 1))
+        np.tile([getattr(state, name) for state in states], (2000 // len(states), 1))
         for name in ("position", "velocity", "spin")
     )
     return BallState(position, velocity, spin, np.zeros(len(position)))

@@ -46,13 +46,8 @@ def kick(friction: float) -> Impact:
 def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Measurement]:
     """Measure every method on the same two kicks, in one run, against 50 digits.
 
-    Times are per evaluation, from posture and velocity on; of MuJoCo, those of the steps only.
-
-    Args:
-        report: called with each method's name as it begins.
-
-    Returns:
-        One row per kick, method and setting; those on a kick's Pareto front are marked.
+    Times are per evaluation, from posture and velocity on; of MuJoCo, those of the steps only. The
+    measurements on a kick's Pareto front are marked; `report` is called with each method's name.
     """
     rows = []
     for name, friction in (("frictionless", 0.0), ("friction 0.4", 0.4)):

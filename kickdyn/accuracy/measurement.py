@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,9 +14,6 @@ from kickdyn.core.plot_style import styled
 
 BRIEFEST_TIMING = 0.02
 """Least time of a mean over repetitions [s]."""
-
-ROUNDS = 3
-"""How often each is timed: the shortest counts, for whatever else runs only adds."""
 
 LOOKS = {
     "closed form, float64": ("o", "tab:red"),
@@ -71,12 +68,15 @@ def mark_front(rows: Sequence[Measurement]) -> list[Measurement]:
 
 
 def shortest_time(run: Callable[[], object]) -> float:
-    """Return the shortest mean time of this process that a call takes [s], whatever else runs."""
+    """Return the shortest of three mean times of this process that a call takes [s].
+
+    The shortest counts, for whatever else runs only adds.
+    """
     began = time.process_time()
     run()
     best = time.process_time() - began
     repeats = max(1, math.ceil(BRIEFEST_TIMING / max(best, 1e-6)))
-    for _ in range(ROUNDS - (repeats == 1)):
+    for _ in range(3 - (repeats == 1)):
         began = time.process_time()
         for _ in range(repeats):
             run()
@@ -86,27 +86,21 @@ def shortest_time(run: Callable[[], object]) -> float:
 
 @styled()
 def front_figure(impacts: Sequence[Measurement], flights: Sequence[Measurement]) -> Figure:
-    """Return error against time, a panel for each scene that was measured.
-
-    Args:
-        impacts: as `measure_impacts` returns them, or none.
-        flights: as `measure_flights` returns them, or none.
-    """
+    """Return error against time, a panel for each scene that more than one method measured."""
     panels: dict[tuple[str, str], list[Measurement]] = {}
-    for kind, rows in (("impact", impacts), ("flight", flights)):
+    for kind, unit, rows in (
+        ("impact", "relative error of the impulse", impacts),
+        ("flight", "landing error [m]", flights),
+    ):
         for row in rows:
-            panels.setdefault((kind, row.scene), []).append(row)
-    panels = {title: rows for title, rows in panels.items() if len(rows) > 1}
+            panels.setdefault((f"{kind}, {row.scene}", unit), []).append(row)
+    panels = {head: rows for head, rows in panels.items() if len(rows) > 1}
     lines = -(-len(panels) // 2)
     figure = Figure(figsize=(11.5, 3.7 * lines))
     grid = figure.subplots(lines, 2, squeeze=False).ravel()
-    units: Mapping[str, str] = {
-        "impact": "relative error of the impulse",
-        "flight": "landing error [m]",
-    }
-    for axes, ((kind, scene), rows) in zip(grid, panels.items(), strict=True):
+    for axes, ((title, unit), rows) in zip(grid, panels.items(), strict=True):
         _draw_panel(axes, rows)
-        axes.set(title=f"{kind}, {scene}", xlabel="time per evaluation [s]", ylabel=units[kind])
+        axes.set(title=title, xlabel="time per evaluation [s]", ylabel=unit)
     return figure
 
 

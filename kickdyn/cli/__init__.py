@@ -1,1 +1,4 @@
-"""The command lines."""
+"""The command lines: they parse options, call the packages below, and print or write the answer.
+
+Open `commands.py` first, the table of all; `command.py` says how each of them ends.
+"""

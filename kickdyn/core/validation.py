@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from enum import StrEnum
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,19 +33,20 @@ def number(
     unit: str = "",
 ) -> float:
     """Return `value` as a float, finite and inside the bounds, or raise `InvalidInput`."""
+    shown = None
+    try:
+        if not isinstance(value, _NO_NUMBERS):  # float() would take them
+            result = float(value)  # type: ignore[arg-type]
+            if math.isfinite(result) and result > above and at_least <= result <= at_most:
+                return result
+            shown = repr(result)
+    except (TypeError, ValueError, OverflowError):
+        pass
     limits = [f"above {above:g}"] if above > -math.inf else []
     limits += [f"at least {at_least:g}"] if at_least > -math.inf else []
     limits += [f"at most {at_most:g}"] if at_most < math.inf else []
     valid = f"a finite number {' and '.join(limits)}".rstrip() + (f" [{unit}]" if unit else "")
-    try:
-        if isinstance(value, _NO_NUMBERS):  # float() would take them
-            raise TypeError
-        result = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidInput(f"{name} is {brief(value)}: it must be {valid}") from None
-    if not (math.isfinite(result) and result > above and at_least <= result <= at_most):
-        raise InvalidInput(f"{name} is {result!r}: it must be {valid}")
-    return result
+    raise InvalidInput(f"{name} is {shown or brief(value)}: it must be {valid}")
 
 
 def vector(name: str, value: ArrayLike, size: int, *, unit: str = "") -> Array:
@@ -120,10 +122,16 @@ def flag(name: str, value: object) -> bool:
 def choice(name: str, value: object, kind: type[Choice]) -> Choice:
     """Return the member of a `StrEnum` that `value` is or names, or raise `InvalidInput`."""
     try:
-        return kind(value)  # type: ignore[arg-type]
-    except ValueError:
+        return _member(kind, value)  # type: ignore[return-value]
+    except (TypeError, ValueError):  # TypeError: not hashable
         valid = ", ".join(kind)
         raise InvalidInput(f"{name} is {brief(value)}: it must be one of {valid}") from None
+
+
+@lru_cache
+def _member(kind: type[StrEnum], value: object) -> StrEnum:
+    """Return the member of a value: kept, because the enum takes longer to find it."""
+    return kind(value)  # type: ignore[arg-type]
 
 
 def times(t: ArrayLike, duration: float, what: str) -> Array:

@@ -22,12 +22,6 @@ EPS = float(np.finfo(float).eps)
 MAX_SPEED = 1e140
 """[m/s]. Squares of it, times a mass, are energies that a float64 can still represent."""
 
-SLOW_APPROACH = 1e-9
-"""Share of the speeds at hand below which an approach is compared with its rounding."""
-
-UNCERTAIN_APPROACH = 4.0
-"""An approach up to this many times its own rounding counts as none."""
-
 AT_REST = (0.0, 0.0, 0.0)
 _AT_REST: Array = np.frombuffer(bytes(24))
 """The same as a read-only array, which needs no check."""
@@ -114,12 +108,13 @@ def find_approach(
         InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
             speeds whose energies leave double precision.
     """
-    validation.check_type(Posture, posture=posture)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(Contact, contact=contact)
+    is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
+    if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
+        validation.check_type(Posture, posture=posture)
+        validation.check_type(Ball, ball=ball)
+        validation.check_type(Contact, contact=contact)
     v = validation.vector("v", v, posture.leg.nv)
-    if posture.constraint_projector is not None:
-        posture.check_velocity(v)
+    posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)
     velocity, spin, ball_speed = _AT_REST, _AT_REST, 0.0
     if ball_velocity is not AT_REST:
@@ -144,9 +139,9 @@ def find_approach(
         raise InvalidInput(
             f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"
         )
-    if speed < SLOW_APPROACH * (math.sqrt(np.vdot(v, v)) + fastest):
+    if speed < 1e-9 * (math.sqrt(np.vdot(v, v)) + fastest):  # few of its digits may be left
         rounding = approach.speed_rounding()
-        if speed <= UNCERTAIN_APPROACH * rounding:
+        if speed <= 4.0 * rounding:
             raise NoImpact(
                 f"foot and ball approach along the normal at {speed:.3g} m/s in {posture!r}: that "
                 f"is rounding, of {rounding:.1g} m/s in what cancels there"

@@ -39,9 +39,6 @@ Ingleton, Peacock & Nunome, Ball impact dynamics in the punt kick, ISBS 2013).""
 MAX_CONTACT_TIMES = 50.0
 """Expected contact times after which foot and ball count as not separating."""
 
-MIN_SPEED = 1e-6
-"""Approach speed below which gravity, not the impact, decides the motion [m/s]."""
-
 Sample = Callable[[float], tuple[Array, Array, float]]
 
 
@@ -207,7 +204,8 @@ def collide(
     check_unconstrained(posture.leg, "a contact that takes time is")
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    validation.number("approach speed", approach.speed, at_least=MIN_SPEED, unit="m/s")
+    # Below a micrometre per second gravity, not the impact, decides the motion.
+    validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass
     hertz = _hertz_contact(approach, mass, contact_time, stiffness)
     motion = CompliantContact(approach, hertz, torque)
@@ -216,11 +214,7 @@ def collide(
 
 
 def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torque:
-    """Return a torque function, or a copy of constant torques, shape `(nv,)` [N m; N].
-
-    Raises:
-        InvalidInput: a wrong shape, or a function that does not take three values.
-    """
+    """Return a torque function of three values, or a copy of constant torques; else raise."""
     if torque is None:
         return np.zeros(nv)
     if not callable(torque):

@@ -13,16 +13,6 @@ from kickdyn.core.validation import Array
 GOOD = 1e-11
 """`cone_residual` at which the search ends."""
 
-RANDOM_STARTS = 100
-"""Starts drawn at random, the same in every call, where the regular ones fail."""
-
-SMALLEST_MOBILITY = 1e-14
-"""Share of the largest mobility that a contact counts as having at least."""
-
-MAX_STEPS = 60
-SHORTEST = 1e-3
-"""Share of a Newton step below which it is taken without a further line search."""
-
 
 def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, float]:
     r"""Return impulses that satisfy Signorini's and Coulomb's laws at every contact.
@@ -102,7 +92,7 @@ def _mobilities(delassus: Array) -> Array:
     own = np.array([blocks[i, :, i] for i in range(len(blocks))])
     across = np.linalg.eigvalsh(own[:, :2, :2])[:, 1]
     found = np.column_stack([across, own[:, 2, 2]])
-    return np.asarray(np.maximum(found, SMALLEST_MOBILITY * found.max()))
+    return np.asarray(np.maximum(found, 1e-14 * found.max()))  # 0 could not be divided by
 
 
 class Cones(NamedTuple):
@@ -124,7 +114,7 @@ def _starts(cones: Cones) -> Iterator[Array]:
     yield -np.linalg.pinv(cones.delassus, rcond=1e-12, hermitian=True) @ cones.free
     yield np.zeros(len(cones.free))
     rng = np.random.default_rng(0)
-    for _ in range(RANDOM_STARTS):
+    for _ in range(100):  # the same in every call
         start = rng.normal(size=len(cones.free))
         start[2::3] = np.abs(start[2::3])
         yield start
@@ -143,7 +133,7 @@ def newton_iterations(cones: Cones, start: Array, lengths: Array) -> Array:
     p = best = start
     residual, slope = _equations(cones, p, lengths)
     size = least = float(np.linalg.norm(residual))
-    for _ in range(MAX_STEPS):
+    for _ in range(60):
         row = _row_scale(slope)
         scaled = slope * row[:, None]
         column = _row_scale(scaled.T)
@@ -156,7 +146,7 @@ def newton_iterations(cones: Cones, start: Array, lengths: Array) -> Array:
             there = p + share * step
             residual, slope = _equations(cones, there, lengths)
             now = float(np.linalg.norm(residual))
-            if now < (1.0 - 1e-4 * share) * size or share < SHORTEST or not math.isfinite(now):
+            if now < (1.0 - 1e-4 * share) * size or share < 1e-3 or not math.isfinite(now):
                 break
             share /= 2.0
         if now < least:

@@ -30,9 +30,6 @@ from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.robot.leg import Posture
 
-ENERGY_ROUNDING = 1e-12
-"""Share of impulse times contact speed below which created energy is rounding."""
-
 RESIDUAL_ROUNDING = 1e-14
 """Residuals below it are rounding, whose digits differ from processor to processor."""
 
@@ -210,7 +207,7 @@ class Impact(ReprMixin):
         surface_speed = self.ball.radius * np.abs(self.ball_before.spin).max()
         speeds = (self.foot_velocity, self.ball_before.velocity, surface_speed)
         fastest = max(float(np.abs(speed).max()) for speed in speeds)
-        return self.energy_lost < -ENERGY_ROUNDING * float(np.abs(self.impulse).max()) * fastest
+        return self.energy_lost < -1e-12 * float(np.abs(self.impulse).max()) * fastest
 
     @property
     def speed_ratio(self) -> float:

@@ -18,9 +18,6 @@ from kickdyn.robot.constraints import INDEPENDENT
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import listed
 
-TEST_ANGLE, FIXED_AXIS = 0.7, 1e-9
-"""Joint position [rad, m] of a test, and the change of axes up to which these count as fixed."""
-
 LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
 
 
@@ -41,19 +38,12 @@ class LegDerivatives(NamedTuple):
 
 
 class _Load(NamedTuple):
-    """An impulse and its moment on a joint's body, at a point of it.
-
-    Attributes:
-        joint: of the body.
-        rotation: from the joint's axes to the world's, shape `(3, 3)`.
-        lever: of the point, from the joint's origin, in its axes [m].
-        wrench: shape `(6,)` [N s, N m s, world axes].
-    """
+    """An impulse and its moment on a joint's body, at a point of it."""
 
     joint: int
-    rotation: Array
-    lever: Array
-    wrench: Array
+    rotation: Array  # from the joint's axes to the world's
+    lever: Array  # of the point, from the joint's origin, in its axes [m]
+    wrench: Array  # shape `(6,)` [N s, N m s, world axes]
 
 
 def leg_derivatives(
@@ -92,7 +82,8 @@ def leg_derivatives(
             unbalanced -= jacobian[part].T @ pin.skew(load.wrench[part]) @ jacobian[ANGULAR]
 
     inverse = constrained_inverse_inertia(posture)
-    admissible, closed = _admissible(posture), _closed(posture)
+    admissible = np.column_stack([posture.admissible(unit) for unit in np.eye(nv)])
+    closed = _closed(posture)
     before, after = (
         _velocity_by_q(posture, foot, jacobians[0], velocity)[LINEAR] for velocity in (v, v_after)
     )
@@ -125,13 +116,13 @@ def check_fixed_axes(leg: Leg) -> None:
     """
     model, data, found = leg.workspace.model, leg.workspace.data, []
     neutral = pin.neutral(model)
-    for q in (neutral, pin.integrate(model, neutral, TEST_ANGLE * np.ones(leg.nv))):
+    for q in (neutral, pin.integrate(model, neutral, 0.7 * np.ones(leg.nv))):
         pin.forwardKinematics(model, data, q)
         found.append([np.array(joint.S) for joint in list(data.joints)[1:]])
     turning = [
         name
         for name, one, other in zip(leg.joint_names, *found, strict=True)
-        if np.abs(one - other).max() > FIXED_AXIS
+        if np.abs(one - other).max() > 1e-9
     ]
     if turning:
         raise InvalidInput(
@@ -212,14 +203,6 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
         rows_q[at] += load.wrench[0] * by_q[: at.stop - at.start]
     change = np.linalg.lstsq(projector.rows, -rows_q, rcond=INDEPENDENT)[0]
     return np.asarray(change - admissible @ change)
-
-
-def _admissible(posture: Posture) -> Array:
-    """Return the projector on what supports and loops allow, by kinetic energy, `(nv, nv)`."""
-    units = np.eye(posture.leg.nv)
-    if posture.constraint_projector is None:
-        return units
-    return np.column_stack([posture.admissible(unit) for unit in units])
 
 
 def _closed(posture: Posture) -> Array:

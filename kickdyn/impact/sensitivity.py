@@ -204,22 +204,15 @@ def _columns(leg: Leg, names: Iterable[str]) -> dict[str, slice]:
 
 @dataclass(frozen=True)
 class _FixedImpulse:
-    """Derivatives at a fixed impulse, one column per component of every source.
-
-    Attributes:
-        velocity, spin, v_after: of the results.
-        before, after: of the contact points' relative velocity.
-        normal: of the normal, which stays a unit vector.
-        u_before, u_after: the relative velocities themselves [m/s].
-    """
+    """Derivatives at a fixed impulse, one column per component of every source."""
 
     velocity: Array
     spin: Array
     v_after: Array
-    before: Array
+    before: Array  # of the contact points' relative velocity
     after: Array
-    normal: Array
-    u_before: Array
+    normal: Array  # it stays a unit vector
+    u_before: Array  # the relative velocities themselves [m/s]
     u_after: Array
 
 
@@ -232,12 +225,8 @@ def _at_fixed_impulse(
 ) -> _FixedImpulse:
     """Return the derivatives of the results while the impulse on the ball is fixed."""
     posture, ball, ball_before = approach.posture, approach.ball, approach.ball_before
-    n, p, jacobian, v_before = (
-        approach.contact.normal,
-        solution.impulse,
-        posture.jacobian,
-        approach.v,
-    )
+    n, p = approach.contact.normal, solution.impulse
+    jacobian, v_before = posture.jacobian, approach.v
     cross_n, projector = pin.skew(n), np.eye(3) - np.outer(n, n)
     r, gain = ball.radius, ball.radius / ball.inertia  # of a shell, 3 / (2 m r)
     width = max(place.stop for place in at.values())

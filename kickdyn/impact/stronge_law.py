@@ -14,10 +14,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
 
 ORDER = 24
-TRUNCATION = 1e-17
 MAX_STEPS = 2000
-MAX_FRICTION = 1e50
-"""Friction above which no digit of the impulse changes; work per mu would leave the floats."""
 
 
 def solve_stronge(problem: ContactProblem) -> Solution:
@@ -53,7 +50,7 @@ def solve_stronge(problem: ContactProblem) -> Solution:
     speed = float(np.abs(before).max())
     g_matrix = problem.delassus_in(axes)
     mobility = float(g_matrix.diagonal().max())
-    mu = min(problem.friction, MAX_FRICTION)
+    mu = min(problem.friction, 1e50)  # more changes no digit, and its work would overflow
     course = _Course(g_matrix / mobility, mu, problem.restitution, before / speed)
     sticking = course.run()
     scale = speed / mobility
@@ -174,7 +171,7 @@ class _Course:
         """Take one step while the slip turns; return whether the impact ended in it."""
         xs, ys, ss = self._series()
         tail = max(abs(c) for series in (xs, ys, ss) for c in series[-2:])
-        h = (TRUNCATION / max(tail, 1e-300)) ** (1.0 / ORDER)
+        h = (1e-17 / max(tail, 1e-300)) ** (1.0 / ORDER)
         mu, slip = self.mu * self.pace, self.slip  # mu dp is of order 1 where dp is not
         rates = [
             self.pace * self.g33 * s + mu * -(self.b1 * x + self.b2 * y)

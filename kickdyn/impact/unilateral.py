@@ -140,23 +140,14 @@ class _Foot(NamedTuple):
 
 
 class _Contacts(NamedTuple):
-    """The contact problem, three rows for the ball first, then for each point of the feet.
+    """The contact problem, three rows for the ball first, then for each point of the feet."""
 
-    Attributes:
-        axes: contact axes of the ball, the normal last.
-        free: the leg without its supports.
-        jacobian: shape `(3 k, nv)`; of all contacts, tangential axes first and normal last.
-        delassus: of leg and ball, shape `(3 k, 3 k)` [1/kg].
-        before: velocities, shape `(3 k,)` [m/s].
-        frictions: shape `(k,)`.
-    """
-
-    axes: Array
-    free: Posture
-    jacobian: Array
-    delassus: Array
-    before: Array
-    frictions: Array
+    axes: Array  # contact axes of the ball, the normal last
+    free: Posture  # the leg without its supports
+    jacobian: Array  # shape `(3 k, nv)`; tangential axes first and normal last
+    delassus: Array  # of leg and ball, shape `(3 k, 3 k)` [1/kg]
+    before: Array  # velocities, shape `(3 k,)` [m/s]
+    frictions: Array  # shape `(k,)`
 
 
 def _checked_supports(leg: Leg) -> tuple[Support, ...]:
@@ -194,10 +185,8 @@ def _feet(posture: Posture, supports: tuple[Support, ...]) -> list[_Foot]:
 
 def _without_supports(approach: Approach) -> Posture:
     """Return the posture of the same leg without supports."""
-    posture = approach.posture
-    return (
-        posture.leg.with_supports().posture(posture.q).with_contact_offset(approach.contact.offset)
-    )
+    leg, q = approach.posture.leg.with_supports(), approach.posture.q
+    return leg.posture(q).with_contact_offset(approach.contact.offset)
 
 
 def _contacts(approach: Approach, feet: list[_Foot], supports: tuple[Support, ...]) -> _Contacts:
@@ -226,8 +215,7 @@ def _solve(contacts: _Contacts, approach: Approach) -> tuple[Array, float]:
     if not residual <= MAX_RESIDUAL:
         raise KickdynError(
             f"no impulses found for the supports: the best have a residual of {residual:.1g} "
-            f"(at most {MAX_RESIDUAL:g}; friction up to {contacts.frictions.max():g}) in "
-            f"{approach.posture!r}"
+            f"(friction up to {contacts.frictions.max():g}) in {approach.posture!r}"
         )
     return impulses, residual
 

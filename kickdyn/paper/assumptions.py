@@ -27,13 +27,7 @@ RESTITUTION = 0.8
 
 @dataclass(frozen=True)
 class Coefficients:
-    """A choice of drag and lift, as the paper prints none.
-
-    Attributes:
-        name: of the choice.
-        drag: model of C_D.
-        lift: model of C_L.
-    """
+    """A named choice of the models of C_D and C_L, as the paper prints none."""
 
     name: str
     drag: str | Coefficient = "brazuca"

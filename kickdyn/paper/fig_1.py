@@ -23,18 +23,22 @@ ATTACK_DEG, SPEED = 30.0, 1.0
 def items() -> list[Item]:
     """Return the largest and the smallest impulse that self-motion gives."""
     impacts = kicks()
-    sizes = [float(np.linalg.norm(impact.impulse)) for impact in impacts]
-    ratio = max(sizes) / min(sizes)
+    most, least = max(impacts, key=size), min(impacts, key=size)
+    ratio = size(most) / size(least)
     source = "Eq. (10) along the null space of the KIC, contact point and foot velocity fixed"
     result = []
-    for label, index in (("most", int(np.argmax(sizes))), ("least", int(np.argmin(sizes)))):
-        posture = impacts[index].posture
-        angles = posture.leg.angles_deg(posture.q)
+    for label, impact in (("most", most), ("least", least)):
+        angles = impact.posture.leg.angles_deg(impact.posture.q)
         where = ", ".join(f"{name} {angle:.1f}" for name, angle in angles.items())
         why = f"at {where} deg; self-motion changes the impulse {ratio:.2f}-fold"
         name, verdict = f"{NAME} {label} impulse", shape(ratio > 1.05)
-        result.append(Item(name, None, sizes[index], "N s", verdict, why, source))
+        result.append(Item(name, None, size(impact), "N s", verdict, why, source))
     return result
+
+
+def size(impact: Impact) -> float:
+    """Return the magnitude of the impulse [N s]."""
+    return float(np.linalg.norm(impact.impulse))
 
 
 def kicks() -> list[Impact]:
@@ -52,18 +56,14 @@ def draw(figure: Figure) -> None:
     """Draw postures that share a contact point, and the impulse along the way."""
     left, right = figure.subplots(1, 2)
     impacts = kicks()
-    sizes = [float(np.linalg.norm(impact.impulse)) for impact in impacts]
-    for label, index, colour in (
-        ("most", int(np.argmax(sizes)), "tab:red"),
-        ("least", int(np.argmin(sizes)), "tab:blue"),
-    ):
-        posture = impacts[index].posture
-        x, z = np.array([*joints(posture), posture.contact_point])[:, [0, 2]].T
-        left.plot(x, z, "o-", color=colour, label=f"{label}: {sizes[index]:.3f} N s")
+    most, least = max(impacts, key=size), min(impacts, key=size)
+    for label, impact, colour in (("most", most, "tab:red"), ("least", least, "tab:blue")):
+        x, z = np.array([*joints(impact.posture), impact.posture.contact_point])[:, [0, 2]].T
+        left.plot(x, z, "o-", color=colour, label=f"{label}: {size(impact):.3f} N s")
     left.set(xlabel="X [m]", ylabel="Y [m]", title="two postures, one contact point")
     left.set_aspect("equal", adjustable="datalim")
     left.legend(loc="upper right")
-    right.plot(np.degrees([impact.posture.q[1] for impact in impacts]), sizes)
+    right.plot(np.degrees([impact.posture.q[1] for impact in impacts]), [*map(size, impacts)])
     right.set(xlabel="knee along the self-motion [deg]", ylabel="impulse on the ball [N s]")
 
 

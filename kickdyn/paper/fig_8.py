@@ -19,7 +19,6 @@ VACUUM_RANGE = 79.4
 def flights(choice: Coefficients) -> dict[str, Flight]:
     """Return the four flights, in the paper's order."""
     velocity = SPEED * direction(ELEVATION_DEG)
-
     kicks = {
         "vacuum": (0.0, None),
         "drag": (0.0, choice.air(lift=False)),

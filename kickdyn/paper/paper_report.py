@@ -21,12 +21,7 @@ COLOURS = {
 
 
 def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item]]) -> None:
-    """Print all items by section, and those with other coefficients, as wide as the screen is.
-
-    Args:
-        items: by the name of the section.
-        others: likewise, with the other coefficients.
-    """
+    """Print all items by section, and those with other coefficients, as wide as the screen is."""
     width = screen_width()
     console = Console(width=width, highlight=False)
     why = list(dict.fromkeys(item.why for section in items.values() for item in section))

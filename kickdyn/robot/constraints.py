@@ -28,16 +28,8 @@ CLOSED = 1e-9
 FLAT = 1e-6
 """Share of a sole's length below which its width counts as none."""
 
-VIOLATION_TOLERANCE = 1e-9
-"""Share of the speed that the fastest joint could give a constrained frame: rounding."""
-
 INDEPENDENT = 1e-9
 """Share of a row, in the metric of inertia, that others must leave for it to count."""
-
-NEWTON_STEPS = 50
-
-LEAD = 0.1
-"""Largest step of the kept joints while loops are closed [rad, m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +217,7 @@ class Constraints:
             return near
         away = pin.difference(model, pin.neutral(model), q) * between
         here, lead = pin.integrate(model, q, -away), away * (1.0 - free)
-        stages = max(1, math.ceil(float(np.abs(lead).max()) / LEAD))
+        stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most
         for _ in range(stages):
             here = pin.integrate(model, here, lead / stages)
             here, led, _ = self._newton(model, data, here, free)
@@ -256,7 +248,7 @@ class Constraints:
         """
         first = self.size - 3 * len(self.loops)
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
-        for _ in range(NEWTON_STEPS):
+        for _ in range(50):
             pin.forwardKinematics(model, data, q)
             gaps = self.gaps(model, data)
             if np.abs(gaps).max() < np.abs(narrowest).max():
@@ -340,7 +332,7 @@ class ConstraintProjector:
         fastest = max(map(abs, v.tolist()))
         reaches = abs(self.rows).sum(axis=1).tolist()
         for k in range(0, len(speeds), 3):  # a velocity's three parts: one alone may be rounding
-            if max(speeds[k : k + 3]) > VIOLATION_TOLERANCE * max(reaches[k : k + 3]) * fastest:
+            if max(speeds[k : k + 3]) > 1e-9 * max(reaches[k : k + 3]) * fastest:
                 break
         else:
             return None

@@ -36,17 +36,8 @@ from kickdyn.robot.model_validation import (
 )
 from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
 
-CHECKED_CONDITION = 1e3
-"""Bound on M's condition above which the loss of digits in the Delassus matrix is computed."""
-
-MAX_ROUNDING_GAIN = 100.0
-"""`Posture.rounding_gain` above which the articulated-body algorithm replaces M."""
-
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
-
-REACH_TOLERANCE = 1e-9
-"""Share of a wanted velocity that may be missed before it counts as out of reach."""
 
 SHOWN = 8
 """Joints of a posture that are shown; of a robot with more, those that are not at 0."""
@@ -459,8 +450,8 @@ class Posture(ReprMixin):
 
     @property
     def is_ill_conditioned(self) -> bool:
-        """Whether the rounding of M can be seen in the Delassus matrix."""
-        return self._condition_bound > CHECKED_CONDITION and self.rounding_gain > MAX_ROUNDING_GAIN
+        """Whether the rounding of M can be seen in the Delassus matrix, 100 times or more."""
+        return self._condition_bound > 1e3 and self.rounding_gain > 100.0  # the bound costs less
 
     @cached_property
     def articulated_bodies(self) -> ArticulatedBodies:
@@ -529,7 +520,7 @@ class Posture(ReprMixin):
             v = v + blas.dtrsv(self._cholesky, right.T @ share, lower=1, trans=1)
             missed = wish - self.jacobian @ v
         # NaN, of a velocity too fast for float64, is not out of reach
-        return None if np.abs(missed).max() > REACH_TOLERANCE * np.abs(wish).max() else v
+        return None if np.abs(missed).max() > 1e-9 * np.abs(wish).max() else v
 
     def solve(self, joint_impulse: Array) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.

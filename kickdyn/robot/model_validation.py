@@ -17,9 +17,6 @@ from scipy.linalg import blas, lapack
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
-MASS_RANGE = (1e-15, 1e18)
-"""Of all that moves with a joint [kg]; beyond, squares and quotients leave the range of float64."""
-
 MAX_CONDITION = 1e13
 """Condition number of the joint-space inertia from which it has no digits left."""
 
@@ -106,7 +103,7 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
     composites = list(data.Ycrb)[1:]  # all that moves with each joint
-    low, high = MASS_RANGE
+    low, high = 1e-15, 1e18  # [kg]; beyond, squares and quotients leave the range of float64
     for name, moved in zip(names, composites, strict=True):
         if not low <= moved.mass <= high:
             idle = [n for n, m in zip(names, composites, strict=True) if not low <= m.mass <= high]

@@ -15,7 +15,7 @@ TOLERANCE = 1e-12
 """How far the contact point may stray, over the leg's lever [1]."""
 
 
-def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_000) -> list[Posture]:
+def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01) -> list[Posture]:
     """Follow the one-parameter family of postures that share a contact point.
 
     Each step goes along the Jacobian's null space and is then corrected back to the point.
@@ -24,7 +24,6 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
         leg: with one joint more than its contact point has directions to move in.
         q: posture to start from, within the joints' range, shape `(nq,)` [rad].
         step: between postures, length in joint space [rad], 0.1 at most.
-        most: postures to give, at most, in either direction.
 
     Returns:
         Postures in order along the motion, from one end of a joint's range to the other; or once
@@ -38,17 +37,15 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01, *, most: int = 10_00
         raise InvalidInput(f"{leg.name} has supports or loops: only a free leg is followed")
     start = leg.posture(q)
     step = validation.number("step", step, above=0, at_most=0.1, unit="rad")
-    if not isinstance(most, int) or most < 0:
-        raise InvalidInput(f"most is {most!r}: it must be a whole number, 0 or more")
     if not _within(leg, start.q):
         raise InvalidInput(f"{start!r} is outside the joints' range")
     freedom = leg.nv - int(np.linalg.matrix_rank(start.jacobian, tol=1e-9))
     if freedom != 1:
         raise InvalidInput(f"{start!r} has {freedom} degrees of self-motion: one is followed")
-    ahead, closed = _follow(start, _null(start), step, most)
+    ahead, closed = _follow(start, _null(start), step)
     if closed:
         return [start, *ahead]
-    back, _ = _follow(start, -_null(start), step, most)
+    back, _ = _follow(start, -_null(start), step)
     return [*reversed(back), start, *ahead]
 
 
@@ -57,15 +54,13 @@ def _null(posture: Posture) -> Array:
     return np.asarray(np.linalg.svd(posture.jacobian)[2][-1])
 
 
-def _follow(start: Posture, direction: Array, step: float, most: int) -> tuple[list[Posture], bool]:
+def _follow(start: Posture, direction: Array, step: float) -> tuple[list[Posture], bool]:
     """Return the postures in one direction, and whether they came around to the start."""
     leg, postures, here = start.leg, list[Posture](), start
     model = leg.workspace.model
-    for _ in range(most):
+    for _ in range(10_000):
         along = _null(here)
-        direction = (
-            along if along @ direction > 0 else -along
-        )  # a null vector has no sign of its own
+        direction = along if along @ direction > 0 else -along  # a null vector has no sign
         there = _corrected(leg, pin.integrate(model, here.q, step * direction), start.contact_point)
         if there is None or not _within(leg, there.q):
             break

@@ -21,7 +21,6 @@ from kickdyn.robot.urdf_validation import find_faults
 
 MAX_BYTES = 20_000_000
 MAX_DEPTH = 32
-MAX_COMPLAINT = 200
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,8 @@ def build_model(text: str, source: str, base: str) -> Any:
             model = pin.buildModelFromXML(text, *root)
         except Exception as error:
             model, reason = None, str(error).strip().splitlines()[0]
-    complaints = [line for line in map(_complaint, lines) if line]
+    said = (line.strip()[:200] for line in lines if not line.strip().startswith("at line "))
+    complaints = [each for line in said if (each := line.removeprefix("Error:").strip())]
     if model is None:
         raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
     if complaints:
@@ -147,12 +147,6 @@ def _parse(text: str, source: str) -> ElementTree.Element:
         raise UrdfError(source, [str(refusal)]) from None
     except (ValueError, LookupError) as error:  # an encoding declared but unknown
         raise UrdfError(source, [f"cannot be parsed ({error})"]) from None
-
-
-def _complaint(line: str) -> str:
-    """Return what a line of the parser says of the file; nothing of a line about its own code."""
-    line = line.strip()[:MAX_COMPLAINT]
-    return "" if line.startswith("at line ") else line.removeprefix("Error:").strip()
 
 
 _stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,23 +21,10 @@ from kickdyn.flight.ground_motion import bounce, roll, slide
 from kickdyn.ground import Surface
 from kickdyn.scene.scene import FlightEnvironment
 
-MOST_LENGTHS = 8
-"""Times the flight's duration in a vacuum after which a ball is left to the exact integrators."""
-
-LONGEST = 1000.0
-"""Flight that the exact integrators give up after, too [s]."""
-
 STAGE_DIFFERENCE = 0.05
 """Share of the fastest speed by which the two middle stages of a step may differ. They do so with
 the cube of the step over the time in which drag slows the ball: large steps are useless long before
 they diverge, as with a balloon."""
-
-ROLL_TOL = 1e-9
-"""Relative tolerance of a ball that rolls in the wind, with four steps a flight. It shrinks with
-the cube of the steps, so that what is missed shows when their number is doubled."""
-
-NEWTON_SHARE = 0.1
-"""Share of a step by which one of Newton's may correct the instant at which it was cut."""
 
 State = tuple[float, ...]
 Rates = Callable[[State], State]
@@ -61,14 +47,10 @@ class CoarseEnd(NamedTuple):
 def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) -> CoarseEnd:
     """Find where the ball's path ends, in large steps.
 
-    Flights are integrated with classical Runge-Kutta steps of fourth order; rolling is a
-    quadrature. The error shows when the number of steps is doubled.
-
-    Args:
-        launch: the ball at the start.
-        environment: what it flies through, and what ends its path. A plane that the ball reaches
-            sliding or rolling is left to the exact integrators.
-        steps: in the time that each flight would take in a vacuum.
+    Flights are integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the
+    time that a flight would take in a vacuum; rolling is a quadrature. The error shows when the
+    number of steps is doubled. A plane that the ball reaches sliding or rolling is left to the
+    exact integrators.
     """
     ball, _, ground, _ = environment
     surface = None if ground is None else ground.surface
@@ -123,7 +105,8 @@ def coarse_path(
         return CoarseEnd(None, "", 0), nodes
     rates, step, evaluations = _rates(environment, launch), longest / steps, 0
     fastest = max(fastest, math.sqrt(2.0 * g * drop) if g > 0.0 else 0.0)
-    for number in range(min(MOST_LENGTHS * steps, math.ceil(LONGEST / step))):
+    # given up after 8 durations in a vacuum, or 1000 s, as by the exact integrators
+    for number in range(min(8 * steps, math.ceil(1000.0 / step))):
         before = nodes[-1]
         after, difference = _step(rates, before, step)
         evaluations += 4
@@ -145,9 +128,8 @@ def coarse_path(
         position = launch.position + np.array(node[:3])
         velocity, spin = np.array(node[3:6]), node[6] * launch.spin
         end = BallState(position, velocity, spin, number * step + late)
-        return CoarseEnd(
-            end, (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which], evaluations
-        ), nodes
+        status = (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which]
+        return CoarseEnd(end, status, evaluations), nodes
     return CoarseEnd(None, "", evaluations), nodes
 
 
@@ -227,7 +209,7 @@ def _crossing(
     slope = rates(node)
     fall = height(slope) - level
     more = -height(node) / fall if fall < 0.0 else math.inf
-    if not abs(more) <= NEWTON_SHARE * step:
+    if not abs(more) <= 0.1 * step:
         return None
     return high * step + more, _along(node, slope, more)
 
@@ -247,7 +229,8 @@ def _roll_out(
     if windy:
         if plane is not None:
             return None, 0
-        rolling = roll(state, ball, air, surface, max(ROLL_TOL * (4.0 / steps) ** 3, 1e-13))
+        # with the cube of the steps, so that what is missed shows when their number is doubled
+        rolling = roll(state, ball, air, surface, max(1e-9 * (4.0 / steps) ** 3, 1e-13))
         end = BallState(rolling.end.position, (0, 0, 0), (0, 0, 0), clock + rolling.duration)
         return (None if rolling.blown else end), rolling.evaluations
     place, duration, evaluations = _straight_roll(state, environment, surface, steps)
@@ -273,8 +256,8 @@ def _straight_roll(
     if speed == 0.0:
         return state.position, 0.0, 0
     along = np.array([vx, vy, 0.0]) / speed
-    nodes, weights = _gauss(max(steps, 4))
-    speeds, evaluations = speed * nodes, 0
+    nodes, weights = np.polynomial.legendre.leggauss(max(steps, 4))  # on -1 to 1
+    speeds, weights, evaluations = 0.5 * speed * (nodes + 1.0), 0.5 * weights, 0
     slowing = np.full(len(nodes), surface.rolling_deceleration)
     if air is not None and air.density > 0.0:
         evaluations = len(nodes)
@@ -285,10 +268,3 @@ def _straight_roll(
             slowing[i] -= share * (ax * along[0] + ay * along[1])
     place = state.position + speed * float(weights @ (speeds / slowing)) * along
     return place, speed * float(weights @ (1.0 / slowing)), evaluations
-
-
-@lru_cache(maxsize=16)
-def _gauss(number: int) -> tuple[Array, Array]:
-    """Return nodes and weights of Gauss-Legendre quadrature on 0 to 1."""
-    nodes, weights = np.polynomial.legendre.leggauss(number)
-    return 0.5 * (nodes + 1.0), 0.5 * weights

@@ -1,10 +1,10 @@
-"""What a contact that takes time may change, estimated from instantaneous strikes alone."""
+"""The strike of a scene, and what a contact that takes time may change, by strikes alone."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from kickdyn.contact import Contact
@@ -12,7 +12,6 @@ from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
-from kickdyn.robot.leg import Posture
 from kickdyn.scene.envelope import LaunchError
 from kickdyn.scene.scene import Scene
 
@@ -40,10 +39,6 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     that is no strike, nothing is known: inf. However brief, a contact that sticks does not tend to
     the law `newton` (see `collide`); it stays nearer to `stronge`, which follows the sliding, too:
     the difference of these laws is added.
-
-    Args:
-        scene: with a contact time.
-        impact: its strike.
     """
     assert scene.contact_time is not None
     time, leg, contact = LONGER * scene.contact_time, scene.leg, scene.contact
@@ -59,18 +54,19 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
             turn @ contact.normal, contact.restitution, contact.friction, contact.offset
         )
         try:
-            again = _strike(scene, moved, scene.v + share * time * acceleration, turned)
+            v = scene.v + share * time * acceleration
+            again = strike_scene(scene, posture=moved, v=v, contact=turned)
         except KickdynError:
             return UNKNOWN
-        velocity = max(velocity, _length(again.ball_after.velocity - launch.velocity))
-        spin = max(spin, _length(again.ball_after.spin - launch.spin))
+        velocity = max(velocity, math.dist(again.ball_after.velocity, launch.velocity))
+        spin = max(spin, math.dist(again.ball_after.spin, launch.spin))
     by_law = law_spin = 0.0
     if contact.friction > 0.0:
-        other = _strike(scene, scene.posture, scene.v, contact, "stronge").ball_after
+        other = strike_scene(scene, law="stronge").ball_after
         creep = CREEP * float(launch.speed)
-        by_law = _length(other.velocity - launch.velocity) + creep
-        law_spin = _length(other.spin - launch.spin) + creep / scene.ball.radius
-    fastest = max(float(launch.speed), _length(scene.ball_velocity))
+        by_law = math.dist(other.velocity, launch.velocity) + creep
+        law_spin = math.dist(other.spin, launch.spin) + creep / scene.ball.radius
+    fastest = max(float(launch.speed), math.hypot(*scene.ball_velocity))
     error = LaunchError(
         SAFETY * (velocity + by_law) + GRAVITY * time,
         SPIN_SAFETY * spin + SAFETY * law_spin + GRAVITY * time / scene.ball.radius,
@@ -79,24 +75,10 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     return error if _stays_clear(scene, impact, error) else UNKNOWN
 
 
-def _strike(
-    scene: Scene, posture: Posture, v: np.ndarray, contact: Contact, law: str = "newton"
-) -> Impact:
-    """Return the instantaneous impact of another posture, velocity, contact or law."""
-    return strike(
-        posture,
-        v,
-        scene.ball,
-        contact,
-        law,
-        ball_velocity=scene.ball_velocity,
-        ball_spin=scene.ball_spin,
-    )
-
-
-def _length(vector: np.ndarray) -> float:
-    """Return the Euclidean norm."""
-    return float(np.linalg.norm(vector))
+def strike_scene(scene: Scene, **changes: Any) -> Impact:
+    """Return the instantaneous impact of a scene, with some arguments of `strike` changed."""
+    names = ("posture", "v", "ball", "contact", "law", "ball_velocity", "ball_spin")
+    return strike(**{name: getattr(scene, name) for name in names} | changes)
 
 
 def _stays_clear(scene: Scene, impact: Impact, error: LaunchError) -> bool:

@@ -65,12 +65,9 @@ def effects_of(scene: Scene) -> list[Effect]:
 def judge_effects(
     effects: Sequence[Effect], envelope: Envelope, allowed: float
 ) -> tuple[EffectVerdict, ...]:
-    """Leave out the effects with the least bounds while their sum stays within what is allowed.
+    """Leave out the effects with the least bounds while their sum is at most what is allowed [m].
 
-    Args:
-        effects: of the scene.
-        envelope: bounds around its flight.
-        allowed: sum of the bounds of all effects that are left out [m].
+    The envelope is around the flight of the scene whose effects these are.
     """
     bounds = {effect.name: effect.bound(envelope) for effect in effects if effect.bound is not None}
     through = {effect.name: [o for o in effect.through if o in bounds] for effect in effects}
@@ -100,12 +97,9 @@ def judge_effects(
 
 
 def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState) -> Scene:
-    """Return the scene without the effects that the verdicts leave out, itself where that is none.
+    """Return the scene without the effects that the verdicts leave out, itself if there are none.
 
-    Args:
-        scene: the kick.
-        verdicts: on its effects.
-        launch: the ball as it leaves the foot.
+    The launch is that of the ball from the foot.
     """
     reduced, out = scene, [verdict.effect for verdict in verdicts if not verdict.modelled]
     for effect in effects_of(scene):
@@ -117,9 +111,7 @@ def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState
 def _with_air(scene: Scene, **changes: Any) -> Scene:
     """Return a scene with some arguments of its air changed."""
     names = ("density", "viscosity", "wind", "drag", "lift", "torque", "buoyancy")
-    return scene.replace(
-        air=Air(**{**{name: getattr(scene.air, name) for name in names}, **changes})
-    )
+    return scene.replace(air=Air(**{name: getattr(scene.air, name) for name in names} | changes))
 
 
 def _has_air(condition: Callable[[Air], bool]) -> Callable[[Scene], bool]:

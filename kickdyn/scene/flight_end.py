@@ -35,9 +35,6 @@ SLOPE_STEPS = (4, 8)
 SLOPE_TOL = 1e-7
 """Relative tolerance of the exact integrators for slopes, where large steps do not suffice."""
 
-AGREEMENT = 0.1
-"""How much slopes by fewer and by more steps may differ, relative to the larger."""
-
 DIFFERENCE = 1e-2
 """Step of the differences, relative to the speed: above what large steps miss, below curvature."""
 
@@ -113,12 +110,7 @@ def approximate_end(
 
 
 def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> FlightEnd:
-    """Find where the ball's path ends with `fly`, or `follow` where the ground has a surface.
-
-    Args:
-        launch: the ball at the start.
-        environment: what it flies through, and what ends its path.
-        tol: relative tolerance.
+    """Find where the ball's path ends, by `fly`, or `follow` where the ground has a surface.
 
     Raises:
         KickdynError: as `fly` and `follow` do.
@@ -156,12 +148,9 @@ class EndSlopes(NamedTuple):
     evaluations: int
 
     def contact_error(self, launch: BallState, radius: float, tol: float) -> float:
-        """Return how far a contact's relative tolerance can move the end [m].
+        """Return how far the relative tolerance of `collide` can move the end [m].
 
-        Args:
-            launch: around which the slopes are.
-            radius: of the ball [m], more than the foot moves in the contact.
-            tol: of `collide`.
+        The slopes are those around the launch; the foot moves less than the radius of the ball.
         """
         if not np.isfinite(self.velocity).all():
             return math.inf
@@ -190,11 +179,8 @@ def end_slopes(
 ) -> EndSlopes:
     """Return how the end changes with velocity and spin of the launch, by differences.
 
-    Args:
-        launch: the ball at the start.
-        environment: what it flies through, and what ends its path.
-        confirm: whether slopes by large steps count only if twice as many steps agree; otherwise
-            the exact integrators are used.
+    To `confirm` slopes by large steps, twice as many steps must agree within a tenth; otherwise the
+    exact integrators are used.
     """
     evaluations, last = 0, None
     for steps in SLOPE_STEPS:
@@ -203,7 +189,11 @@ def end_slopes(
         evaluations += more
         if found is None:
             break
-        if not confirm or (last is not None and _agree(last, found)):
+        agree = last is not None and all(
+            np.linalg.norm(a - b) <= 0.1 * np.linalg.norm(b)
+            for a, b in zip(last, found, strict=True)
+        )
+        if agree or not confirm:
             return EndSlopes(found[0], found[1], evaluations)
         last = found
     find_end = partial(_known_end, environment=environment)
@@ -220,14 +210,6 @@ def _known_end(launch: BallState, environment: FlightEnvironment) -> CoarseEnd:
     except KickdynError:
         return CoarseEnd(None, "", 0)
     return CoarseEnd(end.state if end.ended else None, end.status, end.evaluations)
-
-
-def _agree(some: Array, others: Array) -> bool:
-    """Return whether two pairs of slopes are alike."""
-    return all(
-        float(np.linalg.norm(a - b)) <= AGREEMENT * float(np.linalg.norm(b))
-        for a, b in zip(some, others, strict=True)
-    )
 
 
 def _differences(

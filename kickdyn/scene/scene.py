@@ -22,9 +22,6 @@ from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg, Posture
 
-RANGE_MARGIN = 1e-6
-"""A joint may exceed its range by this much without a note [deg; m]."""
-
 LEAST_RESTITUTION = 0.01
 """The least restitution of a contact that takes time."""
 
@@ -170,7 +167,7 @@ class Scene(ReprMixin):
             continuous = math.isinf(high) or (low, high) == (-math.pi, math.pi)
             if unit == "deg":
                 low, high = math.degrees(low), math.degrees(high)
-            if not (continuous or low - RANGE_MARGIN <= value <= high + RANGE_MARGIN):
+            if not (continuous or low - 1e-6 <= value <= high + 1e-6):  # digits of the posture
                 lines.append(
                     f"{joint} is at {value:.4g} {unit}, outside its range, {low:.4g} to {high:.4g}"
                 )

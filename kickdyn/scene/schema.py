@@ -44,16 +44,16 @@ def _direction(name: str, value: Any) -> Any:
 
 def _choice(*choices: str) -> Check:
     """Return a check of one of some names."""
-    return _valid(lambda value: isinstance(value, str) and value in choices, *choices)
+    known = f"choose {', '.join(choices)}"
+    return _valid(lambda value: isinstance(value, str) and value in choices, known)
 
 
-def _valid(condition: Callable[[Any], bool], *choices: str, what: str = "") -> Check:
-    """Return a check of a condition; its message names the choices, or what the value must be."""
+def _valid(condition: Callable[[Any], bool], advice: str) -> Check:
+    """Return a check of a condition; its message ends in the advice."""
 
     def check(name: str, value: Any) -> Any:
         if not condition(value):
-            valid = f"choose {', '.join(choices)}" if choices else f"it must be {what}"
-            raise InvalidInput(f"{name} is {validation.brief(value)}: {valid}")
+            raise InvalidInput(f"{name} is {validation.brief(value)}: {advice}")
         return value
 
     return check
@@ -61,9 +61,8 @@ def _valid(condition: Callable[[Any], bool], *choices: str, what: str = "") -> C
 
 def _by_joint(unit: str, **limits: float) -> Check:
     """Return a check of a table of numbers by joint."""
-    is_table = _valid(
-        lambda value: isinstance(value, dict), what=f"a table, joint = number [{unit}]"
-    )
+    advice = f"it must be a table, joint = number [{unit}]"
+    is_table = _valid(lambda value: isinstance(value, dict), advice)
 
     def check(name: str, value: Any) -> dict[str, float]:
         found, faults = {}, []
@@ -81,13 +80,13 @@ def _by_joint(unit: str, **limits: float) -> Check:
 
 _text = _valid(
     lambda value: isinstance(value, str) and value != "" and value.isprintable(),
-    what="printable text",
+    "it must be printable text",
 )
 _texts = _valid(
     lambda value: isinstance(value, list) and all(isinstance(entry, str) for entry in value),
-    what="a list of names",
+    "it must be a list of names",
 )
-_flag = _valid(lambda value: isinstance(value, bool), what="true or false")
+_flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
 UNCERTAINTY = {
     "angles_deg": ("q", "deg", math.radians(1.0)),
@@ -170,8 +169,8 @@ ONE_OF = {
 NEEDED = {"contact": ("restitution",), "plane": ("point_m", "normal")}
 """Keys without which a section is not complete."""
 
-GOES_WITH = {("leg", "legs_only"): "robot", ("contact", "side_deg"): "attack_deg"}
-"""By section and key, another key that it has a meaning with only."""
+GOES_WITH = {"leg": ("legs_only", "robot"), "contact": ("side_deg", "attack_deg")}
+"""By section, a key and another one that it has a meaning with only."""
 
 
 class FaultyValueError(Exception):
@@ -197,11 +196,7 @@ class SectionValues(dict[str, Any]):
 def check_document(
     document: Mapping[str, Any],
 ) -> tuple[dict[str, SectionValues], dict[str, list[str]]]:
-    """Return the valid values of each section, and a line per fault by section.
-
-    Args:
-        document: as `tomllib` returns it.
-    """
+    """Return the valid values of each section of a TOML document, and its faults by section."""
     sections = {"": SectionValues()}
     faults: dict[str, list[str]] = {name: [] for name in SECTIONS}
     for name, content in document.items():
@@ -243,11 +238,9 @@ def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> 
         which = " and ".join(named) or "none of them"
         faults.append(f"{section} names {which}: it must name one of {', '.join(choice)}")
     faults += [f"{section}.{key} is missing" for key in needed if key not in content]
-    faults += [
-        f"{section}.{key} is named without {other}: it goes with that"
-        for (place, key), other in GOES_WITH.items()
-        if place == section and key in content and other not in content
-    ]
+    key, other = GOES_WITH.get(section, ("", ""))
+    if key in content and other not in content:
+        faults.append(f"{section}.{key} is named without {other}: it goes with that")
     faults += [f"{section}.{line}" for line in _clashes(section, found)]
     ambiguous = choice if sum(key in found for key in choice) != 1 else ()
     found.faulty = frozenset(ambiguous).union(k for k in (*content, *needed) if k not in found)

@@ -13,8 +13,7 @@ from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
-from kickdyn.impact.strike import strike
-from kickdyn.scene.contact_drift import contact_drift
+from kickdyn.scene.contact_drift import contact_drift, strike_scene
 from kickdyn.scene.effects import Effect, EffectVerdict, effects_of, judge_effects, leave_out
 from kickdyn.scene.envelope import EXACT, Envelope
 from kickdyn.scene.flight_end import FINEST, FlightEnd, approximate_end, end_slopes, exact_end
@@ -47,12 +46,15 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
     """
-    effects = _check(scene)
+    validation.check_type(Scene, scene=scene)
+    if scene.contact_time is not None:
+        check_unconstrained(scene.leg, "a contact that takes time is")
+    effects = effects_of(scene)
     if tolerance is None:
         return _simulate_everything(scene, effects)
     tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
 
-    instant = _strike(scene)
+    instant = strike_scene(scene)
     launch_error = EXACT if scene.contact_time is None else contact_drift(scene, instant)
     envelope = Envelope(instant.ball_after, scene.environment, launch_error)
     verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
@@ -76,13 +78,8 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
     the end lies from that of the whole scene, and inf where that cannot be computed.
 
-    Args:
-        scene: the kick.
-
     Raises:
-        NoImpact: foot and ball do not approach each other.
-        InvalidInput: what the scene names cannot be computed as an instant either.
-        KickdynError: an integrator gave up.
+        KickdynError: as for `simulate`, of the scene with a contact of an instant.
     """
     answer = simulate(scene.replace(contact_time=None), None)
     if scene.contact_time is None:
@@ -109,17 +106,9 @@ class _ComputedContact(NamedTuple):
     evaluations: int
 
 
-def _check(scene: Scene) -> list[Effect]:
-    """Return the scene's effects; raise `InvalidInput` where it cannot be simulated."""
-    validation.check_type(Scene, scene=scene)
-    if scene.contact_time is not None:
-        check_unconstrained(scene.leg, "a contact that takes time is")
-    return effects_of(scene)
-
-
 def _simulate_everything(scene: Scene, effects: Sequence[Effect]) -> Simulation:
     """Return the simulation with every effect modelled, as exactly as the integrators can."""
-    impact = _strike(scene) if scene.contact_time is None else _collide(scene, FINEST)
+    impact = strike_scene(scene) if scene.contact_time is None else _collide(scene, FINEST)
     launch, environment = impact.ball_after, scene.environment
     end = exact_end(launch, environment, FINEST)
 
@@ -148,7 +137,7 @@ def _result(
     deviation = math.nan
     if scene.uncertainty:
         slopes = end_slopes(impact.ball_after, scene.environment)
-        deviation = slopes.deviation(_strike(scene).uncertainty(**scene.uncertainty))
+        deviation = slopes.deviation(strike_scene(scene).uncertainty(**scene.uncertainty))
         evaluations += slopes.evaluations
     return Simulation(
         scene=scene,
@@ -163,19 +152,6 @@ def _result(
         evaluations=evaluations,
         end_deviation=deviation,
         _numerical=numerical_error if end.ended else lambda: math.inf,
-    )
-
-
-def _strike(scene: Scene) -> Impact:
-    """Return the impact of an instant."""
-    return strike(
-        scene.posture,
-        scene.v,
-        scene.ball,
-        scene.contact,
-        scene.law,
-        ball_velocity=scene.ball_velocity,
-        ball_spin=scene.ball_spin,
     )
 
 

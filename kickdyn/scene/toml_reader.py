@@ -83,10 +83,7 @@ def _named(file: Path, source: str) -> Path:
 class _Builder:
     """Makes the parts of a scene, each by itself, so that the faults of all are found.
 
-    Args:
-        sections: valid values by section.
-        faults: lines by section, to which more are added.
-        folder: from which a leg's file is looked for.
+    It adds lines to the faults by section; a leg's file is looked for from the folder.
     """
 
     def __init__(

@@ -50,12 +50,11 @@ def landing(state: BallState, ball: Ball, air: Air) -> Array:
         if after[2] <= 0:
             break
         y = after
-    if y[5] > 0:  # the last step holds apex and landing: up to the first, half a step at a time
-        step = mp.mpf(STEP)
-        while y[5] > 0:
-            after = extrapolated(in_time, y, step)
-            step /= 2
-            y = after if after[2] > 0 else y
+    step = mp.mpf(STEP)
+    while y[5] > 0:  # the last step holds apex and landing: up to the apex by halves
+        after = extrapolated(in_time, y, step)
+        step /= 2
+        y = after if after[2] > 0 else y
     down = -y[2]
     for _ in range(4):
         y = extrapolated(in_height, y, down / 4)
@@ -90,14 +89,9 @@ def acceleration(
     """Return acceleration and rate of spin decay in still air, in any arithmetic.
 
     They are those of `forces` for the drag `brazuca`, the lift `saturating` and the torque
-    `smits-smith` between Re 7e4 and 5.1e5, where each of these is one analytic formula.
-
-    Args:
-        m: with `sqrt` and `exp`: a module of heyoka or a context of mpmath.
-        ball: what flies.
-        air: still, and with those models.
-        velocity: three numbers, or expressions.
-        spin: likewise; None without any, and then without lift.
+    `smits-smith` between Re 7e4 and 5.1e5, where each of these is one analytic formula. The
+    arithmetic `m` has `sqrt` and `exp`: a module of heyoka or a context of mpmath. Velocity and
+    spin are three of its numbers or expressions; without spin (None) there is no lift.
     """
     vx, vy, vz = velocity
     speed = m.sqrt(vx * vx + vy * vy + vz * vz)
@@ -120,14 +114,10 @@ def acceleration(
     gate = (fit.a - level) / (fit.a - lift.LEAST_DRAG)
     cl = gate * 0.47 * parameter / (0.135 + parameter)
     pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
-    accelerations = [
-        push * mx - pull * vx,
-        push * my - pull * vy,
-        push * mz - pull * vz - downward(ball, air),
-    ]
+    ax, ay, az = (push * side - pull * v for side, v in ((mx, vx), (my, vy), (mz, vz)))
     beta = air.density * ball.cross_section * ball.radius**2 / ball.inertia * smits_smith(1e5, 0.0)
     creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
-    return accelerations, beta * speed + creep
+    return [ax, ay, az - downward(ball, air)], beta * speed + creep
 
 
 def equations(hy: Any, ball: Ball, air: Air) -> list[tuple[Any, Any]]:

@@ -206,12 +206,7 @@ def conditions(
     inputs then allow 15 - log10(condition) digits, whatever the algorithm. With the change by all N
     numbers, each up or down at random, of mean square :math:`s^2`, the worst combination of signs
     makes at most :math:`\sqrt N s` (Cauchy-Schwarz); s itself is a mean over a few samples.
-
-    Args:
-        structure: as `given` returns it.
-        scene: likewise.
-        exact: the answers there.
-        samples: over which s is averaged.
+    Structure and scene are those of `given`, with their exact answers.
     """
     rng = np.random.default_rng(50)
     squares = dict.fromkeys(exact, 0.0)

@@ -15,9 +15,6 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.impact.impact_result import Impact
 
-STIFFEST_CONSTRAINT = 0.9999
-"""MuJoCo's largest impedance."""
-
 
 def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
     """Return a function that runs a kick in MuJoCo and gives the impulse on the ball [N s].
@@ -55,9 +52,9 @@ def damping_ratio(restitution: float) -> float:
         phase = math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)  # where the force ends
         return math.exp(-ratio / swing * phase)
 
-    return (
-        0.0 if restitution == 1.0 else float(brentq(lambda r: returned(r) - restitution, 1e-9, 0.9))
-    )
+    if restitution == 1.0:
+        return 0.0
+    return float(brentq(lambda ratio: returned(ratio) - restitution, 1e-9, 0.9))
 
 
 def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
@@ -80,7 +77,7 @@ def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     bodies += f'<geom type="box" size="1 1 0.1" quat="{quaternion(face)}" '
     bodies += f'pos="{row(impact.posture.contact_lever - 0.1 * normal)}"/>'
-    d = STIFFEST_CONSTRAINT
+    d = 0.9999  # MuJoCo's largest impedance
     friction = (
         'condim="1"' if contact.friction == 0 else f'condim="3" friction="{contact.friction} 0 0"'
     )

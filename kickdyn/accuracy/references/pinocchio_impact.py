@@ -60,25 +60,18 @@ def engine_strike(
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle
     rigid = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
     model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
-    on_ball = pin.SE3(np.eye(3), -ball.radius * n)
-    on_foot = pin.SE3(np.eye(3), posture.contact_lever.copy())
-    ball_frame, foot_frame = (
-        model.addFrame(pin.Frame(name, parent, 0, placement, pin.FrameType.OP_FRAME))
-        for name, parent, placement in (
-            ("kickdyn_contact", joint, on_ball),
-            ("kickdyn_foot", leg.contact_joint, on_foot),
-        )
-    )
     data = pin.Data(model)
 
     q = np.concatenate([posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
     velocity = np.concatenate([approach.v, before.velocity, before.spin])
     pin.computeJointJacobians(model, data, q)
-    foot_row, ball_row = (
-        n @ pin.getFrameJacobian(model, data, frame_id, pin.LOCAL_WORLD_ALIGNED)[:3]
-        for frame_id in (foot_frame, ball_frame)
+    on_ball = pin.SE3(np.eye(3), -ball.radius * n)
+    on_foot = pin.SE3(np.eye(3), posture.contact_lever.copy())
+    ball_jacobian, foot_jacobian = (
+        pin.getFrameJacobian(model, data, parent, placement, pin.LOCAL_WORLD_ALIGNED)[:3]
+        for parent, placement in ((joint, on_ball), (leg.contact_joint, on_foot))
     )
-    rows = (ball_row - foot_row).reshape(1, model.nv)
+    rows = n[None] @ (ball_jacobian - foot_jacobian)
     projector = posture.constraint_projector
     if projector is not None:  # as many rows as their rank; they are at rest before
         independent = projector.rows[projector.independent]

@@ -104,7 +104,7 @@ class KickProgram:
         self._set_leg(leg)
         self.heading = 0.0
         if turn and self._leaves_directions(target.impulse):
-            self.heading = _heading_towards(self.directions, target.impulse) or 0.0
+            self.heading = _heading_towards(self.directions, target.impulse)
             if self.heading:
                 self._set_leg(turn_leg(leg, self.heading))
         self._check_directions()
@@ -456,16 +456,11 @@ def turn_leg(leg: Leg, heading: float) -> Leg:
     return leg.with_model(model)
 
 
-def _heading_towards(directions: Array, vector: Array) -> float | None:
-    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad].
-
-    None where that is no such plane, or the vector has no horizontal part to turn to.
-    """
-    if len(directions) != 2 or not math.hypot(vector[0], vector[1]) > 0.0:
-        return None
-    across = np.cross(*directions)
-    if abs(across[2]) > 1e-9:
-        return None
+def _heading_towards(directions: Array, vector: Array) -> float:
+    """Return the turn that brings a vector into the vertical plane that the foot moves in [rad]."""
+    across = np.cross(*directions) if len(directions) == 2 else np.array([0.0, 0.0, 1.0])
+    if abs(across[2]) > 1e-9 or not math.hypot(vector[0], vector[1]) > 0.0:
+        return 0.0  # no such plane, or no horizontal part to turn to
     ahead = np.array([across[1], -across[0]])
     if ahead[0] < 0.0:  # legs face x
         ahead = -ahead

@@ -25,8 +25,6 @@ NUDGE = 1e-6
 LOOKS = 64
 """Places where the lowest point of a flight is looked for."""
 
-StateFunction = Callable[[float], tuple[Array, Array]]
-
 
 class Trajectory(NamedTuple):
     """A flight to a time, and its derivatives by launch velocity, then by the spin's size.
@@ -37,7 +35,7 @@ class Trajectory(NamedTuple):
         time: up to which both hold [s].
     """
 
-    state: StateFunction
+    state: Callable[[float], tuple[Array, Array]]
     slope: Callable[[float], Array]
     time: float
 

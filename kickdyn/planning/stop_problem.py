@@ -246,19 +246,15 @@ class StopSolver:
     ) -> None:
         q, v = ca.MX.sym("q1", symbols.n), ca.MX.sym("v1", symbols.n)
         share, weights = ca.MX.sym("share"), ca.MX.sym("weights", 2)
-        self.equations = StopEquations(symbols, chain, nodes, q, share * v)
-        unknowns = ca.vertcat(self.equations.unknowns, share)
-        cost = (
-            self.equations.time
-            if objective == SwingObjective.TIME
-            else self.equations.torque_squared
-        )
+        self.equations = stop = StopEquations(symbols, chain, nodes, q, share * v)
+        unknowns = ca.vertcat(stop.unknowns, share)
+        cost = stop.time if objective == SwingObjective.TIME else stop.torque_squared
         self._solver = ca.nlpsol(
             "stop",
             "ipopt",
             {
                 "x": unknowns,
-                "g": self.equations.constraints,
+                "g": stop.constraints,
                 "f": weights[0] * cost - weights[1] * share,
                 "p": ca.vertcat(q, v, weights),
             },
@@ -358,15 +354,14 @@ class StopSolver:
             p=np.concatenate([stop.q, stop.v, weights]),
         )
         state, x = self._solver.stats(), np.asarray(found["x"]).ravel()
+        multipliers = (np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
         return StopSolution(
             ok=bool(state["success"]),
             message=str(state["return_status"]),
             share=float(x[-1]),
             value=float(self._cost(x)),
             unknowns=x,
-            binding=self._binding(
-                *(np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
-            ),
+            binding=self._binding(*multipliers),
         )
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:

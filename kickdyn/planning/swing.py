@@ -184,11 +184,8 @@ def plan_swing(
     rests = [_checked_rest(chain, leg, name, q) for name, q in (("start", start), ("end", end))]
     symbols = CasadiChain(chain.model, plan.impact.posture.contact_lever)
     solver = StopSolver(symbols, chain, nodes, objective)
-    q, impact = plan.q[chain.qs], plan.impact
-    stops = [
-        Stop(-1, q, -impact.v_before[chain.vs], rests[0], longest),
-        Stop(1, q, impact.v_after[chain.vs], rests[1], longest),
-    ]
+    q, before, after = plan.q[chain.qs], plan.v[chain.vs], plan.impact.v_after[chain.vs]
+    stops = [Stop(-1, q, -before, rests[0], longest), Stop(1, q, after, rests[1], longest)]
     known = plan.phases or (None, None)
     found, share, limit = [], 1.0, ""
     for stop, near in zip(stops, known, strict=True):

@@ -25,9 +25,6 @@ from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_
 BLOCK = 1_000_000
 """Postures of a block, roughly, where the dataset is not stored in chunks."""
 
-LONGEST = 1000
-"""Characters of a condition at most."""
-
 _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Not: operator.invert,
@@ -60,10 +57,8 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
     Raises:
         InvalidInput: anything else in the text, or an unknown name.
     """
-    if not isinstance(text, str) or len(text) > LONGEST:
-        raise InvalidInput(
-            f"a condition is text of up to {LONGEST} characters, not {str(text)[:40]!r}"
-        )
+    if not isinstance(text, str) or len(text) > 1000:
+        raise InvalidInput(f"a condition is text of up to 1000 characters, not {str(text)[:40]!r}")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

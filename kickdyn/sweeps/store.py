@@ -116,10 +116,6 @@ class SweepStore:
             file.unlink()
         self._group.attrs["finished"] = 1
 
-    def remove(self) -> None:
-        """Remove the store and all that is in it."""
-        shutil.rmtree(self._path)
-
 
 def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     """Open a sweep from a file: a Zarr store, finished or not, or a netCDF file.

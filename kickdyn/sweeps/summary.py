@@ -104,13 +104,8 @@ class Summary:
         self._add_best(first, block, places, speed)
         points = np.column_stack([speed, load, first + places])
         self.front = front_of(np.vstack([self.front, points]))
-        if self._detailed:
-            self._add_details(first, block, places, speed)
-
-    def _add_details(
-        self, first: int, block: xr.Dataset, places: NDArray[np.intp], speed: Array
-    ) -> None:
-        """Add postures to the sample and to the marginals."""
+        if not self._detailed:
+            return
         self._add_sample(block, places)
         index = dict(zip(self.joints, np.unravel_index(places, block["status"].shape), strict=True))
         start = np.unravel_index(first, [len(axis) for axis in self.axes.values()])

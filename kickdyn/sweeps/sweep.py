@@ -6,6 +6,7 @@ import logging
 import math
 import os
 import pickle
+import shutil
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -339,7 +340,7 @@ def _resumable(store: SweepStore, path: str | PathLike[str]) -> Iterator[None]:
         yield
     except InvalidInput:
         if store.created and len(store.missing()) == len(store.chunks):
-            store.remove()
+            shutil.rmtree(path)
         raise
     except (KeyboardInterrupt, OSError, BrokenExecutor) as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())

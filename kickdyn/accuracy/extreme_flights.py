@@ -38,14 +38,11 @@ JOINS = (
 )  # fmt: skip
 """Reynolds numbers where a formula begins or ends."""
 
-SPINS = (0.0, 1e-300, 0.04, 0.05, 0.06, 0.2, 1e9)
-
 DRAGS = ("stokes", "sphere", "brazuca")
 """Drag models that are flown."""
 
 coarse = context(24)
 """Arithmetic of the quadratures: they need fewer digits than what is compared with them."""
-
 
 Answers = tuple[dict[str, Any], dict[str, float]]
 """Answers of a flight by name, and the digits that they claim."""
@@ -142,9 +139,8 @@ def tolerances() -> Iterator[ExtremeCase]:
         path = fly(start, ball, air, ground, 10.0**-exponent)
         error = math.hypot(*(path.landing.position - finest)) / scale
         claimed = {"landing": digits(path.error / scale)}
-        yield compare(
-            "tolerance", f"tol 1e-{exponent}", {"landing": error}, {"landing": 1.0}, claimed
-        )
+        name = f"tol 1e-{exponent}"
+        yield compare("tolerance", name, {"landing": error}, {"landing": 1.0}, claimed)
     for pieces in (10, 1000):
         for tol in (1e-6, 1e-9, 1e-12):
             landed, own = _in_pieces(start, ball, air, ground, tol, pieces)
@@ -184,12 +180,13 @@ def reynolds_numbers() -> list[float]:
 
 def coefficients() -> Iterator[ExtremeCase]:
     """Yield a case for each shipped model: the number with least digits to spare of all."""
+    spins = (0.0, 1e-300, 0.04, 0.05, 0.06, 0.2, 1e9)
     for (kind, name), formula in FORMULAS.items():
         model = MODELS[kind][name]
         errors: dict[str, float] = {}
         allowed: dict[str, float] = {}
         for reynolds in reynolds_numbers():
-            for spin in SPINS if kind != "torque" else (0.0,):
+            for spin in spins if kind != "torque" else (0.0,):
                 case = f"Re {reynolds:.6g}, Sp {spin:g}"
                 exact, condition = conditioned(formula, reynolds, spin)
                 error = exact.error(model(reynolds, spin))

@@ -15,25 +15,8 @@ from kickdyn.core.plot_style import styled
 BRIEFEST_TIMING = 0.02
 """Least time of a mean over repetitions [s]."""
 
-LOOKS = {
-    "closed form, float64": ("o", "tab:red"),
-    "closed form, float32": ("v", "tab:red"),
-    "closed form": ("o", "tab:red"),
-    "engine": ("s", "tab:blue"),
-    "stacked KKT": ("^", "tab:green"),
-    "Pinocchio ADMM": ("D", "tab:purple"),
-    "Pinocchio PGS": ("d", "tab:pink"),
-    "compliant contact": ("P", "tab:orange"),
-    "MuJoCo": ("X", "tab:gray"),
-    "kd.fly": ("o", "tab:orange"),
-    "kd.fly_many": ("s", "tab:red"),
-    "heyoka": ("D", "tab:gray"),
-    "RK45": ("v", "tab:blue"),
-    "DOP853": ("^", "tab:green"),
-    "LSODA": ("P", "tab:purple"),
-    "Radau": ("X", "tab:brown"),
-}
-"""Marker and colour of each method."""
+MARKERS = "osv^DdPX*"
+"""One for each of the methods of an impact, or of a flight."""
 
 
 @dataclass(frozen=True)
@@ -87,36 +70,38 @@ def shortest_time(run: Callable[[], object]) -> float:
 @styled()
 def front_figure(impacts: Sequence[Measurement], flights: Sequence[Measurement]) -> Figure:
     """Return error against time, a panel for each scene that more than one method measured."""
-    panels: dict[tuple[str, str], list[Measurement]] = {}
-    for kind, unit, rows in (
+    panels = []
+    for kind, unit, every in (
         ("impact", "relative error of the impulse", impacts),
         ("flight", "landing error [m]", flights),
     ):
-        for row in rows:
-            panels.setdefault((f"{kind}, {row.scene}", unit), []).append(row)
-    panels = {head: rows for head, rows in panels.items() if len(rows) > 1}
+        methods = list(dict.fromkeys(row.method for row in every))
+        for scene in dict.fromkeys(row.scene for row in every):
+            rows = [row for row in every if row.scene == scene]
+            if len(rows) > 1:
+                panels.append((f"{kind}, {scene}", unit, rows, methods))
     lines = -(-len(panels) // 2)
     figure = Figure(figsize=(11.5, 3.7 * lines))
     grid = figure.subplots(lines, 2, squeeze=False).ravel()
-    for axes, ((title, unit), rows) in zip(grid, panels.items(), strict=True):
-        _draw_panel(axes, rows)
+    for axes, (title, unit, rows, methods) in zip(grid, panels, strict=True):
+        _draw_panel(axes, rows, methods)
         axes.set(title=title, xlabel="time per evaluation [s]", ylabel=unit)
     return figure
 
 
-def _draw_panel(axes: Any, rows: Sequence[Measurement]) -> None:
-    """Draw the front and every method of one scene."""
+def _draw_panel(axes: Any, rows: Sequence[Measurement], methods: Sequence[str]) -> None:
+    """Draw the front and every method of one scene; a method looks alike in all of them."""
     front = sorted((row.seconds, row.error) for row in rows if row.pareto)
     seconds, errors = zip(*front, strict=True)
     axes.loglog(seconds, errors, "-", color="0.8", linewidth=5, zorder=0, label="Pareto front")
     for method in dict.fromkeys(row.method for row in rows):
-        marker, colour = LOOKS[method]
+        index = methods.index(method)
         axes.loglog(
             [row.seconds for row in rows if row.method == method],
             [row.error for row in rows if row.method == method],
-            marker=marker,
+            marker=MARKERS[index],
             linestyle="" if method == "MuJoCo" else ":",  # stiffness and time step vary at once
-            color=colour,
+            color=f"C{index}",
             markersize=5,
             label=method,
         )

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 import xarray as xr
+from rich import progress as bars
+from rich.console import Console
 
 from kickdyn.air import AIRS
 from kickdyn.cli.named_legs import SHIPPED, load_leg
@@ -20,7 +22,7 @@ from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.sweeps.dataset import describe
-from kickdyn.sweeps.grid import IN_MEMORY, Grid, check_size, read_postures
+from kickdyn.sweeps.grid import IN_MEMORY, Grid, read_postures
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import Summary
@@ -104,18 +106,21 @@ def posture_sweep(
     """
     leg = load_leg(leg_name, frame)
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
+    angle = math.radians(attack)
     kick = Kick(
-        speed=speed,
-        attack=math.radians(attack),
-        restitution=restitution,
-        friction=friction,
-        air=AIRS[air],
+        speed=speed, attack=angle, restitution=restitution, friction=friction, air=AIRS[air]
     )
     postures = read_postures(leg, joints or (KICKING if leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
     store = out if out is not None and Path(out).suffix == ".zarr" else None
     file = out if store is None else None
-    _check_files(grid, store, file, json_file, plot, view)
+    if file is not None:
+        check_netcdf_name(file)
+    if plot is not None:
+        from kickdyn.sweeps.sweep_plot import check_name, save_figure, sweep_figure
+
+        check_name(plot)
+    check_outputs(file, plot, view, json_file=json_file)
     if store is None and (resume or workers is not None or cluster is not None):
         raise InvalidInput(
             "--resume, --workers and --cluster are for a Zarr store: name it with --out DIR.zarr"
@@ -145,8 +150,6 @@ def posture_sweep(
     if leg_name == "human":
         lines = [*paper_lines(leg, kick), *lines]
     if plot is not None:
-        from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
-
         save_figure(sweep_figure(summary, lines), plot)
     if view is not None and made_page is not None:
         made_page.save(view)
@@ -163,28 +166,11 @@ def posture_sweep(
             if name is not None:
                 click.echo(f"wrote {name}")
     if live and made_page is not None:
-        _serve(made_page)
-
-
-def _check_files(
-    grid: Grid,
-    store: str | None,
-    file: str | None,
-    json_file: str | None,
-    plot: str | None,
-    view: str | None,
-) -> None:
-    """Raise `InvalidInput` where an output cannot be written, before any posture is computed."""
-    if file is not None:
-        check_netcdf_name(file)
-        check_size(grid.shape, IN_MEMORY)
-    if plot is not None:
-        from kickdyn.sweeps.sweep_plot import check_name
-
-        check_name(plot)
-    check_outputs(file, plot, view, json_file=json_file)
-    if store is not None and not Path(store).resolve().parent.is_dir():
-        raise InvalidInput(f"{store} cannot be written (its folder does not exist)")
+        with made_page.serve() as server:
+            url = server.url
+            click.echo(f"showing the kick at {url} (this machine only) until Ctrl-C", err=True)
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
 
 
 @contextmanager
@@ -193,20 +179,11 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
     columns = (
-        TextColumn("postures"), BarColumn(8), TaskProgressColumn(show_speed=True),
-        TimeRemainingColumn(compact=True), TextColumn("{task.fields[best]}"),
+        bars.TextColumn("postures"), bars.BarColumn(8), bars.TaskProgressColumn(show_speed=True),
+        bars.TimeRemainingColumn(compact=True), bars.TextColumn("{task.fields[best]}"),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("sweep", total=size, best="starting (the first sweep compiles)")
         best = -math.inf
 
@@ -227,11 +204,3 @@ def _page(lines: Sequence[ReportLine], kick: Kick) -> Page:
         if impact is not None:
             return page(impact, fly(impact.ball_after, kick.ball, kick.air))
     raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
-
-
-def _serve(page: Page) -> None:
-    """Serve the page of a kick until Ctrl-C."""
-    with page.serve() as server:
-        click.echo(f"showing the kick at {server.url} (this machine only) until Ctrl-C", err=True)
-        with suppress(KeyboardInterrupt):
-            threading.Event().wait()

@@ -41,11 +41,12 @@ def empty_table(title: str) -> Table:
     )
 
 
-def wrapped(line: str, width: int, indent: int = 0) -> str:
+def wrapped(line: str, width: int, indent: int = 0, start: str = "") -> str:
     """Return a line broken between words, all lines but the first indented."""
     return fill(
         line,
         width,
+        initial_indent=start,
         subsequent_indent=" " * indent,
         break_long_words=False,
         break_on_hyphens=False,
@@ -54,8 +55,8 @@ def wrapped(line: str, width: int, indent: int = 0) -> str:
 
 def notes(texts: Sequence[str], width: int) -> str:
     """Return numbered notes, each on lines of its own, broken between words."""
-    return "\n".join(
-        fill(each, min(PROSE, width), initial_indent=f"{number:3}  ", subsequent_indent=" " * 5,
-             break_long_words=False, break_on_hyphens=False)
+    lines = (
+        wrapped(each, min(PROSE, width), indent=5, start=f"{number:3}  ")
         for number, each in enumerate(texts, 1)
-    )  # fmt: skip
+    )
+    return "\n".join(lines)

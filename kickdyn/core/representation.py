@@ -118,17 +118,17 @@ def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
     span = np.maximum(high - low, 1e-9 * np.abs(line).max() + 1e-300)
     scale = min((WIDTH - 2 * MARGIN) / span[0], (HEIGHT - 2 * MARGIN) / span[1])
 
-    def placed(points: NDArray[np.float64]) -> list[str]:
-        right, up = ((points - low) * scale).T
-        rows = zip(MARGIN + right, HEIGHT - MARGIN - up, strict=True)
-        return [f"{x:.1f},{y:.1f}" for x, y in rows]
+    origin = MARGIN, HEIGHT - MARGIN
 
+    def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(origin + (points - low) * (scale, -scale))
+
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed(line))
     marks = "".join(
-        f'<circle cx="{x}" cy="{y}" r="3" fill="#c0392b"/>'
-        for x, y in (point.split(",") for point in placed(dots))
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="#c0392b"/>' for x, y in placed(dots)
     )
     return (
         f'<svg width="{WIDTH:.0f}" height="{HEIGHT:.0f}" xmlns="http://www.w3.org/2000/svg">'
-        f'<polyline points="{" ".join(placed(line))}" fill="none" stroke="#2c5f8a" '
+        f'<polyline points="{path}" fill="none" stroke="#2c5f8a" '
         f'stroke-width="2"/>{marks}</svg>'
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -103,7 +104,8 @@ def fly_until(
     pieces: list[DenseOutput] = []
     crests: list[tuple[float, Array]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
-        solver = DOP853(rates, began, state, time_limit, rtol=rtol, atol=atol)
+        solver_from = partial(DOP853, rates, rtol=rtol, atol=atol)
+        solver = solver_from(began, state, time_limit)
         while solver.status == "running":
             before = state
             state, piece = _step(solver)
@@ -116,7 +118,7 @@ def fly_until(
                 continue
             first, node = events[times.index(end)], (float(piece.t_old), before)
             end = max(end, math.nextafter(node[0], math.inf))
-            reached, final, calls = _first_of(events, first, rates, node, end, rtol, atol)
+            reached, final, calls = _first_of(events, first, solver_from, node, end)
             last = final[-1]
             if top <= last.t:
                 crests.append((top, piece(top)))
@@ -140,33 +142,29 @@ def _step(solver: DOP853) -> tuple[Array, DenseOutput]:
 def _first_of(
     events: Sequence[Event],
     event: Event,
-    rates: Rates,
+    solver_from: Callable[..., DOP853],
     start: tuple[float, Array],
     end: float,
-    rtol: float,
-    atol: Array,
 ) -> tuple[Event, list[DenseOutput], int]:
     """Return the event that ends a step, the steps up to it, and their evaluations.
 
     `event` is the first on the interpolant of the step; on the steps taken anew, another may be.
     """
-    pieces, calls = _landed(event.value, rates, start, end, rtol, atol)
+    pieces, calls = _landed(event.value, solver_from, start, end)
     for other in events:
         last = pieces[-1](pieces[-1].t)
         if other is not event and other.value(start[1]) >= 0.0 > other.value(last):
             event = other
-            pieces, more = _landed(other.value, rates, start, pieces[-1].t, rtol, atol)
+            pieces, more = _landed(other.value, solver_from, start, pieces[-1].t)
             calls += more
     return event, pieces, calls
 
 
 def _landed(
     event: Callable[[Array], float],
-    rates: Rates,
+    solver_from: Callable[..., DOP853],
     start: tuple[float, Array],
     end: float,
-    rtol: float,
-    atol: Array,
 ) -> tuple[list[DenseOutput], int]:
     """Return steps to an event that was found on an interpolant, and their evaluations.
 
@@ -176,20 +174,12 @@ def _landed(
     pieces: list[DenseOutput] = []
     calls = 0
     for _ in range(3):
-        solver = DOP853(
-            rates, start[0], start[1], end, rtol=rtol, atol=atol, first_step=end - start[0]
-        )
+        solver = solver_from(*start, end, first_step=end - start[0])
         pieces = []
         while solver.status == "running":
-            failure = solver.step()
-            if failure or not np.isfinite(solver.y).all():
-                raise KickdynError(
-                    f"the landing near {end:g} s could not be integrated: "
-                    f"{failure or 'the numbers overflow'}"
-                )
-            pieces.append(solver.dense_output())
+            state, piece = _step(solver)
+            pieces.append(piece)
         calls += solver.nfev
-        state = solver.y
         ahead = 1e-7 * (end - start[0])
         fall = event(state) - event(state + ahead * solver.f)  # within `ahead`
         late = -event(state) * ahead / fall if fall > 0.0 else 0.0
@@ -201,9 +191,8 @@ def _landed(
 
 def _when(event: Event, piece: DenseOutput, before: Array, after: Array) -> float:
     """Return when an event comes within a step, inf if it does not."""
-    if event.value(before) >= 0.0 >= event.value(after) and event.value(before) > event.value(
-        after
-    ):
+    began, ended = event.value(before), event.value(after)
+    if began >= 0.0 >= ended and began > ended:
         return _root(event.value, piece, piece.t)
     if event.rate is None or not event.rate(before) < 0.0 < event.rate(after):
         return math.inf

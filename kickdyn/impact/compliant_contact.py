@@ -161,29 +161,22 @@ class CompliantContact:
         moment = rotation @ cross(contact.point, -force)
         self._space.external[self.leg.contact_joint] = pin.Force(rotation @ -force, moment)
         lost = (size - spring) * contact.rate - float(friction @ contact.sliding)
-        torque = self._torque_at(t, state)
+        torque = self.torque
+        if callable(torque):
+            value = torque(t, state.q, state.v)
+            torque = validation.vector("torque", value, self.leg.nv, unit="N m")
         power = float(torque @ state.v)
         if ball.inertia == math.inf:  # a particle, whose spin stays
             power -= float(moment_on_ball @ state.spin)
         external = self._space.external
         acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, external)
-        of_leg = [self._displacement_rate(state), acceleration]
+        displacement_rate = state.v
+        if self.leg.nq != self.leg.nv:  # of the displacement in the tangent space at q
+            slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
+            displacement_rate = slope @ state.v
+        of_leg = [displacement_rate, acceleration]
         of_ball = [state.velocity, force / ball.mass + self.gravity, moment_on_ball / ball.inertia]
         return np.concatenate([*of_leg, *of_ball, [lost, power]])
-
-    def _torque_at(self, t: float, state: State) -> Array:
-        """Return the joint torques [N m; N], checked if they are a function's."""
-        if not callable(self.torque):
-            return self.torque
-        value = self.torque(t, state.q, state.v)
-        return validation.vector("torque", value, self.leg.nv, unit="N m")
-
-    def _displacement_rate(self, state: State) -> Array:
-        """Return the time derivative of the displacement in the tangent space at q."""
-        if self.leg.nq == self.leg.nv:
-            return state.v
-        slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
-        return np.asarray(slope @ state.v)
 
     def gap(self, _: float, y: Array) -> float:
         """Return what falls to 0 at separation: the deflection, or the radius less it."""

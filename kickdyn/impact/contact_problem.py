@@ -104,10 +104,6 @@ class Solution(NamedTuple):
     tangential_impulse: Array
 
 
-NO_TANGENTIAL_IMPULSE: Array = np.frombuffer(bytes(24))
-"""Tangential impulse of a contact without friction."""
-
-
 def frictionless(problem: ContactProblem) -> Solution:
     r"""Return the impulse along the normal of Eq. (10), :math:`p = (1 + e)\, m_\mathrm{eff}\, u_n`.
 
@@ -115,7 +111,7 @@ def frictionless(problem: ContactProblem) -> Solution:
     """
     e, speed = problem.restitution, problem.approach_speed
     p = (1.0 + e) * speed / problem.inverse_mass
-    return Solution(p * problem.normal, False, 0.5 * p * (1.0 - e) * speed, NO_TANGENTIAL_IMPULSE)
+    return Solution(p * problem.normal, False, 0.5 * p * (1.0 - e) * speed, np.zeros(3))
 
 
 def contact_axes(n: Array, u: Array) -> Array:

@@ -114,10 +114,9 @@ def _unit_contact_time(restitution: float) -> float:
         deflection, rate = y
         return [rate, -contact.force(deflection, rate)]
 
-    def deflection_of(_: float, y: Array) -> float:
-        return float(y[0])
-
-    return float(integrate_until(deflection_of, rates, [0.0, 1.0], 1e3, 1e-12, 1e-13, 0.1).t[-1])
+    start = [0.0, 1.0]
+    apart = integrate_until(lambda _, y: y[0], rates, start, 1e3, 1e-12, 1e-13, step=0.1)
+    return float(apart.t[-1])
 
 
 def integrate_until(

@@ -82,7 +82,8 @@ def leg_derivatives(
             unbalanced -= jacobian[part].T @ pin.skew(load.wrench[part]) @ jacobian[ANGULAR]
 
     inverse = constrained_inverse_inertia(posture)
-    admissible, closed = _admissible(posture), _closed(posture)
+    admissible = np.column_stack([posture.admissible(unit) for unit in np.eye(nv)])
+    closed = _closed(posture)
     before, after = (
         _velocity_by_q(posture, foot, jacobians[0], velocity)[LINEAR] for velocity in (v, v_after)
     )
@@ -202,14 +203,6 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
         rows_q[at] += load.wrench[0] * by_q[: at.stop - at.start]
     change = np.linalg.lstsq(projector.rows, -rows_q, rcond=INDEPENDENT)[0]
     return np.asarray(change - admissible @ change)
-
-
-def _admissible(posture: Posture) -> Array:
-    """Return the projector on what supports and loops allow, by kinetic energy, `(nv, nv)`."""
-    units = np.eye(posture.leg.nv)
-    if posture.constraint_projector is None:
-        return units
-    return np.column_stack([posture.admissible(unit) for unit in units])
 
 
 def _closed(posture: Posture) -> Array:

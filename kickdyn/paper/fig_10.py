@@ -31,7 +31,7 @@ AXES = {"right-low": "A", "left-low": "B"}
 """Names of the two tilted spin axes."""
 
 
-def flights(choice: Coefficients) -> dict[str, Flight]:
+def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
     """Return the three flights."""
     attack = direction(ATTACK_DEG)
     paths = {}
@@ -54,7 +54,7 @@ def items() -> list[Item]:
     result = _items(DEFAULT)
     why = "from the axis of pure back spin; up on the side the ball curves to"
     source = "Eq. (21): the torque impulse r x F_f"
-    for name, path in flights(DEFAULT).items():
+    for name, path in flights().items():
         if name in AXES:
             _, y, z = path.launch.spin
             tilt = math.degrees(math.atan2(z, -y))

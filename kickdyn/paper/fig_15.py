@@ -26,9 +26,6 @@ GOALS = ((30.0, 1.5, 3), (50.0, 2.0, 8), (100.0, 3.0, 25))
 DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 """Errors [m], [s] at which the learning loop ends: about a line's width in Fig. 15."""
 
-MOST_ROUNDS = 200
-"""After so many the learning loop is given up; the paper's farthest goal takes about 25."""
-
 
 @dataclass(frozen=True)
 class Round:
@@ -59,17 +56,12 @@ def learn_launch(distance: float, time: float, ball: Ball, air: Air | None) -> t
 
     The errors of distance and time are added to the command, and Eqs. (24)-(25) turn the command
     into the next launch, until both errors vanish. The loop also ends at a flight that does not
-    land, a command of no time or of a launch faster than sound, or `MOST_ROUNDS`; `Round.is_met` of
-    the last round tells.
-
-    Args:
-        distance: of the target [m].
-        time: of the flight to the target [s].
-        ball: mass and radius.
-        air: None is the vacuum.
+    land, a command of no time or of a launch faster than sound, or after 200 rounds, where the
+    paper's farthest goal takes about 25; `Round.is_met` of the last round tells. The distance of
+    the target is in m, the time of the flight in s; an air of None is the vacuum.
     """
     command, rounds = np.array([distance, time]), list[Round]()
-    while len(rounds) <= MOST_ROUNDS and command[1] > 0.0:
+    while len(rounds) <= 200 and command[1] > 0.0:
         velocity = nominal_velocity(np.array([command[0], 0.0, 0.0]), float(command[1]))
         if math.hypot(*velocity) > SPEED_LIMIT:
             break
@@ -95,11 +87,8 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
 
 def _round(path: Flight, distance: float, time: float) -> Round:
     """Return a flight's launch and errors."""
-    reached = float(path.landing.position[0])
-    launch = path.launch
-    return Round(
-        float(launch.speed), float(launch.elevation), distance - reached, time - path.duration
-    )
+    launch, missed = path.launch, distance - float(path.landing.position[0])
+    return Round(float(launch.speed), float(launch.elevation), missed, time - path.duration)
 
 
 def items() -> list[Item]:

@@ -16,7 +16,7 @@ SPEED, ELEVATION_DEG, SPIN = 30.0, 30.0, 180.0
 VACUUM_RANGE = 79.4
 
 
-def flights(choice: Coefficients) -> dict[str, Flight]:
+def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
     """Return the four flights, in the paper's order."""
     velocity = SPEED * direction(ELEVATION_DEG)
     kicks = {
@@ -69,7 +69,7 @@ def _items(choice: Coefficients) -> list[Item]:
 def draw(figure: Figure) -> None:
     """Draw the four curves."""
     axes = figure.subplots()
-    for (name, path), style in zip(flights(DEFAULT).items(), ("-", "--", "-.", ":"), strict=True):
+    for (name, path), style in zip(flights().items(), ("-", "--", "-.", ":"), strict=True):
         position = path.sample(np.linspace(0, path.duration, 200)).position
         axes.plot(position[:, 0], position[:, 2], style, label=name)
     axes.set(xlabel="X [m]", ylabel="Y [m]", xlim=(0, 80), ylim=(0, None))

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.core.console import empty_table, fits, notes, screen_width
+from kickdyn.core.console import empty_table, notes, screen_width
 from kickdyn.paper.item import MEANINGS, Item, Verdict
 
 COLOURS = {
@@ -28,7 +28,7 @@ def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item
     console.print(table(items, why))
     print(notes(why, width) + "\n")
     for name, section in others.items():
-        console.print(sensitivity(name, section, width))
+        console.print(sensitivity(name, section))
     every = [item for group in (items, others) for part in group.values() for item in part]
     for verdict in (one for one in COLOURS if any(item.verdict == one for item in every)):
         console.print(f"[{COLOURS[verdict]}]{verdict}[/]: {MEANINGS[verdict]}")
@@ -57,30 +57,16 @@ def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
     return result
 
 
-def sensitivity(name: str, items: Sequence[Item], width: int) -> Table:
-    """Lay out a column per choice of coefficients, or a line where that is too wide.
-
-    The colour is the verdict.
-    """
-    cells: dict[tuple[str, str], dict[str, str]] = {}
+def sensitivity(name: str, items: Sequence[Item]) -> Table:
+    """Return the table of a line per choice of coefficients; the colour is the verdict."""
+    rows: dict[str, list[str]] = {}
     for item in items:
-        head = item.item.removeprefix(f"{name} "), item.unit
-        cells.setdefault(head, {})[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
-    variants = list(dict.fromkeys(item.variant for item in items))
-    title = f"{name} with other coefficients"
-    upright = empty_table(title)
-    upright.add_column("item", no_wrap=True)
-    upright.add_column("unit", no_wrap=True)
-    for variant in variants:
-        upright.add_column(variant.replace(" ", "\n", 1), justify="right", no_wrap=True)
-    for head, row in cells.items():
-        upright.add_row(*head, *row.values())
-    if fits(upright, width):
-        return upright
-    turned = empty_table(title)
-    turned.add_column("coefficients", no_wrap=True)
-    for what, unit in cells:
-        turned.add_column(f"{what}, {unit}", justify="right")
-    for variant in variants:
-        turned.add_row(variant, *(row[variant] for row in cells.values()))
-    return turned
+        rows.setdefault(item.variant, []).append(f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]")
+    result = empty_table(f"{name} with other coefficients")
+    result.add_column("coefficients", no_wrap=True)
+    heads = [f"{item.item.removeprefix(f'{name} ')}, {item.unit}" for item in items]
+    for head in dict.fromkeys(heads):
+        result.add_column(head, justify="right")
+    for variant, cells in rows.items():
+        result.add_row(variant, *cells)
+    return result

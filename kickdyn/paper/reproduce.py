@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 from matplotlib.figure import Figure
 
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
-from kickdyn.paper.assumptions import DEFAULT
 from kickdyn.paper.item import Item
 
 
@@ -38,15 +36,9 @@ class Section:
 SECTIONS = (
     Section("Fig. 1", fig_1.items, draw=fig_1.draw),
     Section("Table 2", table_2.items),
-    Section("Fig. 8", fig_8.items, fig_8.sensitivity, fig_8.draw, partial(fig_8.flights, DEFAULT)),
+    Section("Fig. 8", fig_8.items, fig_8.sensitivity, fig_8.draw, fig_8.flights),
     Section("Fig. 9", fig_9.items, fig_9.sensitivity, fig_9.draw),
-    Section(
-        "Fig. 10/11",
-        fig_10.items,
-        fig_10.sensitivity,
-        fig_10.draw,
-        partial(fig_10.flights, DEFAULT),
-    ),
+    Section("Fig. 10/11", fig_10.items, fig_10.sensitivity, fig_10.draw, fig_10.flights),
     Section("Fig. 13-15", fig_15.items, fig_15.sensitivity, fig_15.draw),
     Section("Tables 4-5", tables_4_5.items, tables_4_5.sensitivity),
 )

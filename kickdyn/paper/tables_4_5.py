@@ -22,9 +22,6 @@ from kickdyn.paper.assumptions import (
 from kickdyn.paper.item import MEASURED, Item, Verdict, near
 
 ATTACK_DEG = 20.0
-MOST_LIFT = 0.5
-"""More than any lift coefficient kickdyn ships, at any spin of a kick."""
-
 PASSIVE_LIMIT = 2.0
 """Largest ball/foot speed ratio of a passive impact: (1 + e), e = 1, a leg of infinite mass."""
 
@@ -120,10 +117,11 @@ def _spread() -> str:
     """Return in words how far apart 30 and 40 deg can be: only the spin differs, as both stick."""
     low, high = PREDICTED[2], PREDICTED[3]
     ratio = calibrated(DEFAULT)
-    most = fly(launched(high, ratio), BALL, Air.paper(lift=constant(MOST_LIFT))).range
+    most_lift = 0.5  # more than any lift coefficient kickdyn ships, at any spin of a kick
+    most = fly(launched(high, ratio), BALL, Air.paper(lift=constant(most_lift))).range
     least = fly(launched(low, ratio), BALL, Air.paper(lift=None)).range
     return (
-        f"40 and 30 deg differ by their spin only; were one lifted by C_L = {MOST_LIFT:g} and the "
+        f"40 and 30 deg differ by their spin only; were one lifted by C_L = {most_lift:g} and the "
         f"other not at all, they would differ {most / least:.2f}-fold, in the paper "
         f"{high.experiment / low.experiment:.2f}-fold"
     )

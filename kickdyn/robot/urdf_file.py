@@ -87,7 +87,8 @@ def build_model(text: str, source: str, base: str) -> Any:
             model = pin.buildModelFromXML(text, *root)
         except Exception as error:
             model, reason = None, str(error).strip().splitlines()[0]
-    complaints = [line for line in map(_complaint, lines) if line]
+    said = (line.strip()[:200] for line in lines if not line.strip().startswith("at line "))
+    complaints = [each for line in said if (each := line.removeprefix("Error:").strip())]
     if model is None:
         raise UrdfError(source, ["Pinocchio cannot read it", *(complaints or [reason])])
     if complaints:
@@ -146,12 +147,6 @@ def _parse(text: str, source: str) -> ElementTree.Element:
         raise UrdfError(source, [str(refusal)]) from None
     except (ValueError, LookupError) as error:  # an encoding declared but unknown
         raise UrdfError(source, [f"cannot be parsed ({error})"]) from None
-
-
-def _complaint(line: str) -> str:
-    """Return what a line of the parser says of the file; nothing of a line about its own code."""
-    line = line.strip()[:200]
-    return "" if line.startswith("at line ") else line.removeprefix("Error:").strip()
 
 
 _stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process

@@ -19,9 +19,6 @@ CREEP = 2e-3
 """Share of the launch's speed: what sticks in a compliant contact creeps; the largest change of
 spin by that, times the radius, was half of this in some 140 random kicks."""
 
-LONGER = 1.5
-"""Contact time that results over the one asked for, at most, while the leg's inertia changes."""
-
 SAFETY, SPIN_SAFETY = 2.0, 8.0
 """Factors on the change of the strike and of its spin, which also depends on whether the contact
 sticks. Of some 140 random kicks the largest change of velocity was 0.8 of the result, of spin 0.7.
@@ -41,7 +38,8 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     the difference of these laws is added.
     """
     assert scene.contact_time is not None
-    time, leg, contact = LONGER * scene.contact_time, scene.leg, scene.contact
+    # it lasts up to half longer than asked for, while the leg's inertia changes
+    time, leg, contact = 1.5 * scene.contact_time, scene.leg, scene.contact
     space, posture, launch = leg.workspace, impact.posture, impact.ball_after
     bias = pin.nonLinearEffects(space.model, space.data, scene.q, scene.v).copy()
     acceleration = posture.solve(-bias)

@@ -29,12 +29,6 @@ FINEST = 1e-9
 STEPS = (4, 8, 16, 32, 64)
 """Numbers of large steps in a flight that are tried one after the other."""
 
-SLOPE_STEPS = (4, 8)
-"""Large steps in a flight for slopes; those by the first must confirm those by the second."""
-
-SLOPE_TOL = 1e-7
-"""Relative tolerance of the exact integrators for slopes, where large steps do not suffice."""
-
 DIFFERENCE = 1e-2
 """Step of the differences, relative to the speed: above what large steps miss, below curvature."""
 
@@ -179,11 +173,11 @@ def end_slopes(
 ) -> EndSlopes:
     """Return how the end changes with velocity and spin of the launch, by differences.
 
-    To `confirm` slopes by large steps, twice as many steps must agree within a tenth; otherwise the
-    exact integrators are used.
+    To `confirm` slopes by four large steps a flight, those by eight must agree within a tenth;
+    otherwise the exact integrators are used, with a relative tolerance of 1e-7.
     """
     evaluations, last = 0, None
-    for steps in SLOPE_STEPS:
+    for steps in (4, 8):
         find_end = partial(coarse_end, environment=environment, steps=steps)
         found, more = _differences(launch, environment.ball.radius, find_end)
         evaluations += more
@@ -206,7 +200,7 @@ def end_slopes(
 def _known_end(launch: BallState, environment: FlightEnvironment) -> CoarseEnd:
     """Return the end by the exact integrators; its state is None where there is no end."""
     try:
-        end = exact_end(launch, environment, SLOPE_TOL)
+        end = exact_end(launch, environment, 1e-7)
     except KickdynError:
         return CoarseEnd(None, "", 0)
     return CoarseEnd(end.state if end.ended else None, end.status, end.evaluations)

@@ -23,9 +23,6 @@ from kickdyn.scene.simulation import Simulation
 MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
 """Of the tolerance: for effects left out, for the contact's integrator, for the flight's."""
 
-COARSEST = 1e-3
-"""Relative tolerance that a contact which takes time is integrated with at least."""
-
 
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
@@ -178,7 +175,7 @@ def _collide_to(scene: Scene, launch: BallState, accuracy: float) -> _ComputedCo
     slopes = end_slopes(launch, environment, confirm=False)
     per_tol, evaluations = slopes.contact_error(launch, radius, 1.0), slopes.evaluations
     while True:
-        tol = min(max(accuracy / max(per_tol, 1e-300), FINEST), COARSEST)
+        tol = min(max(accuracy / max(per_tol, 1e-300), FINEST), 1e-3)
         impact = _collide(scene, tol)
         slopes = end_slopes(impact.ball_after, environment)
         error = slopes.contact_error(impact.ball_after, radius, tol)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numba
 import numpy as np
@@ -28,17 +27,6 @@ NODES, CHECKS = 8, 9
 
 DEPTH = 7
 """How often the rectangle of impulses is halved at most."""
-
-MOST_PATCHES = 1500
-"""Patches that are tried per halving at most: some ten seconds in all."""
-
-SAFETY = 2.0
-"""Factor by which the errors of checks must stay below the tolerance."""
-
-TOL = 1e-11
-"""Relative tolerance of the flights."""
-
-_tuple: Any = numba.types.UniTuple
 
 
 def launches(model: KernelModel, kick: Kick, impulse: Array) -> BallState:
@@ -69,22 +57,20 @@ class CarryTable:
 
     Attributes:
         largest_error: largest error of the checks [m].
-        flights: number of flights.
-        patches: number of patches with a polynomial.
     """
 
     def __init__(self, model: KernelModel, kick: Kick, tolerance: float) -> None:
         self._model, self._kick = model, kick
         self._largest_impulse = (1.0 + kick.restitution) * kick.speed * kick.ball.mass
         self._largest_slope = max(kick.friction, 1e-3)
-        self.largest_error, self.flights = 0.0, 0
+        self.largest_error = 0.0
         patches: list[Array] = []
         self._index = np.full((2**DEPTH, 2 * 2**DEPTH), -1, np.int64)
         corners = np.array([[0, 0], [0, 1]])
         for depth in range(DEPTH + 1):
             if depth > 1:  # larger patches are checked at too few places
                 coefficients, errors = self._fit(corners, depth)
-                good = errors * SAFETY <= tolerance
+                good = 2.0 * errors <= tolerance  # between the checks they may be larger
                 self.largest_error = max(self.largest_error, float(errors[good].max(initial=0.0)))
                 for corner, polynomial in zip(corners[good], coefficients[good], strict=True):
                     side = 2 ** (DEPTH - depth)
@@ -94,9 +80,8 @@ class CarryTable:
                     patches.append(np.concatenate([box, polynomial]))
                 corners = corners[~good]
             corners = np.concatenate([2 * corners + each for each in np.ndindex(2, 2)])
-            if not 0 < len(corners) <= MOST_PATCHES:
+            if not 0 < len(corners) <= 1500:  # patches per halving: some ten seconds in all
                 break
-        self.patches = len(patches)
         self._patches = np.array(patches) if patches else np.zeros((1, 3 + NODES**2))
         self._evaluate = _compiled_evaluate()
 
@@ -112,8 +97,8 @@ class CarryTable:
             Which balls must be flown instead, shape `(n,)`.
         """
         to_fly = np.empty(len(normal), bool)
-        size = self._largest_impulse, self._largest_slope
-        self._evaluate(normal, tangent, size, self._index, self._patches, carry, to_fly)
+        largest, slope = self._largest_impulse, self._largest_slope
+        self._evaluate(normal, tangent, largest, slope, self._index, self._patches, carry, to_fly)
         return to_fly
 
     def _fit(self, corners: NDArray[np.int64], depth: int) -> tuple[Array, Array]:
@@ -143,17 +128,15 @@ class CarryTable:
 
         Where a ball does not land, the carry is nan.
         """
-        self.flights += len(share)
         normal = share * self._largest_impulse
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
         balls = launches(self._model, self._kick, impulse)
-        flown = fly_many(balls, self._kick.ball, self._kick.air, tol=TOL)
+        flown = fly_many(balls, self._kick.ball, self._kick.air, tol=1e-11)
         return np.asarray(np.where(flown.status.values == 0, flown.range.values, np.nan))
 
 
-def _evaluate(normal, tangent, size, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
+def _evaluate(normal, tangent, largest, slope, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
     """Fill in carries by Horner's scheme, and where there is no polynomial."""
-    largest, slope = size
     rows, columns = index.shape
     for i in range(len(normal)):
         share = normal[i] / largest
@@ -182,7 +165,6 @@ def _evaluate(normal, tangent, size, index, patches, carry, to_fly):  # type: ig
 def _compiled_evaluate() -> Callable[..., None]:
     """Return `_evaluate` in machine code."""
     vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
-    size = _tuple(numba.float64, 2)
-    flags = numba.boolean[::1]
-    signature = numba.void(vector, vector, size, index, patches, vector, flags)
+    number, flags = numba.float64, numba.boolean[::1]
+    signature = numba.void(vector, vector, number, number, index, patches, vector, flags)
     return compiled(_evaluate, signature, error_model="numpy")

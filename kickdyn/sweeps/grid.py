@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +19,6 @@ IN_MEMORY = 1_000_000
 
 LARGEST = 10**10
 """Largest number of postures of a grid: about a terabyte on the disk."""
-
-BYTES_PER_POSTURE = 105
-"""Thirteen float64 and the status."""
-
-RATE = 2e5
-"""Postures per second and core, roughly, to say how long a grid would take."""
 
 DEFAULT_STEP_DEG = 10.0
 
@@ -72,7 +66,7 @@ class Grid:
                 )
             _check_range(leg, name, values, "swept")
             axes[name] = values
-        for name in set(named_joints(leg)) - set(axes):
+        for name in set(leg.single_joints) - set(axes):
             _check_range(leg, name, np.zeros(1), "not named, so at")
         grid = cls(axes)
         check_size(grid.shape, LARGEST)
@@ -93,10 +87,6 @@ class Grid:
         index = np.unravel_index(number, self.shape)
         axes = zip(self.axes.items(), index, strict=True)
         return leg.configuration({name: values[i] for (name, values), i in axes})
-
-    def configurations(self, leg: Leg) -> Iterator[Array]:
-        """Yield q of every posture, in the order of their numbers."""
-        return (self.configuration(leg, number) for number in range(self.size))
 
 
 @dataclass(frozen=True)
@@ -155,16 +145,12 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
             if largest < LARGEST
             else f"at most {largest:,} can be swept"
         )
+        gigabytes, seconds = size * 105 / 1e9, size / 2e5  # 13 float64 and the status; roughly
         raise InvalidInput(
             f"the grid has {size:,} postures ({' x '.join(map(str, shape))}), which fill "
-            f"{size * BYTES_PER_POSTURE / 1e9:,.1f} GB and take about {size / RATE:,.0f} s of one "
-            f"core: {limit}, or take larger steps"
+            f"{gigabytes:,.1f} GB and take about {seconds:,.0f} s of one core: {limit}, or take "
+            "larger steps"
         )
-
-
-def named_joints(leg: Leg) -> list[str]:
-    """Return the joints that have one value each: a floating base has none."""
-    return list(leg.single_joints)
 
 
 def read_postures(leg: Leg, joints: Iterable[str] = ()) -> dict[str, Array]:
@@ -197,7 +183,6 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
     parts = span.split(":")
     if not equals or len(parts) not in (1, 3):
         raise InvalidInput(f"joint {text!r} cannot be read: write NAME=LOW:HIGH:STEP or NAME=VALUE")
-    leg.velocity_index(name)
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
@@ -218,14 +203,12 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
             "swept, take a larger step"
         )
     values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
-    values = values if leg.joint_unit(name) == "m" else np.radians(values)
-    _check_range(leg, name, values, "swept")
-    return name, values
+    return name, values if leg.joint_unit(name) == "m" else np.radians(values)
 
 
 def _default_postures(leg: Leg) -> dict[str, Array]:
     """Return the whole range of each of up to three joints."""
-    joints = named_joints(leg)
+    joints = leg.single_joints
     if len(joints) > 3:
         raise InvalidInput(
             f"{leg.name} has {len(joints)} joints: name those to sweep, "
@@ -241,13 +224,12 @@ def _default_postures(leg: Leg) -> dict[str, Array]:
                 f"joint {name} ranges from {low:g} to {high:g}: name the values to sweep, "
                 f"for example --joint {name}=0:30:5"
             )
-        if step == 0.0 or metres:
-            axes[name] = np.linspace(low, high, 10 if step else 1)
+        if metres:
+            axes[name] = np.unique(np.linspace(low, high, 10))
             continue
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        axes[name] = np.radians(DEFAULT_STEP_DEG * np.arange(first, last + 1))
-        if not axes[name].size:
-            axes[name] = np.array([low])
+        inside = np.radians(DEFAULT_STEP_DEG * np.arange(first, last + 1))
+        axes[name] = inside if inside.size else np.array([low])
     return axes
 
 

@@ -4,6 +4,23 @@
 a row of a matrix is `LANES` numbers, see `kickdyn.core.lanes`. What cannot be computed to 1e-12
 is marked in `doubt`, and is left to `kick_from`. Joints count from 1, as Pinocchio's do.
 
+The functions of all kernels have these arguments in common, of n joints:
+
+    parent: parent of each joint.
+    slides: whether each joint is prismatic.
+    carries: whether the foot moves with each joint.
+    constants: constants of each joint, columns as in `kernel_model`.
+    foot, lever: the joint that carries the contact point, and from its origin to that, in its axes.
+    x: rows of each joint, shape `(n + 1, ROWS * LANES)`; COS and SIN are given.
+    inertia: M, shape `(n + 1, n + 1, LANES)`, lower triangle.
+    rows: columns of J, one row per joint, `LANES` numbers for each of tangent(s) and normal.
+    point: rows of the contact point.
+    delassus: Delassus matrix of the foot, six rows.
+    across, along: the ball's mobility along the tangents and along the normal [1/kg].
+    speed, e, mu: foot speed [m/s], restitution, friction.
+    impulse: impulse on the ball, three rows: first and second tangent, normal [N s].
+    doubt: set to 1 where digits are lost.
+
 Kernels must give the same bits whether they were compiled now or are read from the disk, or a
 resumed sweep would differ from one that ran at once. So `njit` allows no fused multiply-adds: which
 of them the compiler finds depends on what it inlines.
@@ -24,9 +41,6 @@ OPTIONS: dict[str, Any] = {"error_model": "numpy"}
 
 njit: Any = numba.njit(**OPTIONS, **WITHIN)
 
-PIVOT = 1e-9
-"""Share of its diagonal that a pivot must keep, or the posture is doubtful."""
-
 LOSS = 300.0
 """Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
 legs have about 10, and a link before one ten times as long some hundreds."""
@@ -38,13 +52,8 @@ def factorize(parent, inertia, doubt):  # type: ignore[no-untyped-def]
 
     In this order, from the tip to the base, L has an entry only where one joint carries the other:
     the branches of a tree cost nothing to each other (Featherstone, Rigid Body Dynamics Algorithms,
-    2008, table 6.3).
-
-    Args:
-        parent: parent of each joint.
-        inertia: M, shape `(n + 1, n + 1, LANES)`, becomes L with its diagonal inverted; row 0, of
-            the base, becomes the diagonal of M.
-        doubt: set to 1 where a pivot has lost its digits.
+    2008, table 6.3). L is left in `inertia`, its diagonal inverted; row 0, of the base, becomes the
+    diagonal of M.
     """
     diagonal = inertia[0]  # of no joint: free to keep M's diagonal
     for k in range(1, len(parent)):
@@ -53,8 +62,8 @@ def factorize(parent, inertia, doubt):  # type: ignore[no-untyped-def]
             kept[i] = entry[i]
     for k in range(len(parent) - 1, 0, -1):
         pivot, kept = inertia[k, k], diagonal[k]
-        for i in range(LANES):
-            doubt[i] = doubt[i] if pivot[i] > PIVOT * kept[i] else 1.0
+        for i in range(LANES):  # a pivot that keeps less of its diagonal has lost its digits
+            doubt[i] = doubt[i] if pivot[i] > 1e-9 * kept[i] else 1.0
             pivot[i] = 1.0 / math.sqrt(pivot[i])
         a = parent[k]
         while a > 0:
@@ -77,13 +86,7 @@ def factorize(parent, inertia, doubt):  # type: ignore[no-untyped-def]
 def whiten(parent, carries, lower, rows):  # type: ignore[no-untyped-def]
     r"""Replace the rows of :math:`J^T` by those of :math:`W = L^{-T} J^T`.
 
-    Its product :math:`W^T W = J M^{-1} J^T` is the Delassus matrix.
-
-    Args:
-        parent: parent of each joint.
-        carries: whether the foot moves with each joint; rows of others are 0.
-        lower: L, as `factorize` leaves it.
-        rows: shape `(n + 1, 3 * LANES)`, or 2 in a plane: `LANES` numbers per column of J^T.
+    Its product :math:`W^T W = J M^{-1} J^T` is the Delassus matrix; `lower` is L of `factorize`.
     """
     width = rows.shape[1]
     for k in range(len(parent) - 1, 0, -1):
@@ -108,13 +111,7 @@ def solve_velocity(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
 
     A relative error e of M's diagonal changes the energy :math:`v^T M v = z^T z` by about
     :math:`e \sum_i M_{ii} v_i^2`: where this is more than `LOSS` times the energy, too few digits
-    are left.
-
-    Args:
-        parent: parent of each joint.
-        lower: L, as `factorize` leaves it.
-        v: z, shape `(n + 1, LANES)`, becomes v.
-        doubt: set to 1 where the rounding of M is seen in v.
+    are left. `lower` is L of `factorize`; z and v have shape `(n + 1, LANES)`.
     """
     whole, parts = v[0], lower[0, 0]  # of no joint
     whole[:] = 0.0
@@ -149,10 +146,7 @@ D11, D12, D22, D13, D23, D33 = (row * LANES for row in range(6))
 def delassus_matrix(carries, rows, delassus):  # type: ignore[no-untyped-def]
     r"""Fill in the Delassus matrix of the foot, :math:`G = W^T W`, from whitened rows.
 
-    Args:
-        carries: whether the foot moves with each joint.
-        rows: W as `whiten` leaves it, two or three columns.
-        delassus: six rows, filled in; in a plane those of the second tangent stay 0.
+    In a plane the entries of the second tangent stay 0.
     """
     delassus[:] = 0.0
     for k in range(1, len(carries)):
@@ -178,26 +172,15 @@ def delassus_matrix(carries, rows, delassus):  # type: ignore[no-untyped-def]
 
 @njit
 def solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
-    r"""Fill in the impulse on the ball and the energy lost, law `newton`.
+    r"""Fill in the impulse on the ball and the energy lost [J], law `newton`.
 
     With the ball's mobility on its diagonal, :math:`G` maps the impulse :math:`p` to the change of
     the relative velocity. Sticking asks for no tangential velocity and Newton's restitution along
     the normal, :math:`G p = (0, 0, (1 + e) v)`: the tangential parts over the normal one,
     :math:`s = p_1 / p_3` and :math:`t = p_2 / p_3`, solve the first two rows. In a plane
     (:math:`t = 0`), slipping cuts :math:`s` to :math:`\pm\mu`; out of it, `solve_slip` follows. See
-    `kickdyn.impact.newton_law` for one posture.
-
-    Args:
-        delassus: G of the foot, six rows.
-        across: the ball's mobility along the tangents [1/kg].
-        along: the ball's mobility along the normal [1/kg].
-        speed: foot speed v [m/s].
-        e: restitution.
-        mu: friction.
-        impulse: three rows, filled in [N s].
-        lost: energy lost, filled in [J].
-        doubt: set to 1 where terms cancel: a foot much lighter than the ball, which moves
-            easily along one direction.
+    `kickdyn.impact.newton_law` for one posture. Doubtful is where terms cancel: a foot much lighter
+    than the ball, which moves easily along one direction.
     """
     push = (1.0 + e) * speed
     for i in range(LANES):
@@ -291,13 +274,7 @@ def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
 
 @njit
 def doubt_singular(delassus, flat, doubt):  # type: ignore[no-untyped-def]
-    """Set `doubt` to 1 where the foot can hardly move along the normal alone, or across it.
-
-    Args:
-        delassus: G of the foot, six rows.
-        flat: whether all motion is in a plane.
-        doubt: of each posture.
-    """
+    """Set `doubt` to 1 where the foot can hardly move along the normal alone, or across it."""
     for i in range(LANES):
         d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
         d13, d23, d33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i]

@@ -45,12 +45,6 @@ def place_bodies(parent, slides, constants, x):  # type: ignore[no-untyped-def]
 
     :math:`R_k = R_{parent} Q_k R_z(q_k)` with the constant rotation :math:`Q_k`; of a slide, the
     origin moves along its z axis instead.
-
-    Args:
-        parent: parent of each joint.
-        slides: whether each joint is prismatic.
-        constants: constants of each joint, columns as in `kernel_model`.
-        x: rows of each joint, shape `(n + 1, ROWS * LANES)`; COS and SIN are given.
     """
     for k in range(1, len(parent)):
         own, above, p = x[k], x[parent[k]], constants[k]
@@ -85,26 +79,18 @@ def _mass(x, p):  # type: ignore[no-untyped-def]
         r00, r01, r02 = x[R00 + i], x[R01 + i], x[R02 + i]
         r10, r11, r12 = x[R10 + i], x[R11 + i], x[R12 + i]
         r20, r21, r22 = x[R20 + i], x[R21 + i], x[R22 + i]
-        hx, hy, hz = (
-            r00 * a + r01 * b + r02 * c,
-            r10 * a + r11 * b + r12 * c,
-            r20 * a + r21 * b + r22 * c,
-        )
-        u0, u1, u2 = (
-            r00 * xx + r01 * xy + r02 * xz,
-            r00 * xy + r01 * yy + r02 * yz,
-            r00 * xz + r01 * yz + r02 * zz,
-        )
-        v0, v1, v2 = (
-            r10 * xx + r11 * xy + r12 * xz,
-            r10 * xy + r11 * yy + r12 * yz,
-            r10 * xz + r11 * yz + r12 * zz,
-        )
-        w0, w1, w2 = (
-            r20 * xx + r21 * xy + r22 * xz,
-            r20 * xy + r21 * yy + r22 * yz,
-            r20 * xz + r21 * yz + r22 * zz,
-        )
+        hx = r00 * a + r01 * b + r02 * c
+        hy = r10 * a + r11 * b + r12 * c
+        hz = r20 * a + r21 * b + r22 * c
+        u0 = r00 * xx + r01 * xy + r02 * xz
+        u1 = r00 * xy + r01 * yy + r02 * yz
+        u2 = r00 * xz + r01 * yz + r02 * zz
+        v0 = r10 * xx + r11 * xy + r12 * xz
+        v1 = r10 * xy + r11 * yy + r12 * yz
+        v2 = r10 * xz + r11 * yz + r12 * zz
+        w0 = r20 * xx + r21 * xy + r22 * xz
+        w1 = r20 * xy + r21 * yy + r22 * yz
+        w2 = r20 * xz + r21 * yz + r22 * zz
         x[BX + i], x[BY + i], x[BZ + i] = hx, hy, hz
         x[HX + i], x[HY + i], x[HZ + i] = hx, hy, hz
         ixx, ixy = u0 * r00 + u1 * r01 + u2 * r02, u0 * r10 + u1 * r11 + u2 * r12
@@ -123,13 +109,6 @@ def joint_space_inertia(parent, slides, constants, x, inertia):  # type: ignore[
     The composite rigid body algorithm (Featherstone 2008, table 6.2): the moment of momentum that a
     unit velocity of a joint gives to all bodies it carries is passed to the joints below, whose
     axes it is projected on.
-
-    Args:
-        parent: parent of each joint.
-        slides: whether each joint is prismatic.
-        constants: constants of each joint.
-        x: rows of each joint as `place_bodies` leaves them.
-        inertia: M, shape `(n + 1, n + 1, LANES)`, lower triangle.
     """
     for k in range(len(parent) - 1, 0, -1):
         own, entry, mass = x[k], inertia[k, k], constants[k, CARRIED]
@@ -197,17 +176,6 @@ def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, p
 
     A hinge with axis :math:`a` at distance :math:`d` from the contact point moves it with
     :math:`a \times d`, a slide with :math:`a`.
-
-    Args:
-        parent: parent of each joint.
-        slides: whether each joint is prismatic.
-        carries: whether the foot moves with each joint.
-        constants: constants of each joint.
-        foot: the joint that carries the contact point.
-        lever: from its origin to the contact point, in its axes.
-        x: rows of each joint as `place_bodies` leaves them.
-        rows: columns of J, one row per joint, shape `(n + 1, 3 * LANES)`: two tangents, normal.
-        point: rows of the contact point.
     """
     a, b, c = lever
     own = x[foot]
@@ -245,19 +213,10 @@ def joint_impulses(parent, slides, constants, foot, impulse, jump, x, point, ans
 
     The recursive Newton-Euler algorithm (Featherstone 2008, table 5.1) for jumps: velocities from
     the base to the tips, impulses back. What remains along a joint's axis, where nothing but the
-    rotor's inertia can take it, is the residual of the momentum balance.
-
-    Args:
-        parent: parent of each joint.
-        slides: whether each joint is prismatic.
-        constants: constants of each joint.
-        foot: the joint that carries the contact point.
-        impulse: impulse on the ball, three rows [N s]; the foot takes its opposite.
-        jump: jump of the joints' velocity, shape `(n + 1, LANES)` [rad/s; m/s].
-        x: rows of each joint.
-        point: rows of the contact point.
-        answer: three rows, filled in: square of the largest linear impulse in a joint, largest
-            residual, jump of the foot's velocity along the normal.
+    rotor's inertia can take it, is the residual of the momentum balance. `jump` is that of the
+    joints' velocity, shape `(n + 1, LANES)` [rad/s; m/s]; the answer has three rows: square of the
+    largest linear impulse in a joint, largest residual, jump of the foot's velocity along the
+    normal.
     """
     for k in range(1, len(parent)):
         own, above, dv = x[k], x[parent[k]], jump[k]
@@ -270,11 +229,9 @@ def joint_impulses(parent, slides, constants, foot, impulse, jump, x, point, ans
             own[VX + i] = above[VX + i] + (wy * dz - wz * dy) + ax * slid
             own[VY + i] = above[VY + i] + (wz * dx - wx * dz) + ay * slid
             own[VZ + i] = above[VZ + i] + (wx * dy - wy * dx) + az * slid
-            own[WX + i], own[WY + i], own[WZ + i] = (
-                wx + ax * turned,
-                wy + ay * turned,
-                wz + az * turned,
-            )
+            own[WX + i] = wx + ax * turned
+            own[WY + i] = wy + ay * turned
+            own[WZ + i] = wz + az * turned
         for i in range(LANES):
             wx, wy, wz = own[WX + i], own[WY + i], own[WZ + i]
             vx, vy, vz = own[VX + i], own[VY + i], own[VZ + i]

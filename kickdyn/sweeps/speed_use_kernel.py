@@ -19,25 +19,10 @@ PARALLEL, ASKEW = ROUNDING**2, 1e-8
 """Squared sine of two columns up to which they count as parallel, and from which on their cross
 product has digits enough; between them a posture is doubtful."""
 
-QUICK = 1e3
-"""Velocity limit from which on its product with a rounding error may count beside other joints."""
-
-MOST = 1e9
-"""Use from which on a posture is doubtful: the foot can hardly move so."""
-
 
 @njit
 def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignore[no-untyped-def]
-    """Fill in the least possible value of the largest joint speed over its limit.
-
-    Args:
-        carries: whether the foot moves with each joint.
-        rows: columns of the foot's Jacobian, one row per joint, two or three times `LANES`.
-        constants: constants of each joint.
-        speed: foot speed along the normal [m/s].
-        use: filled in.
-        doubt: set to 1 where the use has lost its digits.
-    """
+    """Fill in the least possible value of the largest joint speed over its limit."""
     n, flat = len(carries), rows.shape[1] == 2 * LANES
     y, movers, bound = np.zeros(rows.shape[1]), 0, 0
     for k in range(1, n):
@@ -67,8 +52,8 @@ def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignor
                 sound = 1.0 if apart >= ASKEW else 0.0
                 y[i], y[LANES + i], y[2 * LANES + i] = sound * y1, sound * y2, sound * y3
             _raise_to_candidate(carries, rows, constants, speed, y, use)
-    for i in range(LANES):
-        doubt[i] = doubt[i] if use[i] < MOST and movers >= (2 if flat else 3) else 1.0
+    for i in range(LANES):  # from 1e9 on, the foot can hardly move so
+        doubt[i] = doubt[i] if use[i] < 1e9 and movers >= (2 if flat else 3) else 1.0
 
 
 @njit
@@ -79,7 +64,7 @@ def _raise_to_candidate(carries, rows, constants, speed, y, use):  # type: ignor
         most, row = constants[k, LIMIT], rows[k]
         if not carries[k] or most == 0.0:
             continue
-        if most > QUICK:
+        if most > 1e3:  # its product with a rounding error may count beside other joints
             share = most if most <= UNLIMITED else math.inf
             for i in range(LANES):
                 along, own, other = 0.0, 0.0, 0.0

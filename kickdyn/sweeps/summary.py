@@ -122,13 +122,9 @@ class Summary:
     def _add_best(self, first: int, block: xr.Dataset, places: NDArray[np.intp], v: Array) -> None:
         """Keep the postures of highest ball speed v [m/s]; of equals, the first."""
         near = np.flatnonzero(v >= np.partition(v, -min(BEST, v.size))[-min(BEST, v.size)])
-        near = near[np.argsort(-v[near], kind="stable")][:BEST]
-        speed = self.columns.index("ball_speed")
-        if len(self.best) == BEST and v[near[0]] <= self.best[-1, speed]:
-            return
         rows = np.vstack([self.best, self._rows(block, places[near])])
         numbers = np.append(self.best_numbers, first + places[near])
-        order = np.argsort(-rows[:, speed], kind="stable")[:BEST]
+        order = np.argsort(-rows[:, self.columns.index("ball_speed")], kind="stable")[:BEST]
         self.best, self.best_numbers = rows[order], numbers[order]
 
     def _add_sample(self, block: xr.Dataset, places: NDArray[np.intp]) -> None:
@@ -136,9 +132,6 @@ class Summary:
         draws = self._random.random(places.size)
         limit = self._draws.max() if self._draws.size >= SAMPLE else 1.0
         near = np.flatnonzero(draws < limit)
-        near = near[np.argsort(draws[near])][:SAMPLE]
-        if not near.size:
-            return
         draws = np.append(self._draws, draws[near])
         order = np.argsort(draws)[:SAMPLE]
         self._draws = draws[order]

@@ -49,7 +49,6 @@ Progress = Callable[[int, float], None]
 among those that the leg can kick from [m/s], nan without any."""
 
 T = TypeVar("T")
-_SPEED = list(VARIABLES).index("ball_speed")
 
 
 def sweep(
@@ -254,7 +253,9 @@ def _pool(
     executor: Executor
     if workers is not None:
         size = int(validation.number("workers", workers, at_least=1))
-        executor = ProcessPoolExecutor(size, get_context("spawn"), _ignore_interrupt)
+        # Ctrl-C, which a terminal sends to every process, ends the main process only
+        ignore = (signal.SIGINT, signal.SIG_IGN)
+        executor = ProcessPoolExecutor(size, get_context("spawn"), signal.signal, ignore)
     else:
         size = _cores() if threads is None else threads
         executor = ThreadPoolExecutor(int(validation.number("threads", size, at_least=1)))
@@ -307,11 +308,6 @@ def _silenced(package: str) -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-def _ignore_interrupt() -> None:
-    """Let Ctrl-C, which a terminal sends to every process, end the main process only."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 def _task(job: _StoreJob, pool: _Pool) -> Callable[[int], tuple[int, float]]:
     """Return a job as the pool can call it."""
     if pool.shares_memory:
@@ -362,5 +358,5 @@ def _cores() -> int:
 
 def _highest_speed(rows: Array, status: NDArray[np.int8]) -> float:
     """Return the highest ball speed among possible postures [m/s], nan without any."""
-    possible = rows[_SPEED, status == PostureStatus.OK.flag]
+    possible = rows[list(VARIABLES).index("ball_speed"), status == PostureStatus.OK.flag]
     return float(possible.max()) if possible.size else math.nan

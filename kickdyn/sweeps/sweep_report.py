@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from textwrap import fill
+from dataclasses import dataclass, replace
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.core.console import PROSE, WIDE, fits, screen_width
+from kickdyn.core.console import PROSE, WIDE, empty_table, fits, screen_width, wrapped
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, variables_of
-from kickdyn.sweeps.grid import DECIMALS, Grid, named_joints
+from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.summary import Summary
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
@@ -30,9 +28,6 @@ PAPER_POSTURES = {
 
 The paper prints the foot's angle; hip and knee are those that reproduce Table 2 within 0.2 %.
 """
-
-PAPER_KICK = Kick()
-"""Foot speed, attack and restitution that Table 2 is for; its rows fit no other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +50,6 @@ class ReportLine:
     paper: float | None = None
     explanation: str = ""
 
-    def posture(self) -> str:
-        """Return the joints' values with their units."""
-        leg = self.outcome.posture.leg
-        return ", ".join(
-            f"{name} {value:.4g} {'m' if leg.joint_unit(name) == 'm' else 'deg'}"
-            for name, value in self.angles.items()
-        )
-
     def as_json(self) -> dict[str, object]:
         """Return plain values; what does not exist is None, not nan."""
         impact = self.outcome.impact
@@ -80,10 +67,8 @@ class ReportLine:
 
 def paper_lines(leg: Leg, kick: Kick) -> list[ReportLine]:
     """Return the paper's three postures of the human leg."""
-    as_printed = leg.frame == "toe" and all(
-        getattr(kick, name) == getattr(PAPER_KICK, name)
-        for name in ("speed", "attack", "restitution")
-    )
+    ours = kick.speed, kick.attack, kick.restitution
+    as_printed = leg.frame == "toe" and ours == (1.0, math.radians(30), 0.8)  # those of Table 2
     return [
         _line(leg, kick, label, np.radians(angles), paper=total if as_printed else None)
         for label, (angles, total) in PAPER_POSTURES.items()
@@ -94,24 +79,19 @@ def extreme_lines(leg: Leg, grid: Grid, kick: Kick, summary: Summary) -> list[Re
     """Return the postures of highest and lowest ball speed; none where no posture counts."""
     if not summary.chosen:
         return []
-    extremes = {"best": int(summary.best_numbers[0]), "worst": summary.worst}
-    return [
-        _line(leg, kick, label, grid.configuration(leg, number), explained=True)
-        for label, number in extremes.items()
-    ]
+    lines = (
+        _line(leg, kick, "best", grid.configuration(leg, int(summary.best_numbers[0]))),
+        _line(leg, kick, "worst", grid.configuration(leg, summary.worst)),
+    )
+    return [replace(line, explanation=_explanation(line.values, kick)) for line in lines]
 
 
-def _line(
-    leg: Leg, kick: Kick, label: str, q: Array, *, paper: float | None = None,
-    explained: bool = False,
-) -> ReportLine:  # fmt: skip
+def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> ReportLine:
     """Return the line of one configuration."""
     outcome = kick_from(leg.posture(q), kick)
     joints = leg.display_values(q)
     angles = {name: round(value, DECIMALS) + 0.0 for name, (value, _) in joints.items()}
-    values = variables_of(outcome, kick)
-    explanation = _explanation(values, kick) if explained else ""
-    return ReportLine(label, angles, outcome, values, paper, explanation)
+    return ReportLine(label, angles, outcome, variables_of(outcome, kick), paper)
 
 
 def _explanation(values: Mapping[str, float], kick: Kick) -> str:
@@ -147,9 +127,8 @@ def table(leg: Leg, kick: Kick, lines: Sequence[ReportLine], width: int = WIDE) 
         f"e {kick.restitution:g}, mu {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
-    joints = named_joints(leg)
-    units = {name: "m" if leg.joint_unit(name) == "m" else "deg" for name in joints}
-    names = (" / " if len(joints) <= 3 else " /\n").join(joints)
+    units = {name: _unit(leg, name) for name in leg.single_joints}
+    names = (" / " if len(units) <= 3 else " /\n").join(units)
     columns: dict[str, list[str]] = {
         "posture": [line.label for line in lines],
         escape(names) + "\n" + ", ".join(sorted({*units.values()})): [
@@ -199,10 +178,7 @@ def _worst_joint(line: ReportLine, separator: str) -> str:
 
 def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     """Return a table, its first column to the left and the others to the right."""
-    result = Table(
-        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, pad_edge=False,
-        padding=(0, 1),
-    )  # fmt: skip
+    result = empty_table(title)
     for number, name in enumerate(head):
         result.add_column(name, justify="right" if number else "left", no_wrap=True)
     for row in rows:
@@ -218,11 +194,12 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
         lines: the postures of the table.
         width: of a line, in characters; a longer word is not broken.
     """
-    sentences = [
-        f"{line.label} ({line.posture()}): {line.explanation}."
-        for line in lines
-        if line.explanation
-    ]
+    sentences = []
+    for line in lines:
+        if line.explanation:
+            leg = line.outcome.posture.leg
+            posture = ", ".join(f"{k} {v:.4g} {_unit(leg, k)}" for k, v in line.angles.items())
+            sentences.append(f"{line.label} ({posture}): {line.explanation}.")
     counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
     sentences.append(f"{summary.postures} postures: {counts}.")
     if summary.where is not None:
@@ -232,7 +209,12 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     if math.isfinite(summary.residual):
         power = math.ceil(math.log10(max(summary.residual, 1e-17))) + 1
         sentences.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
-    return "\n".join(fill(each, width, break_long_words=False) for each in sentences)
+    return "\n".join(wrapped(each, width) for each in sentences)
+
+
+def _unit(leg: Leg, joint: str) -> str:
+    """Return the unit in which a joint's value is shown."""
+    return "m" if leg.joint_unit(joint) == "m" else "deg"
 
 
 def as_json(

@@ -23,10 +23,7 @@ from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import draw_ball, draw_curve, draw_ground
 
 COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x333333)
-
-MOST = len(COLOURS)
-"""Flights or impacts of one picture."""
-
+MOST = len(COLOURS)  # flights or impacts of one picture
 X = np.array([1.0, 0.0, 0.0])
 
 

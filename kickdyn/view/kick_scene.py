@@ -31,11 +31,8 @@ LIGHTS = {
     "PointLightNegativeX": 0.1,
     "PointLightPositiveX": 0.1,
 }
-THIN = 0.0017
-"""Radius of the curve over its distance from the camera: 3 or 4 pixels on a screen."""
-
-POINTS = 150
-"""Of a flight's curve."""
+THIN = 0.0017  # radius of the curve over its distance from the camera: 3 or 4 pixels on a screen
+POINTS = 150  # of a flight's curve
 
 
 def draw_kick(

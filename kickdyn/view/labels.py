@@ -13,20 +13,11 @@ from meshcat.geometry import Object
 from kickdyn.core.validation import Array
 from kickdyn.view.camera import LEFT, UP, Camera
 
-HEIGHT = 0.026
-"""Of a label over its distance from the camera: 23 pixels of 720."""
-
-PIXELS = 54
-"""Height of the drawn image, twice what the screen shows, so that it stays sharp."""
-
-GAP = 12
-"""Pixels of the drawn image between the labelled point and the frame."""
-
-INK = "#1d2733"
-"""Colour of the text, and of the line that leads to the labelled point."""
-
-SLOPE = HEIGHT / PIXELS
-"""Size of a pixel of the drawn image over its distance from the camera."""
+HEIGHT = 0.026  # of a label over its distance from the camera: 23 pixels of 720
+PIXELS = 54  # height of the drawn image, twice what the screen shows, so that it stays sharp
+SLOPE = HEIGHT / PIXELS  # size of a pixel of the drawn image over its distance from the camera
+GAP = 12  # pixels between the labelled point and the frame
+INK = "#1d2733"  # of the text, and of the line that leads to the labelled point
 
 ROWS = sorted(np.arange(-8.0, 8.5, 0.5).tolist(), key=lambda row: (abs(row), -row))
 """Heights of a label above the labelled point, over its own height, the nearest first."""

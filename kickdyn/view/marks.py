@@ -18,15 +18,11 @@ from kickdyn.core.validation import Array
 CURVE, ARROW, SHADOW = 0xE63946, 0x2456D6, 0x14301A
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
-
-SIDES = 8
-"""Of a tube that draws a curve."""
+SIDES = 8  # of a tube that draws a curve
+ROWS = 4  # triangles along the edge of a sector of the ball's panels
 
 SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
-
-ROWS = 4
-"""Triangles along the edge of a sector of the ball's panels."""
 
 UPRIGHT: Array = tf.rotation_matrix(math.pi / 2, (1, 0, 0))
 """Turns the axis of meshcat's cylinder, y, to z, which is the axis of a URDF's cylinder."""

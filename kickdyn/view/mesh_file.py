@@ -19,7 +19,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -32,8 +34,7 @@ MAX_BYTES = 50_000_000
 """Of a file, or of the scene that a file stands for: an STL file of a million triangles."""
 
 MAX_VERTICES = 3_000_000
-MAX_PARTS = 1000
-"""Surfaces with a material or a position of their own."""
+MAX_PARTS = 1000  # surfaces with a material or a position of their own
 
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -57,7 +58,7 @@ class Triangles:
     rgba: Array | None
 
 
-def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangles]:
+def read_mesh(filename: str, folder: Path, scale: ArrayLike | None = None) -> list[Triangles]:
     """Return the surfaces of a mesh that a URDF names, scaled by a number or by three.
 
     The name is relative to the URDF's folder, or `package://NAME/...`, also searched there; no file
@@ -89,15 +90,14 @@ def read_mesh(filename: str, folder: Path, scale: object = None) -> list[Triangl
     return parts
 
 
-def _stretch(filename: str, scale: object) -> Array:
+def _stretch(filename: str, scale: ArrayLike | None) -> Array:
     """Return the scale along each axis, shape `(3,)`."""
-    try:
-        stretch = np.broadcast_to(np.asarray(1.0 if scale is None else scale, dtype=float), 3)
-    except (TypeError, ValueError, OverflowError):
-        stretch = np.array([np.nan])
-    if not np.isfinite(stretch).all():
-        raise InvalidInput(f"mesh {filename!r} has scale {scale}: it must be one number or three")
-    return stretch
+    stretch = validation.floats(f"scale of mesh {filename!r}", 1.0 if scale is None else scale)
+    if stretch.shape not in ((), (1,), (3,)):
+        raise InvalidInput(
+            f"mesh {filename!r} has scale {stretch.tolist()}: it must be one number or three"
+        )
+    return np.broadcast_to(stretch, 3)
 
 
 def _parts(scene: Any, turn: Array) -> Iterator[Triangles]:

@@ -21,8 +21,7 @@ RATE = 60
 FOLLOW, CHANGE, FLY = 0.4, 0.6, 1.8
 """How long each phase is shown: after the impact, change of pace, flight [s]."""
 
-GROWING = 8
-"""Pictures from the impact to arrows of full length."""
+GROWING = 8  # pictures from the impact to arrows of full length
 
 TRAVEL = 0.6
 """How far the fastest joint swings, before and after the impact each [rad; m if prismatic]."""

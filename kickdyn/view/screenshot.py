@@ -13,8 +13,7 @@ from kickdyn.core.files import replacing
 from kickdyn.errors import InvalidInput, KickdynError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-TIMEOUT = 120.0
-"""How long Chromium may take [s]."""
+TIMEOUT = 120.0  # of Chromium [s]
 
 # The picture is drawn without a graphics processor, so that it is the same everywhere.
 _FLAGS = (

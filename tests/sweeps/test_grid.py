@@ -36,7 +36,7 @@ def test_default_stays_inside_every_range():
 
 def test_configurations_run_the_last_axis_fastest():
     small = grid(LEG, ["hip=0:10:10", "ankle=0:20:20"])
-    degrees = [np.degrees(q) for q in small.configurations(LEG)]
+    degrees = [np.degrees(small.configuration(LEG, number)) for number in range(small.size)]
     expected = [[0, 0, 0], [0, 0, 20], [10, 0, 0], [10, 0, 20]]
     assert np.array(degrees) == pytest.approx(np.array(expected))
     assert small.size == 4

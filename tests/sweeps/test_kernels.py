@@ -37,11 +37,11 @@ def agree(leg, kick, axes, planar=None, speeds=1e-12):
     """
     model, found = answers(leg, kick, axes, planar)
     seen = {"sticks": 0, "slips": 0, "doubt": 0}
-    for answer, q in zip(found.T, Grid(axes).configurations(leg), strict=True):
+    for number, answer in enumerate(found.T):
         if answer[DOUBT]:
             seen["doubt"] += 1
             continue
-        outcome = kick_from(leg.posture(q), kick)
+        outcome = kick_from(leg.posture(Grid(axes).configuration(leg, number)), kick)
         impact = outcome.impact
         size = np.linalg.norm(impact.impulse)
         assert np.linalg.norm(model.axes @ answer[: NORMAL + 1] - impact.impulse) < 1e-12 * size

@@ -22,9 +22,6 @@ mp = context(30)
 STEP = 0.2
 """Time step of the extrapolation [s]."""
 
-ORDER = 12
-"""Midpoint rules that one step extrapolates from, which makes it of order 24."""
-
 
 def landing(state: BallState, ball: Ball, air: Air) -> Array:
     """Return where a ball comes back to the height of its launch, shape `(3,)` [m], to 20 digits.
@@ -62,12 +59,12 @@ def landing(state: BallState, ball: Ball, air: Air) -> Array:
 
 
 def extrapolated(rates: Any, y: list[Any], step: Any) -> list[Any]:
-    """Return the states after one step of Gragg, Bulirsch and Stoer.
+    """Return the states after one step of Gragg, Bulirsch and Stoer, of order 24.
 
     Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.9.
     """
     table: list[list[Any]] = []
-    counts = [2 * (k + 1) for k in range(ORDER)]
+    counts = range(2, 26, 2)  # of the steps of twelve midpoint rules
     for k, count in enumerate(counts):
         h = step / count
         before, now = y, [a + h * b for a, b in zip(y, rates(y), strict=True)]

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 import xarray as xr
+from rich import progress as bars
+from rich.console import Console
 
 from kickdyn.air import AIRS
 from kickdyn.cli.named_legs import SHIPPED, load_leg
@@ -177,20 +179,11 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
     columns = (
-        TextColumn("postures"), BarColumn(8), TaskProgressColumn(show_speed=True),
-        TimeRemainingColumn(compact=True), TextColumn("{task.fields[best]}"),
+        bars.TextColumn("postures"), bars.BarColumn(8), bars.TaskProgressColumn(show_speed=True),
+        bars.TimeRemainingColumn(compact=True), bars.TextColumn("{task.fields[best]}"),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("sweep", total=size, best="starting (the first sweep compiles)")
         best = -math.inf
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numba
 import numpy as np
@@ -28,8 +27,6 @@ NODES, CHECKS = 8, 9
 
 DEPTH = 7
 """How often the rectangle of impulses is halved at most."""
-
-_tuple: Any = numba.types.UniTuple
 
 
 def launches(model: KernelModel, kick: Kick, impulse: Array) -> BallState:
@@ -100,8 +97,8 @@ class CarryTable:
             Which balls must be flown instead, shape `(n,)`.
         """
         to_fly = np.empty(len(normal), bool)
-        size = self._largest_impulse, self._largest_slope
-        self._evaluate(normal, tangent, size, self._index, self._patches, carry, to_fly)
+        largest, slope = self._largest_impulse, self._largest_slope
+        self._evaluate(normal, tangent, largest, slope, self._index, self._patches, carry, to_fly)
         return to_fly
 
     def _fit(self, corners: NDArray[np.int64], depth: int) -> tuple[Array, Array]:
@@ -138,9 +135,8 @@ class CarryTable:
         return np.asarray(np.where(flown.status.values == 0, flown.range.values, np.nan))
 
 
-def _evaluate(normal, tangent, size, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
+def _evaluate(normal, tangent, largest, slope, index, patches, carry, to_fly):  # type: ignore[no-untyped-def]
     """Fill in carries by Horner's scheme, and where there is no polynomial."""
-    largest, slope = size
     rows, columns = index.shape
     for i in range(len(normal)):
         share = normal[i] / largest
@@ -169,7 +165,6 @@ def _evaluate(normal, tangent, size, index, patches, carry, to_fly):  # type: ig
 def _compiled_evaluate() -> Callable[..., None]:
     """Return `_evaluate` in machine code."""
     vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
-    size = _tuple(numba.float64, 2)
-    flags = numba.boolean[::1]
-    signature = numba.void(vector, vector, size, index, patches, vector, flags)
+    number, flags = numba.float64, numba.boolean[::1]
+    signature = numba.void(vector, vector, number, number, index, patches, vector, flags)
     return compiled(_evaluate, signature, error_model="numpy")

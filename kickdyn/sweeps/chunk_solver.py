@@ -28,9 +28,6 @@ SLOW_CHUNK = 2048
 AGREEMENT = 1e-9
 """Relative difference between kernel and `kick_from` at which a sweep stops."""
 
-CARRY_AGREEMENT = 1e-7
-"""The same of carries, beside their tolerance: both are flown to 1e-9."""
-
 _CARRY = list(VARIABLES).index("carry")
 _CHECKED = ("effective_mass", "impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry")
 
@@ -60,7 +57,7 @@ class ChunkSolver:
         windy = kick.air is not None and callable(kick.air.wind)
         few = grid.size < KERNEL_FROM
         self._model = None if few or windy else KernelModel.of(leg, kick)
-        self.chunk = min(CHUNK, SLOW_CHUNK) if self._model is None else CHUNK
+        self.chunk = SLOW_CHUNK if self._model is None else CHUNK
         planar = self._model is not None and self._model.planar
         self.carry_tolerance = tolerance if planar and kick.air is not None else 0.0
         self._kernel: Callable[[int, int], Array] | None = None
@@ -138,9 +135,9 @@ class ChunkSolver:
         """Raise `KickdynError` where a posture of a chunk is not what `kick_from` computes."""
         row, _ = self._one(first + i)
         for k, name in enumerate(VARIABLES):
-            slack = (CARRY_AGREEMENT if k == _CARRY else AGREEMENT) * abs(row[k])
+            slack = AGREEMENT * abs(row[k])
             if k == _CARRY:  # a launch that is level but for rounding comes down at once
-                slack += self.carry_tolerance or 1e-9
+                slack = 1e-7 * abs(row[k]) + (self.carry_tolerance or 1e-9)
             if name in _CHECKED and not abs(rows[k, i] - row[k]) <= slack:
                 raise KickdynError(
                     f"posture {first + i}: the sweep has {name} {float(rows[k, i])!r}, a single "

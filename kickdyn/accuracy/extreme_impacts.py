@@ -246,8 +246,8 @@ FAMILIES: dict[str, Callable[[], Iterator[ExtremeKick]]] = {
 """By name of the family."""
 
 
-def judge(family: str, kick: ExtremeKick, samples: int = 3) -> ExtremeCase:
-    """Return how right kickdyn is about a kick; `samples` are those of `conditions`."""
+def judge(family: str, kick: ExtremeKick) -> ExtremeCase:
+    """Return how right kickdyn is about a kick."""
     try:
         impact = kick.impact()
     except KickdynError as error:
@@ -255,7 +255,7 @@ def judge(family: str, kick: ExtremeKick, samples: int = 3) -> ExtremeCase:
     structure, scene = given(impact)
     exact = exact_impact(structure, scene)
     found = answers(impact)
-    allowed = conditions(structure, scene, exact, 1 if len(impact.v_after) > 10 else samples)
+    allowed = conditions(structure, scene, exact, 1 if len(impact.v_after) > 10 else 3)
     errors = {name: exact[name].error(value) for name, value in found.items()}
     claims = dict.fromkeys(found, impact.digits)
     claims |= dict.fromkeys(("effective mass", "foot velocity"), FULL)

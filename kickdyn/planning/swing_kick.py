@@ -23,15 +23,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.planning.casadi_chain import CasadiChain
 from kickdyn.planning.kick_cost import KickObjective
 from kickdyn.planning.kick_program import FEASIBLE, KickProgram, KickSolution
-from kickdyn.planning.stop_problem import (
-    EAGER,
-    OPTIONS,
-    SHORT,
-    Stop,
-    StopEquations,
-    StopSolution,
-    StopSolver,
-)
+from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
 from kickdyn.robot.leg import Posture
 
@@ -96,7 +88,9 @@ def solve_with_swing(
         kept += [] if one is None else [one]
         if one is not None and one.kick.share >= best.kick.share - 1e-6:
             break
-    best = max(kept, key=lambda one: one.kick.share) if kept else coarse.slow_down(best)
+    if not kept:
+        raise InvalidInput(f"{program.leg.name} finds no swing that keeps its torque limits")
+    best = max(kept, key=lambda one: one.kick.share)
     return best.kick, best.phases
 
 
@@ -177,23 +171,6 @@ class _SwingKickProblem:
                 return one
             near, slack = one, slack + min(one.excess + LEFT / 2, 0.1)
         return None
-
-    def slow_down(self, near: SwingKick) -> SwingKick:
-        """Return a kick from the same posture, at the speed from which it can be stopped."""
-        kick, solver = near.kick, StopSolver(self._symbols, self._chain, GRIDS[-1][0])
-        q, v = kick.posture.q[self._program.qs], kick.v[self._program.vs]
-        velocities = (-v, v + self._jump(kick.posture, kick.share))
-        share, found = 1.0, list[tuple[SwingPhase, StopSolution]]()
-        for _ in range(2):  # once more for both, at the share of the slower
-            found = []
-            for phase, away in zip(near.phases, velocities, strict=True):
-                stop = Stop(phase.sign, q, away, None, LONGEST)
-                found.append(solver.find(stop, share, phase))
-                share = found[-1][1].share
-            if found[0][1].share == share:
-                break
-        slow = KickSolution(kick.posture, share * kick.v, share * kick.share, 0.0)
-        return SwingKick(slow, (found[0][0], found[1][0]))
 
     def guess(self, q: Array) -> Array:
         """Return unknowns to start from, with even decelerations to a posture and from it."""

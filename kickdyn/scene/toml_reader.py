@@ -201,10 +201,8 @@ class _Builder:
     def _air(self) -> Air:
         """Return the air, without the effects that are not named."""
         air = self._section("air")
-        weather = [air.read(key) for key in ("altitude_m", "temperature_c", "pressure_pa")]
-        here = (
-            Air.paper() if air.read("model") == "paper" else Air.at(weather[0] or 0.0, *weather[1:])
-        )
+        height, *weather = (air.read(k) for k in ("altitude_m", "temperature_c", "pressure_pa"))
+        here = Air.paper() if air.read("model") == "paper" else Air.at(height or 0.0, *weather)
         models = {kind: air.get(kind) for kind in ("drag", "lift", "torque")}
         wind, buoyancy = air.get("wind_m_s", (0.0, 0.0, 0.0)), air.get("buoyancy", False)
         return Air(here.density, here.viscosity, wind, **models, buoyancy=buoyancy)

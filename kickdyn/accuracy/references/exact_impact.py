@@ -26,9 +26,6 @@ NUDGE = mp.mpf(10) ** -(DIGITS // 2)
 
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny
 
-DIRECTIONS = 180
-"""In which sliding is looked for: each change of sign between two of them becomes a root."""
-
 
 @dataclass(frozen=True)
 class Quantity:
@@ -181,9 +178,8 @@ def coulomb(
 
 
 def roots(function: Callable[[Any], Any]) -> list[Any]:
-    """Return the angles at which a smooth function of the angle changes its sign."""
-    step = 2 * mp.pi / DIRECTIONS
-    angles = [(k + mp.mpf(1) / 3) * step for k in range(DIRECTIONS + 1)]
+    """Return the angles at which a smooth function changes its sign between two of 180 angles."""
+    angles = [(k + mp.mpf(1) / 3) * 2 * mp.pi / 180 for k in range(181)]
     values = [function(angle) for angle in angles]
     # made large, for the search ends at once where a function is below its tolerance
     large = mp.mpf(10) ** 600 / (max(abs(value) for value in values) or 1)

@@ -78,9 +78,9 @@ def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
     bodies += f'<geom type="box" size="1 1 0.1" quat="{quaternion(face)}" '
     bodies += f'pos="{row(impact.posture.contact_lever - 0.1 * normal)}"/>'
     d = 0.9999  # MuJoCo's largest impedance
-    friction = (
-        'condim="1"' if contact.friction == 0 else f'condim="3" friction="{contact.friction} 0 0"'
-    )
+    friction = 'condim="1"'
+    if contact.friction:
+        friction = f'condim="3" friction="{contact.friction} 0 0"'
     return f"""<mujoco>
   <option gravity="0 0 0" timestep="{dt!r}" cone="elliptic" impratio="100" tolerance="1e-14"/>
   <default><geom {friction} solref="{-rate!r} {-damping!r}" solimp="{d} {d} 1 0.5 1"/></default>

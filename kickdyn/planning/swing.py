@@ -155,7 +155,7 @@ def plan_swing(
 
     Args:
         leg: that was planned for, or one that differs from it in limits only.
-        plan: by `plan_kick`; `swing=True` there leaves room to swing.
+        plan: by `plan_kick`; `swing=True` there finds a kick that can swing.
         objective: `torque-squared`, :math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt`; or
             `time`, the sum of both durations.
         longest: duration of either phase [s].
@@ -189,7 +189,7 @@ def plan_swing(
     known = plan.phases or (None, None)
     found, share, limit = [], 1.0, ""
     for stop, near in zip(stops, known, strict=True):
-        _check_room(chain, leg, stop)
+        _check_stoppable(chain, leg, stop)
         found.append(solver.find(stop, share, near))
         solved = found[-1][1]
         if solved.share < share:
@@ -244,11 +244,11 @@ def _checked_rest(chain: KickingChain, leg: Leg, name: str, q: ArrayLike | None)
     return rest
 
 
-def _check_room(chain: KickingChain, leg: Leg, stop: Stop) -> None:
+def _check_stoppable(chain: KickingChain, leg: Leg, stop: Stop) -> None:
     """Refuse what no torque can stop, with the joint's name, which the solver would not give."""
-    room = np.where(stop.v > 0, chain.upper - stop.q, stop.q - chain.lower)
+    distance = np.where(stop.v > 0, chain.upper - stop.q, stop.q - chain.lower)
     fast = np.abs(stop.v) / chain.velocity_limit
-    stuck = (room <= 1e-9) & (fast > 1e-6)
+    stuck = (distance <= 1e-9) & (fast > 1e-6)
     if not stuck.any():
         return
     worst = int(np.argmax(np.where(stuck, fast, 0.0)))
@@ -256,6 +256,6 @@ def _check_room(chain: KickingChain, leg: Leg, stop: Stop) -> None:
     unit = leg.joint_unit(name)
     raise InvalidInput(
         f"there is no swing to this kick; {stop.name}: {name} is at the end of its range "
-        f"({stop.q[worst]:.4g} {unit}) and moves on at {speed:.4g} {unit}/s; "
-        "plan_kick(..., swing=True) leaves room"
+        f"({round(float(stop.q[worst]), 9) + 0.0:.4g} {unit}) and moves on at {speed:.4g} {unit}/s; "
+        "plan_kick(..., swing=True) finds a kick that can stop"
     )

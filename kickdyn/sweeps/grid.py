@@ -203,7 +203,9 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
             "swept, take a larger step"
         )
     values = np.minimum(low + step * np.arange(math.floor(intervals) + 1), high)
-    return name, values if leg.joint_unit(name) == "m" else np.radians(values)
+    values = values if leg.joint_unit(name) == "m" else np.radians(values)
+    _check_range(leg, name, values, "swept")
+    return name, values
 
 
 def _default_postures(leg: Leg) -> dict[str, Array]:

@@ -253,9 +253,9 @@ def _check_stoppable(chain: KickingChain, leg: Leg, stop: Stop) -> None:
         return
     worst = int(np.argmax(np.where(stuck, fast, 0.0)))
     name, speed = chain.names[worst], abs(float(stop.v[worst]))
-    unit = leg.joint_unit(name)
+    q, unit = round(float(stop.q[worst]), 9) + 0.0, leg.joint_unit(name)
     raise InvalidInput(
-        f"there is no swing to this kick; {stop.name}: {name} is at the end of its range "
-        f"({round(float(stop.q[worst]), 9) + 0.0:.4g} {unit}) and moves on at {speed:.4g} {unit}/s; "
+        f"there is no swing to this kick; {stop.name}: {name} is at the end of its range ({q:.4g} "
+        f"{unit}) and moves on at {speed:.4g} {unit}/s; "
         "plan_kick(..., swing=True) finds a kick that can stop"
     )

@@ -119,29 +119,11 @@ def fill_variables(
     Returns:
         Which postures are doubtful: those that the kernel marks, and what is not finite.
     """
-    ball, (nx, _, nz) = kick.ball, kick.direction
-    with np.errstate(all="ignore"):  # of doubtful postures
-        # no matrix product: it might round otherwise where it is cut for other threads
-        x, y, z = (
-            row[0] * answer[TANGENT] + row[1] * answer[ACROSS] + row[2] * answer[NORMAL]
-            for row in model.axes
-        )
-        size, effective_mass = np.sqrt(x * x + y * y + z * z), 1.0 / answer[MOBILITY]
-        rows[:10] = (
-            effective_mass,
-            size,
-            (1.0 + kick.restitution) * kick.speed * effective_mass,
-            size / ball.mass,
-            size / ball.mass / kick.speed,
-            np.arctan2(z, np.sqrt(x * x + y * y)),
-            0.0 - (z * nx - x * nz) * (ball.radius / ball.inertia),
-            answer[WORST],
-            answer[LOST],
-            answer[USE],
-        )
-        rows[11:] = answer[RESTITUTION : MOMENTUM + 1]
-        status[:] = answer[USE] > 1.0
-        return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer).all(axis=0))
+    doubtful = np.empty(len(status), bool)
+    ball = kick.ball
+    scalars = kick.speed, kick.restitution, ball.mass, ball.radius / ball.inertia
+    _compiled_fill()(answer, model.axes, scalars, rows, status, doubtful)
+    return doubtful
 
 
 def _motion(values: Array, slide: bool) -> NDArray[np.float64]:
@@ -265,3 +247,36 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
         numba.int64, three, five, numba.boolean, matrix,
     )  # fmt: skip
     return compiled(variant, signature, **OPTIONS)
+
+
+def _fill(found, axes, scalars, rows, status, doubt):  # type: ignore[no-untyped-def]
+    """Fill in variables, status and doubt; scalars are v, e, m_B and r over I."""
+    speed, e, mass, turn = scalars
+    nx, ny, nz = axes[0, 2], axes[1, 2], axes[2, 2]
+    for i in range(found.shape[1]):
+        a, b, c = found[TANGENT, i], found[ACROSS, i], found[NORMAL, i]
+        px = axes[0, 0] * a + axes[0, 1] * b + nx * c
+        py = axes[1, 0] * a + axes[1, 1] * b + ny * c
+        pz = axes[2, 0] * a + axes[2, 1] * b + nz * c
+        size = math.sqrt(px * px + py * py + pz * pz)
+        effective_mass = 1.0 / found[MOBILITY, i]
+        rows[0, i], rows[1, i] = effective_mass, size
+        rows[2, i] = (1.0 + e) * speed * effective_mass
+        rows[3, i], rows[4, i] = size / mass, size / mass / speed
+        rows[5, i] = math.atan2(pz, math.sqrt(px * px + py * py))
+        rows[6, i] = 0.0 - (pz * nx - px * nz) * turn
+        rows[7, i], rows[8, i], rows[9, i] = found[WORST, i], found[LOST, i], found[USE, i]
+        rows[11, i], rows[12, i] = found[RESTITUTION, i], found[MOMENTUM, i]
+        status[i] = 1 if found[USE, i] > 1.0 else 0
+        total = 0.0
+        for k in range(found.shape[0]):
+            total += 0.0 * found[k, i]  # nan if one of them is not finite
+        doubt[i] = found[DOUBT, i] != 0.0 or total != 0.0
+
+
+@cache
+def _compiled_fill() -> Callable[..., None]:
+    """Return `_fill` in machine code."""
+    matrix, four = numba.float64[:, ::1], _tuple(numba.float64, 4)
+    flags, doubts = numba.int8[::1], numba.boolean[::1]
+    return compiled(_fill, numba.void(matrix, matrix, four, matrix, flags, doubts))

@@ -147,7 +147,7 @@ class Air(ValueEquality, ReprMixin):
         pressure: float | None = None,
         **options: Any,
     ) -> Air:
-        """Return dry air at an altitude; what is not named is that of the standard atmosphere.
+        """Return dry air at an altitude; values left out are those of the standard atmosphere.
 
         Args:
             altitude: above the sea [m], -1000 to 11000.

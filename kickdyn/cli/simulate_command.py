@@ -44,7 +44,7 @@ def simulate(scene_file: str, tolerance: float, exact: bool, json_file: str | No
 
 
 def _document(answer: Simulation) -> dict[str, Any]:
-    """Return the numbers of the answer; what is not known is null."""
+    """Return the numbers of the answer; a number that is not finite is null."""
     return {
         "scene": answer.scene.name,
         "tolerance": answer.tolerance,

@@ -25,7 +25,7 @@ from kickdyn.flight.forces import brakes, downward, forces
 
 _PER_DECADE, _DECADES = 8, 3
 _FARTHEST = 15
-"""Reynolds numbers from 1e-15 to 1e15 are told apart here."""
+"""The drag length is tabulated for Reynolds numbers from 1e-15 to 1e15."""
 
 
 class FlightEquations:
@@ -57,10 +57,10 @@ class FlightEquations:
         return [vx, vy, vz, ax, ay, az, -k * left if self._brakes else 0.0]
 
     def count_changing(self) -> int:
-        """Return how many of the seven states change from the launch on."""
+        """Return how many of the seven states change from the launch on, at least 1."""
         rates = np.array(self.rates(0.0, self.begin))
         axes = (self.begin[3:6] != 0.0) | (rates[3:6] != 0.0)
-        return 2 * int(axes.sum()) + bool(self._brakes)
+        return max(2 * int(axes.sum()) + bool(self._brakes), 1)
 
 
 def tolerances(

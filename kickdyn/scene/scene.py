@@ -61,7 +61,7 @@ class Scene(ReprMixin):
         ground: where the flight ends; None ends it at the height of the launch. On a ground with a
             surface the ball is followed to rest.
         plane: a wall or a goal line that ends the path if the ball reaches it first.
-        uncertainty: standard deviations of what is not known exactly, by the names and in the
+        uncertainty: standard deviations of uncertain quantities, by the names and in the
             units of `Impact.uncertainty`.
         name: of the scene.
 

@@ -117,7 +117,7 @@ def fill_variables(
         status: flags, filled in.
 
     Returns:
-        Which postures are doubtful: those that the kernel marks, and what is not finite.
+        Which postures are doubtful: the kernel marks them, or an answer is not finite.
     """
     doubtful = np.empty(len(status), bool)
     ball = kick.ball

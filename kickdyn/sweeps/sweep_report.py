@@ -51,7 +51,7 @@ class ReportLine:
     explanation: str = ""
 
     def as_json(self) -> dict[str, object]:
-        """Return plain values; what does not exist is None, not nan."""
+        """Return plain values, with None for nan."""
         impact = self.outcome.impact
         return {
             "posture": self.label,

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 from chains import in_units
+from extremes import extreme_impacts
+from extremes.extreme_impacts import BENT, SPEEDS, USUAL, chain
 
 import kickdyn as kd
-from kickdyn.accuracy import extreme_impacts
-from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, USUAL, chain
 from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 LEG = kd.Leg.human()

@@ -18,6 +18,7 @@ class BareContact:
     restitution: float
     friction: float
     normal: np.ndarray
+    ball: kd.Ball = kd.Ball()  # only asked whether it can move
 
     def delassus(self):
         return self.matrix

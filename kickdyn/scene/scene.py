@@ -105,6 +105,7 @@ class Scene(ReprMixin):
     ) -> None:
         validation.check_type(Leg, leg=leg)
         validation.check_type(Ball, ball=ball)
+        ball.check_movable("a scene")
         validation.check_type(Contact, contact=contact)
         validation.check_type(Air, air=air, optional=True)
         validation.check_type(Ground, ground=ground, optional=True)

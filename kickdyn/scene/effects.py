@@ -27,8 +27,8 @@ class Effect:
         bound: how far neglecting it can move the end of the flight [m]; None where it is not
             bounded, because it costs no time to model.
         reason: why the bound holds.
-        through: names of the effects that this one acts through: where all of them are neglected, so
-            is this one, and their bounds hold with it and without.
+        through: names of the effects that this one acts through: where all of them are neglected,
+            so is this one, and their bounds hold with it and without.
     """
 
     name: str

@@ -17,7 +17,7 @@ from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
-from kickdyn.flight.ground_motion import bounce, roll, slide
+from kickdyn.flight.ground_motion import bounce, slide
 from kickdyn.ground import Surface
 from kickdyn.scene.scene import FlightEnvironment
 
@@ -49,8 +49,8 @@ def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) ->
 
     Flights are integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the
     time that a flight would take in a vacuum; rolling is a quadrature. The error shows when the
-    number of steps is doubled. A plane that the ball reaches sliding or rolling is left to the
-    exact integrators.
+    number of steps is doubled. A ball that rolls in the wind, or that reaches a plane sliding or
+    rolling, is left to the exact integrators.
     """
     ball, _, ground, _ = environment
     surface = None if ground is None else ground.surface
@@ -217,22 +217,16 @@ def _crossing(
 def _roll_out(
     state: BallState, environment: FlightEnvironment, surface: Surface, steps: int, clock: float
 ) -> tuple[BallState | None, int]:
-    """Return the ball at rest, after it slid and rolled, and the evaluations.
+    """Return the ball at rest, after it slid and rolled in still air, and the evaluations.
 
-    None where the wind keeps it rolling, or it reaches a plane.
+    None where there is wind, or where it may reach a plane.
     """
     ball, air, _, plane = environment
+    if air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any()):
+        return None, 0
     sliding = slide(state, ball, air, surface)
     if sliding is not None:
         state, clock = sliding.end, clock + sliding.duration
-    windy = air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any())
-    if windy:
-        if plane is not None:
-            return None, 0
-        # with the cube of the steps, so that what is missed shows when their number is doubled
-        rolling = roll(state, ball, air, surface, max(1e-9 * (4.0 / steps) ** 3, 1e-13))
-        end = BallState(rolling.end.position, (0, 0, 0), (0, 0, 0), clock + rolling.duration)
-        return (None if rolling.blown else end), rolling.evaluations
     place, duration, evaluations = _straight_roll(state, environment, surface, steps)
     if plane is not None:
         try:

@@ -600,10 +600,10 @@ class Workspace(threading.local):
         model: the leg's model, for an impact without gravity; read only.
         data: `pin.Data` of that model.
         external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
-        pushes: view of `external`, shape `(njoints, 6)`, the universe included.
+        external_wrenches: view of `external`, shape `(njoints, 6)`, the universe included.
         placements: views of `data.oMi`, the universe included.
         forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
-        still: no velocity, shape `(nv,)`.
+        zero_velocity: of all joints, shape `(nv,)`.
     """
 
     def __init__(self, model: Any) -> None:
@@ -611,10 +611,10 @@ class Workspace(threading.local):
         self.data = pin.Data(model)  # createData makes two for a while, n^3 numbers each
         self.external = pin.StdVec_Force()
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        self.pushes = _stacked(self.external)
+        self.external_wrenches = _stacked(self.external)
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
         self.forces = _stacked(self.data.f)[1:]
-        self.still: Array = np.zeros(model.nv)
+        self.zero_velocity: Array = np.zeros(model.nv)
 
 
 def _stacked(forces: Any) -> Array:

@@ -159,7 +159,7 @@ def scene_numbers(simulation: Simulation, impact: Impact) -> dict[str, Any]:
         "time": float(end.time),
         "error": _finite(simulation.error),
         "warnings": list(simulation.warnings),
-        "left_out": bounds,
+        "neglected": bounds,
     }
 
 

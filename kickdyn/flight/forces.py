@@ -124,7 +124,7 @@ def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
     else:
         root = math.hypot(rise_speed, math.sqrt(fallen))  # speeds below 1e-154 have no square
     if rise_speed < 0.0:
-        return 2.0 * drop / (root - rise_speed)  # Eq. (24), without cancellation
+        return 2.0 * drop / (root - rise_speed)  # root of Eq. (25), without cancellation
     return (rise_speed + root) / g if g > 0.0 else math.inf
 
 

@@ -1,4 +1,4 @@
-"""All items of the paper, in its order."""
+"""All items of the paper, in its order; its inputs are last."""
 
 from __future__ import annotations
 
@@ -49,7 +49,6 @@ class Section:
 
 
 SECTIONS = (
-    Section("Tables 1, 3, 6", inputs.items),
     Section("Fig. 1", fig_1.items, draw=fig_1.draw),
     Section("Table 2", table_2.items, draw=table_2.draw, also="Fig. 7"),
     Section("Fig. 8", fig_8.items, fig_8.varying, fig_8.draw, fig_8.flights),
@@ -57,6 +56,7 @@ SECTIONS = (
     Section("Fig. 10/11", fig_10.items, fig_10.varying, fig_10.draw, fig_10.flights),
     Section("Fig. 13-15", fig_15.items, fig_15.varying, fig_15.draw),
     Section("Tables 4-5", tables_4_5.items, tables_4_5.varying),
+    Section("Tables 1, 3, 6", inputs.items),
 )
 
 

@@ -121,7 +121,7 @@ def find_model(
     """
     if choice is None or callable(choice):
         return choice
-    if isinstance(choice, Real) and not isinstance(choice, bool) and math.isfinite(choice):
+    if isinstance(choice, Real) and not isinstance(choice, bool) and abs(choice) < 1e30:
         raise InvalidInput(
             f"{kind} model is the number {float(choice):g}: pass "
             f"kickdyn.aerodynamics.drag.constant({float(choice):g}) for a coefficient that is the "

@@ -91,5 +91,5 @@ def _document(simulation: Simulation) -> dict[str, Any]:
         "time": float(end.time),
         "error": finite(simulation.error),
         "warnings": list(simulation.warnings),
-        "left_out": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
+        "neglected": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
     }

@@ -16,9 +16,9 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
-from kickdyn.flight.equations import tolerances
+from kickdyn.flight.equations import MAX_SPEED, tolerances
 from kickdyn.flight.flight_result import FlightStatus, outside_ranges
-from kickdyn.flight.fly import MAX_SPEED, check_scene, drops
+from kickdyn.flight.fly import check_scene, drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
 from kickdyn.ground import Ground

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -45,6 +45,7 @@ class Course(ReprMixin):
     flights: tuple[Flight, ...]
     bounces: tuple[BallState, ...]
     ground_phases: tuple[GroundPhase, ...]
+    _follow_again: Callable[[], Course] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
@@ -57,6 +58,10 @@ class Course(ReprMixin):
 
     def _picture(self) -> str:
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
+
+    def __reduce__(self) -> tuple[Callable[[], Course], tuple[()]]:
+        """Pickle what was followed; unpickling follows it again, to the same last bit."""
+        return self._follow_again, ()
 
     @property
     def launch(self) -> BallState:
@@ -127,6 +132,7 @@ def follow(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
+    max_step: float | None = None,
 ) -> Course:
     """Let a ball fly, bounce and roll until it rests.
 
@@ -139,6 +145,7 @@ def follow(
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends it all, flying, sliding or rolling.
         time_limit: of every flight, and of rolling [s].
+        max_step: of every flight, as for `fly`.
 
     Raises:
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
@@ -147,11 +154,11 @@ def follow(
     check_launch(state, ball, air, ground, plane)
     if ground is None:
         ground = Ground(float(state.position[2]) - ball.radius, "turf")
-    surface = ground.surface
+    start, surface = state, ground.surface
     if not isinstance(surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
-                         time_limit=time_limit)  # fmt: skip
+                         time_limit=time_limit, max_step=max_step)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
     if status is None:
@@ -159,7 +166,9 @@ def follow(
         phases = _grounded(state, ball, air, surface, tol, plane, time_limit)
         status = FlightStatus.AT_PLANE if phases[-1].at_wall else FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
-    return Course(status, tuple(flights), tuple(bounces), tuple(phases))
+    again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
+                    max_step=max_step)  # fmt: skip
+    return Course(status, tuple(flights), tuple(bounces), tuple(phases), again)
 
 
 def _bouncing(

@@ -126,7 +126,8 @@ def find_approach(
     position = posture.contact_point + ball.radius * contact.normal
     before = BallState.computed(position, velocity, spin)
     # `dot` because `@` takes twice as long on three numbers.
-    if math.hypot(*v.tolist()) < MAX_SPEED:
+    joint_speed = math.hypot(*v.tolist())
+    if joint_speed < MAX_SPEED:
         foot_velocity = posture.jacobian.dot(v)
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
@@ -139,7 +140,9 @@ def find_approach(
         raise InvalidInput(
             f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"
         )
-    if speed < 1e-9 * (math.sqrt(np.vdot(v, v)) + fastest):  # few of its digits may be left
+    # A bound on the rounding, in any units, which takes less time to compute.
+    reach = math.sqrt(np.vdot(posture.jacobian, posture.jacobian))
+    if speed < 1e-14 * (reach * joint_speed + fastest + ball_speed):
         rounding = approach.speed_rounding()
         if speed <= 4.0 * rounding:
             raise NoImpact(

@@ -203,7 +203,7 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
             "the impact of this Simulation takes time, or it has no path: show its Scene instead"
         )
     caption = caption or scene.name
-    if simulation.left_out:
+    if simulation.neglected:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
         caption += f", its contact shown as an instant: it ends {error}"

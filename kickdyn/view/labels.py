@@ -91,7 +91,7 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
 
     def _reach(self) -> Array:
         """Return half the size of the image, which contains point and frame [pixels]."""
-        return np.abs(self.centre) + self.half + (3, 0)
+        return np.asarray(np.abs(self.centre) + self.half + (3, 0))
 
 
 class LabelLayout:

@@ -64,7 +64,9 @@ def test_the_largest_arrow_is_as_long_as_three_balls_or_half_the_leg(scene, kick
     said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands]
     drawn = {c["path"]: c["object"] for c in said if c["type"] == "set_object"}
     shaft, head = (drawn[f"/meshcat/arrow/{part}"]["geometries"][0] for part in ("shaft", "head"))
-    hip, knee, ankle = (pose[:3, 3] for pose in joint_poses(kick[0].posture.leg, kick[0].posture.q)[1:])
+    hip, knee, ankle = (
+        pose[:3, 3] for pose in joint_poses(kick[0].posture.leg, kick[0].posture.q)[1:]
+    )
     extent = np.ptp([hip, knee, ankle, kick[0].ball_after.position], axis=0)
     size = np.linalg.norm(extent + 2 * kick[1].radius)
     longest = max(3.2 * kick[1].radius, 0.45 * size)

@@ -117,7 +117,7 @@ def shipped_urdf(name: str) -> Path:
 
 def check_base(base: str) -> None:
     """Raise `InvalidInput` for a base that is neither fixed nor floating."""
-    if base not in ("fixed", "floating"):
+    if not isinstance(base, str) or base not in ("fixed", "floating"):
         raise InvalidInput(f"base is {base!r}: it must be fixed or floating")
 
 

@@ -182,6 +182,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Stay silent, as a library does."""
 
 
+@validation.check_arguments
 def page(
     subject: _MovingSubject | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     path: _Path | None = None,
@@ -209,6 +210,8 @@ def page(
             visual of its URDF cannot be read or names a mesh that is missing or lies outside the
             URDF's folder; or a swing does not reach its impact.
     """
+    for box in scenery:
+        validation.check_type(Box, scenery=box)
     if path is not None and not isinstance(subject, Impact):
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"

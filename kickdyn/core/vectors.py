@@ -1,4 +1,4 @@
-"""Gravity, and three-vectors as Python's floats: numpy takes several times as long on so few.
+"""Three-vectors as Python's floats: numpy takes several times as long on so few.
 
 For stacks of vectors there is `np.cross`, for the matrix of a cross product `pin.skew`.
 """
@@ -10,9 +10,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from kickdyn.core.validation import Array
-
-GRAVITY = 9.81
-"""Acceleration of gravity along -z of the world frame [m/s2], of flights, torques and legs."""
 
 Triple = tuple[float, float, float]
 

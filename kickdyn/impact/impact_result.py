@@ -110,7 +110,7 @@ class Impact(ReprMixin):
     @cached_property
     def effective_mass(self) -> float:
         r"""Mass :math:`1 / (n^T J M^{-1} J^T n)` of the leg along the normal [kg], or inf."""
-        return self.posture.mass_along(self.contact.normal)
+        return self.posture.effective_mass(self.contact.normal)
 
     @property
     def condition(self) -> float:

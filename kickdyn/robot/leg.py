@@ -473,11 +473,7 @@ class Posture(ReprMixin):
         Raises:
             InvalidInput: the normal has length 0.
         """
-        return self.mass_along(validation.direction("normal", normal))
-
-    def mass_along(self, unit: ArrayLike) -> float:
-        """Return `effective_mass` along a vector that is known to have length 1."""
-        row = validation.vector("unit", unit, 3).dot(self.delassus_factor())
+        row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
 

@@ -21,8 +21,8 @@ import numpy as np
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kickdyn.air import Air
-from kickdyn.core.vectors import GRAVITY
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.paper.assumptions import BALL
 from kickdyn.paper.item import Item, Verdict, near
 from kickdyn.robot.leg import Leg

@@ -16,10 +16,10 @@ TOLERANCE = 1e-12
 
 
 def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01) -> list[Posture]:
-    r"""Follow the one-parameter family of postures that share a contact point (Fig. 1 of the paper).
+    r"""Follow the postures that share a contact point, a family of one parameter.
 
-    Each step goes along the null space of the contact point's Jacobian, :math:`J \dot q = 0`, and is
-    then corrected back to the point to `TOLERANCE`.
+    Each step goes along the null space of the contact point's Jacobian, :math:`J \dot q = 0`, and
+    is then corrected back to the point. Fig. 1 of the paper has two such postures.
 
     Args:
         leg: with one joint more than its contact point has directions to move in.

@@ -130,7 +130,7 @@ FAMILIES = {
 
 
 def shortfalls(family, seed):
-    """Return error times 10^digits of the impulse and of each joint: above 1, the claim is false."""
+    """Return error times 10^digits of impulse and joints, above 1 if the claim is false."""
     rng = np.random.default_rng([list(FAMILIES).index(family), seed])
     while True:
         try:

@@ -27,7 +27,7 @@ def test_redundant_supports_claim_a_finite_number_of_digits():
     hit = kd.strike(*kick, **motion)
     assert 10 < hit.digits < 15
     assert hit.joint_digits.shape == (len(leg.joint_names),)
-    assert (hit.joint_digits <= hit.digits + 3).all() and hit.joint_digits.max() > 10
+    assert 10 < hit.joint_digits.max() < 15
 
 
 def test_digits_are_those_of_float64():

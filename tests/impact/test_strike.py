@@ -154,9 +154,10 @@ def test_an_obstacle_is_the_limit_of_heavy_balls(law, friction, seed):
     assert hit.v_after == pytest.approx(heavy.v_after, rel=1e-7, abs=1e-8)
     assert hit.energy_lost == pytest.approx(heavy.energy_lost, rel=1e-7, abs=1e-9)
     assert hit.sticking == heavy.sticking
-    assert not hit.ball_after.velocity.any() and not hit.ball_after.spin.any()
+    assert not hit.ball_after.velocity.any()
+    assert not hit.ball_after.spin.any()
     if law == "newton":
-        assert np.isfinite(hit.digits) and hit.digits > 10
+        assert hit.digits > 10
         slopes = hit.sensitivity().impulse["v"] @ v
         assert slopes == pytest.approx(hit.impulse, abs=1e-8 * size)  # linear in v
 

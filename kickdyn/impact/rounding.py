@@ -39,8 +39,8 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     r"""Estimate which shares of the impulses are rounding.
 
     Three things carry rounding: the relative velocity u, whose terms may cancel; the Jacobian, to
-    which each joint adds its motion times the length of the links from there on; and the
-    joint-space inertia, or articulated bodies. With the leg's responses x to unit impulses along contact axes,
+    which each joint adds its motion times the length of the links from there on; and M, or
+    articulated bodies. With the leg's responses x to unit impulses along contact axes,
     they change the velocity after the impact by at most :math:`\delta = \Delta G\,|p| + \Delta u`,
     and this changes the impulse by :math:`|C|\,\delta` with the derivative C of the contact law.
 

@@ -27,6 +27,10 @@ LOOKS = 64
 """Places where the lowest point of a flight is looked for."""
 
 
+MOST_EVALUATIONS = 10_000
+"""Evaluations of the accelerations after which a flight is given up; most take 100 to 500."""
+
+
 class Trajectory(NamedTuple):
     """A flight to a time, and its derivatives by launch velocity, then by the spin's size.
 
@@ -155,7 +159,13 @@ class ShootingProblem:
         acting = self._acting
         assert acting is not None
 
+        evaluations = 0
+
         def rates(_: float, flat: Array) -> list[float]:
+            nonlocal evaluations
+            evaluations += 1
+            if evaluations > MOST_EVALUATIONS:
+                raise ArithmeticError
             result: list[float] = []
             values = flat.tolist()
             for lane, (wx, wy, wz) in enumerate(turning):

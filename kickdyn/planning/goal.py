@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 
 CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}
@@ -125,11 +125,9 @@ class Goal(ReprMixin):
         for name in ("time", "apex", "speed"):
             value, unit = named[name], CONDITIONS[name]
             if value is not None:
-                limits = (
-                    {"at_least": 1e-6, "at_most": 1e3}
-                    if name == "time"
-                    else {"above": 0, "at_most": 1e6}
-                )
+                limits: dict[str, float] = {"above": 0, "at_most": 1e6}
+                if name == "time":
+                    limits = {"at_least": 1e-6, "at_most": 1e3}
                 value = validation.number(name, value, **limits, unit=unit)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "over", _checked_point("over", over, level))

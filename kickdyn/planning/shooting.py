@@ -18,7 +18,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import GRAVITY
-from kickdyn.flight.forces import downward, forces, is_ballistic
+from kickdyn.flight.forces import acceleration_function, downward, is_ballistic
 
 NUDGE = 1e-6
 """Change of an unknown of the launch, over `ShootingProblem.sizes`."""
@@ -124,7 +124,7 @@ class ShootingProblem:
     ) -> None:
         self.tol = tol
         self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
-        self._acting = None if air is None else forces(ball, air)
+        self._acting = None if air is None else acceleration_function(ball, air)
         self._gravity = np.array([0.0, 0.0, -downward(ball, air)])
 
     def with_tolerance(self, tol: float) -> ShootingProblem:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.core.vectors import GRAVITY
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.flight.forces import time_to_fall
 from kickdyn.scene.coarse_flight import State, coarse_path, drop_below, refuses_extrapolation
 from kickdyn.scene.scene import FlightEnvironment
@@ -103,7 +103,7 @@ class Envelope:
         The paths part until the later one ends, and that one goes on after the other has ended.
 
         Args:
-            acceleration: that is left out [m/s2].
+            acceleration: that is neglected [m/s2].
             launch_error: how far the launch is off.
         """
         if self.end is None or not math.isfinite(self.time):

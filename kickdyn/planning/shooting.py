@@ -16,8 +16,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.flight.forces import acceleration_function, downward, is_ballistic
 
 NUDGE = 1e-6

@@ -20,7 +20,7 @@ SMALLEST = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Ball(ReprMixin):
-    """A ball, by default a thin spherical shell, the paper's Eq. (22).
+    """A ball, by default a thin spherical shell, as the paper's (after Eq. 23).
 
     The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
     (IFAB, Laws of the Game 2023/24, Law 2).
@@ -69,7 +69,7 @@ class Ball(ReprMixin):
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2 (Eq. 22)."""
+        """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2."""
         return self.inertia_factor * self.mass * self.radius * self.radius
 
     @property

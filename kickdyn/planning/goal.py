@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 
 CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}

@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.shooting import ShootingProblem, Trajectory
 

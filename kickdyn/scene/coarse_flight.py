@@ -11,13 +11,13 @@ import numpy as np
 from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient, is_registered
 from kickdyn.air import Air
 from kickdyn.ball import BallState
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus
-from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import downward, forces, time_to_fall
+from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
 from kickdyn.flight.ground_motion import bounce, slide
 from kickdyn.ground import Surface
 from kickdyn.scene.scene import FlightEnvironment
@@ -164,7 +164,7 @@ def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:
     wx, wy, wz = launch.spin.tolist()
     if air is None or air.density == 0.0:
         return lambda y: (y[3], y[4], y[5], 0.0, 0.0, -GRAVITY, 0.0)
-    acceleration = forces(ball, air)
+    acceleration = acceleration_function(ball, air)
 
     def rates(y: State) -> State:
         _, _, z, vx, vy, vz, left = y
@@ -266,7 +266,7 @@ def _straight_roll(
     slowing = np.full(len(nodes), surface.rolling_deceleration)
     if air is not None and air.density > 0.0:
         evaluations = len(nodes)
-        acceleration, height = forces(ball, air), float(state.position[2])
+        acceleration, height = acceleration_function(ball, air), float(state.position[2])
         share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of a rolling ball
         for i, v in enumerate(speeds.tolist()):
             ax, ay, _, _ = acceleration(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)

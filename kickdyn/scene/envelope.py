@@ -12,7 +12,7 @@ from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.gravity import GRAVITY
-from kickdyn.flight.forces import forces
+from kickdyn.flight.forces import acceleration_function
 from kickdyn.scene.coarse_flight import State, coarse_path
 from kickdyn.scene.scene import FlightEnvironment
 
@@ -125,7 +125,10 @@ class Envelope:
         """Return the acceleration at each node, with another air [m/s2]."""
         if air is None or air.density == 0.0:
             return [(0.0, 0.0, -GRAVITY)] * len(self._nodes)
-        acting, (wx, wy, wz) = forces(self.environment.ball, air), self.launch.spin.tolist()
+        acting, (wx, wy, wz) = (
+            acceleration_function(self.environment.ball, air),
+            self.launch.spin.tolist(),
+        )
         height, found = float(self.launch.position[2]), []
         for _, _, z, vx, vy, vz, left in self._nodes:
             share = 1.0 if air.torque is None else left  # of the launch's spin

@@ -163,14 +163,14 @@ def test_a_tolerance_refuses_what_everything_refuses(tolerance):
 
 
 def test_every_evaluation_is_counted(monkeypatch):
-    calls, plain = [], coarse.forces
+    calls, plain = [], coarse.acceleration_function
 
     def counting(*parts):
         acting = plain(*parts)
         return lambda *state: calls.append(1) or acting(*state)
 
-    monkeypatch.setattr(coarse, "forces", counting)
-    monkeypatch.setattr(envelope, "forces", counting)
+    monkeypatch.setattr(coarse, "acceleration_function", counting)
+    monkeypatch.setattr(envelope, "acceleration_function", counting)
     for parts in ({}, {"ground": kd.Ground(-0.9, "turf")}):
         calls.clear()
         answer = kd.simulate(kick(uncertainty={"restitution": 0.02}, **parts), 0.3)

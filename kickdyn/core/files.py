@@ -133,7 +133,7 @@ def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
 
 
 def _reason(error: Exception) -> str:
-    """Return what the system says of an error."""
+    """Return the operating system's description of an error."""
     return getattr(error, "strerror", None) or str(error)
 
 

@@ -20,7 +20,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def cross3(a: Iterable[float], b: Iterable[float]) -> Triple:
-    """Return the cross product of three floats each."""
+    """Return the cross product of two vectors of three floats, as a tuple."""
     ax, ay, az = a
     bx, by, bz = b
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

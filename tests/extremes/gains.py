@@ -109,7 +109,7 @@ def _fall() -> Gain:
     exact = _number(right)
     plain = (math.sqrt(dive * dive + 2 * g * drop) - dive) / g
     return Gain(
-        "fall by 1e-6 m at 1e6 m/s", "root of Eq. (24) as printed", "its other form",
+        "fall by 1e-6 m at 1e6 m/s", "root of Eq. (25) as printed", "its other form",
         exact.error(plain), exact.error(time_to_fall(-dive, drop, g)),
     )  # fmt: skip
 

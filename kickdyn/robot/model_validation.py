@@ -29,6 +29,7 @@ def check_is_model(model: Any) -> None:
     if not isinstance(model, pin.Model):
         raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
 
+
 HUGE = 1e100
 """Masses, moments and distances stay below it, so that float64 holds their products."""
 

@@ -140,16 +140,12 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
     """Raise `InvalidInput` where a grid has more postures than `largest`."""
     size = math.prod(shape)
     if size > largest:
-        limit = (
-            f"at most {largest:,} fit in memory: name a store, --out DIR.zarr (store= in Python)"
-            if largest < LARGEST
-            else f"at most {largest:,} can be swept"
-        )
-        gigabytes, seconds = size * 105 / 1e9, size / 2e5  # 13 float64 and the status; roughly
+        limit = "can be swept"
+        if largest < LARGEST:
+            limit = "fit in memory: name a store, --out DIR.zarr (store= in Python)"
         raise InvalidInput(
-            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}), which fill "
-            f"{gigabytes:,.1f} GB and take about {seconds:,.0f} s of one core: {limit}, or take "
-            "larger steps"
+            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {size * 105e-9:,.1f} "
+            f"GB): at most {largest:,} {limit}, or take larger steps"
         )
 
 
@@ -219,19 +215,17 @@ def _default_postures(leg: Leg) -> dict[str, Array]:
     axes = {}
     for name in joints:
         low, high = leg.joint_range(name)
-        metres = leg.joint_unit(name) == "m"
-        step = (high - low) / 9 if metres else math.radians(DEFAULT_STEP_DEG)
-        if not abs(low) + abs(high) < (1e6 if metres else IN_MEMORY * step):
+        if not abs(low) + abs(high) < 1e5:
             raise InvalidInput(
                 f"joint {name} ranges from {low:g} to {high:g}: name the values to sweep, "
                 f"for example --joint {name}=0:30:5"
             )
-        if metres:
-            axes[name] = np.unique(np.linspace(low, high, 10))
-            continue
+        step = math.radians(DEFAULT_STEP_DEG)
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
         inside = np.radians(DEFAULT_STEP_DEG * np.arange(first, last + 1))
-        axes[name] = inside if inside.size else np.array([low])
+        if leg.joint_unit(name) == "m":
+            inside = np.linspace(low, high, 10)
+        axes[name] = np.unique(inside) if inside.size else np.array([low])
     return axes
 
 

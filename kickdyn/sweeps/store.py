@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -84,7 +85,7 @@ class SweepStore:
                 name: ("f8", math.nan, {"units": unit, "long_name": meaning})
                 for name, (unit, meaning) in VARIABLES.items()
             }
-            flags = {**STATUS_ATTRIBUTES, "flag_values": [s.flag for s in PostureStatus]}
+            flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
             for name, (dtype, fill, attributes) in arrays.items():
                 group.create_array(
@@ -92,6 +93,9 @@ class SweepStore:
                     fill_value=fill, dimension_names=list(described.dims), attributes=attributes,
                     compressors=None,
                 )  # fmt: skip
+            with warnings.catch_warnings():  # of Zarr, that other readers may not know it
+                warnings.simplefilter("ignore")
+                _zarr().consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
             draft.rename(self._path)
         finally:
             shutil.rmtree(draft, ignore_errors=True)

@@ -17,7 +17,7 @@ sweep: $(VENV)/.run
 ## extremes: kickdyn against 50 digits where numbers get difficult
 extremes: $(VENV)/.run
 	$(PIP) --editable ".[accuracy]"
-	$(BIN)/python -m kickdyn extremes
+	$(BIN)/python tests/extremes
 
 ## test: the whole suite
 test: $(VENV)/.dev browser

@@ -11,22 +11,22 @@ import os
 import platform
 import re
 import resource
+import sys
 import time
 from collections.abc import Iterable, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
-from kickdyn.accuracy.extreme_case import NOT_FINITE, Correctness, ExtremeCase
 from kickdyn.accuracy.flight_methods import measure_flights
-from kickdyn.accuracy.gains import Gain, gains
 from kickdyn.accuracy.impact_methods import measure_impacts
 from kickdyn.accuracy.measurement import Measurement, front_figure
-from kickdyn.cli.extremes_command import cells, extreme_cases, summary
-from kickdyn.core.plot_style import styled
 
-ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from extremes.extreme_case import NOT_FINITE, ExtremeCase
+from extremes.extremes_report import cells, condition_figure, extreme_cases, summary
+from extremes.gains import Gain, gains
+
+ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 
 PACKAGES = ("numpy", "scipy", "pin", "mpmath", "mujoco", "heyoka")
@@ -136,37 +136,13 @@ def write(page: Path, filled: dict[str, str]) -> None:
     page.write_text(text, encoding="utf-8")
 
 
-@styled()
-def scatter(found: Sequence[ExtremeCase]) -> Figure:
-    """Return error against condition."""
-    figure = Figure(figsize=(6.4, 3.8))
-    axes = figure.subplots()
-    worst = max(10.0, *(row.condition for row in found))
-    axes.loglog(
-        [1, worst], [1e-15, 1e-15 * worst], "-", color="0.7", label="what the condition allows"
-    )
-    for verdict, colour in (
-        (Correctness.RIGHT, "tab:green"),
-        (Correctness.AS_CLAIMED, "tab:orange"),
-        (Correctness.WRONG, "tab:red"),
-    ):
-        mine = [row for row in found if row.verdict == verdict]
-        errors = [min(max(row.error, 1e-17), 1.0) for row in mine]
-        axes.loglog(
-            [row.condition for row in mine], errors, "o", markersize=4, color=colour, label=verdict
-        )
-    axes.set(xlabel="condition", ylabel="relative error")
-    axes.legend()
-    return figure
-
-
 def main() -> None:
     """Write the page, and what the README says of it."""
     began = time.process_time()
     impacts, flights, found = measure_impacts(), measure_flights(), list(extreme_cases())
     for file, figure in (
         ("tradeoff.png", front_figure(impacts, flights)),
-        ("extremes.png", scatter(found)),
+        ("extremes.png", condition_figure(found)),
     ):
         figure.savefig(DOCS / "images" / file, dpi=80)
     write(

@@ -1,4 +1,4 @@
-"""Measured accuracy: error against cost, effects of a scene, and answers at the extremes.
+"""Measured accuracy, for `kickdyn tradeoff`: error against cost, and effects of a scene.
 
 Open `measurement.py` first; `references/` has what kickdyn is compared with.
 """

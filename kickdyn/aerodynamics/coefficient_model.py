@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
@@ -111,6 +112,13 @@ def _registered(kind: str, name: str) -> CoefficientModel:
     return _REGISTERED[kind, name]
 
 
+def is_known(model: Coefficient) -> bool:
+    """Return whether a coefficient is constant or one of the registries."""
+    if isinstance(model, CoefficientModel):
+        return _REGISTERED.get((model.kind, model.name)) is model
+    return isinstance(model, ConstantCoefficient)
+
+
 def find_model(
     kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient | None
 ) -> Coefficient | None:
@@ -121,15 +129,16 @@ def find_model(
     """
     if choice is None or callable(choice):
         return choice
-    if isinstance(choice, Real) and not isinstance(choice, bool) and math.isfinite(choice):
+    if isinstance(choice, Real) and not isinstance(choice, bool):
+        value = validation.number(f"{kind} model", choice)
         raise InvalidInput(
-            f"{kind} model is the number {float(choice):g}: pass "
-            f"kickdyn.aerodynamics.drag.constant({float(choice):g}) for a coefficient that is the "
+            f"{kind} model is the number {value:g}: pass "
+            f"kickdyn.aerodynamics.drag.constant({value:g}) for a coefficient that is the "
             f"same everywhere, or choose {', '.join(models)}"
         )
     if not isinstance(choice, str) or choice not in models:
         raise InvalidInput(
-            f"{kind} model {choice!r} is unknown: choose {', '.join(models)}, "
+            f"{kind} model {validation.brief(choice)} is unknown: choose {', '.join(models)}, "
             "or pass a function of (reynolds, spin_parameter)"
         )
     return models[choice]

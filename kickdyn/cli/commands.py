@@ -18,7 +18,6 @@ COMMANDS = {
     "plan": "Plan a kick for a given target.",
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
     "tradeoff": "Measure error against cost.",
-    "extremes": "Compare with 50 digits at extremes.",
     "simulate": "Simulate a scene file to a tolerance.",
     "view": "Show a scene file as a 3-D page or a picture.",
 }

@@ -123,7 +123,7 @@ def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None
     console = Console(highlight=False, width=screen_width())
     impulse = float(np.linalg.norm(whole.impact.impulse))
     console.print(
-        f"{scene.name}: {impulse:.4g} N s, {whole.end_text}. What leaving one effect out changes:",
+        f"{scene.name}: {impulse:.4g} N s, {whole.end_text}. What neglecting one effect changes:",
         markup=False,
     )
     console.print(_effect_table(sizes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import stat
 import sys
@@ -145,3 +146,8 @@ def write_json(path: str, document: object) -> None:
         return
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def finite(value: float) -> float | None:
+    """Return a number for JSON: None, which is null there, where it is not finite."""
+    return value if math.isfinite(value) else None

@@ -85,6 +85,13 @@ class ValueEquality:
     def __hash__(self) -> int:
         return hash(self._values())
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore what was pickled; numpy forgets that its arrays are read-only."""
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        self.__dict__.update(state)
+
     def _values(self) -> tuple[Any, ...]:
         """Return the fields, arrays as tuples of shape and entries."""
         values = (getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]

@@ -32,7 +32,7 @@ from kickdyn.ball import Ball
 from kickdyn.core import lanes
 from kickdyn.core.lanes import HOW, LANES, inlined, mathematics
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.forces import Forces, Reynolds, forces, reynolds_number
+from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
 
 SIZE = 7 * LANES
 
@@ -77,18 +77,21 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        forces(ball, whole), forces(ball, straight), reynolds_number(ball, air), bound
+        acceleration_function(ball, whole),
+        acceleration_function(ball, straight),
+        reynolds_number(ball, air),
+        bound,
     )
     return _from_disk(rates, air)
 
 
 def side_by_side(
-    acting: Forces, straight: Forces, reynolds: Reynolds, bound: float
+    acting: Acceleration, straight: Acceleration, reynolds: Reynolds, bound: float
 ) -> Callable[[Any, Any, Any], None]:
     """Return a function of scene and state that fills in the rates of `LANES` states.
 
     Args:
-        acting: the forces, as `forces` gives them.
+        acting: the accelerations, as `acceleration_function` gives them.
         straight: the same without branches, from the Reynolds number `bound` on.
         reynolds: that number, as a function of height and velocity.
         bound: 0 where `straight` and `acting` are the same.

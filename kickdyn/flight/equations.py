@@ -5,8 +5,8 @@ of the launch:
 
 .. math:: \dot x = v, \quad \dot v = a(z, v, s\, \omega_0), \quad \dot s = -k s
 
-with a and k of `forces`. The displacement is from the launch, so that a hop of 1e-20 m at a height
-of 100 m has its digits.
+with a and k of `acceleration_function`. The displacement is from the launch, so that a hop of
+1e-20 m at a height of 100 m has its digits.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import brakes, downward, forces
+from kickdyn.flight.forces import acceleration_function, brakes, downward
+
+MAX_SPEED = 299_792_458.0
+"""In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
 
 _PER_DECADE, _DECADES = 8, 3
 _FARTHEST = 15
@@ -39,7 +42,7 @@ class FlightEquations:
     def __init__(self, launch: BallState, ball: Ball, air: Air) -> None:
         self.begin: Array = np.concatenate([np.zeros(3), launch.velocity, [1.0]])
         self.fault: Exception | None = None
-        self._acting = forces(ball, air)
+        self._acting = acceleration_function(ball, air)
         self._height = float(launch.position[2])
         self._spin = tuple(launch.spin.tolist())
         self._brakes = brakes(air, launch.spin)
@@ -77,8 +80,9 @@ def tolerances(
     """
     g = max(abs(downward(ball, air)), 1e-5)  # a weight of less moves nothing for minutes
     drop = np.asarray(drop)
+    fallen = np.minimum(math.sqrt(2.0 * g) * np.sqrt(drop), MAX_SPEED)
     with np.errstate(over="ignore", invalid="ignore"):  # spoils its own flight only
-        fastest = np.maximum(validation.length(velocity), np.maximum(wind, np.sqrt(2.0 * g * drop)))
+        fastest = np.maximum(validation.length(velocity), np.maximum(wind, fallen))
         fastest = np.maximum(fastest, 1e-100)
         free = fastest * fastest / g
         slowed = free / drag_length(ball, air)(fastest)

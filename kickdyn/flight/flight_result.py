@@ -12,14 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, is_known
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, side_view, warned
 from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+_ROUNDING = 4 * float(np.finfo(float).eps)
 
 
 class FlightStatus(StrEnum):
@@ -54,6 +57,7 @@ class Flight(ReprMixin):
     ground: Ground | None
     plane: Plane | None
     tol: float
+    _fly_again: Callable[..., Flight] = field(repr=False)
     launch: BallState
     apex: BallState
     landing: BallState
@@ -61,7 +65,6 @@ class Flight(ReprMixin):
     method: str
     evaluations: int
     _trajectory: Callable[[Array], Array] = field(repr=False)
-    _fly_again: Callable[..., Flight] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
@@ -99,26 +102,37 @@ class Flight(ReprMixin):
 
         It is twice what the landing moves, in space or along the path in its time, when the
         tolerance is 10,000 times tighter (at tightest 1e-13), and below 1e-9 also when it is 100
-        times wider; never less than a thousandth of the tolerance's share of the flight's length.
-        For a closed form it is the rounding. Each of those flights is computed on first use.
+        times wider; never less than a thousandth of the tolerance's share of the flight's length,
+        and the rounding of the position is added. For a closed form the rounding is all. Each of
+        those flights is computed on first use; where the integrator gives one up, it is infinite.
+
+        Where the wind or a coefficient is a function of your own, the finer flight also takes at
+        least 500 steps: what lasts a 2000th of the flight, such as the time in which the ball
+        crosses a peak of C_D, counts.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
+        rounding = _ROUNDING * float(np.abs(self.launch.position).max())
         if self.evaluations == 0:
             grazing = 1.0
             if self.status is FlightStatus.AT_PLANE and self.plane is not None:
                 speed = math.hypot(*self.landing.velocity)
                 across = abs(float(self.plane.normal @ self.landing.velocity))
                 grazing = speed / max(across, 1e-300)
-            length += float(np.abs(self.launch.position).max())
-            return 4 * float(np.finfo(float).eps) * length * grazing
-        tolerances = [max(1e-4 * self.tol, 1e-13)]
+            return (rounding + _ROUNDING * length) * grazing
+        others = [{"tol": max(1e-4 * self.tol, 1e-13)}]
+        if has_own_function(self.air):
+            others[0]["max_step"] = self.duration / 500
         if self.tol < 1e-9:
-            tolerances.append(100 * self.tol)
+            others.append({"tol": 100 * self.tol})
         speed, moved = math.hypot(*self.landing.velocity), 0.0
-        for other in (self._fly_again(tol=tol).landing for tol in tolerances):
+        for how in others:
+            try:
+                other = self._fly_again(**how).landing
+            except KickdynError:
+                return math.inf
             late = speed * abs(self.duration - float(other.time))
             moved = max(moved, late, float(np.linalg.norm(self.landing.position - other.position)))
-        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length)
+        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length) + rounding
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -193,6 +207,19 @@ class Flight(ReprMixin):
         left = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]
         turned = 0.5 * times * (left.reshape(*times.shape, len(nodes)) @ weights)
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
+
+
+def has_own_function(air: Air | None) -> bool:
+    """Return whether the wind or a coefficient of an air is a function of the user's own.
+
+    Such a function may have features that are too narrow for the steps of an integration to see:
+    an estimate that compares two flights is then honest only if the steps of one of them are
+    limited, by the `max_step` of `fly` and `follow`, as `Flight.error` does.
+    """
+    if air is None:
+        return False
+    models = [model for model in (air.drag, air.lift, air.torque) if model is not None]
+    return callable(air.wind) or not all(is_known(model) for model in models)
 
 
 def outside_ranges(

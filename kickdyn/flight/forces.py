@@ -29,7 +29,7 @@ STILL = 1e-100
 
 Reynolds = Callable[[float, float, float, float], float]
 
-Forces = Callable[
+Acceleration = Callable[
     [float, float, float, float, float, float, float], tuple[float, float, float, float]
 ]
 
@@ -53,7 +53,7 @@ def brakes(air: Air | None, spin: Array) -> bool:
     return air is not None and air.density > 0 and air.torque is not None and bool(spin.any())
 
 
-def forces(ball: Ball, air: Air) -> Forces:
+def acceleration_function(ball: Ball, air: Air) -> Acceleration:
     r"""Return a function of height, velocity and spin: acceleration and rate of spin decay.
 
     It takes z [m], vx, vy, vz [m/s], wx, wy, wz [rad/s] and returns ax, ay, az [m/s2] and k [1/s]
@@ -74,7 +74,7 @@ def forces(ball: Ball, air: Air) -> Forces:
     if air.torque is not None:
         creep = 8.0 * math.pi * air.viscosity * radius**3 / ball.inertia
 
-    def acting(
+    def acceleration(
         z: float, vx: float, vy: float, vz: float, wx: float, wy: float, wz: float
     ) -> tuple[float, float, float, float]:
         blowing = wind(z)
@@ -93,7 +93,7 @@ def forces(ball: Ball, air: Air) -> Forces:
             ax, ay, az = ax + k * mx, ay + k * my, az + k * mz
         return ax, ay, az, brake * beta(reynolds, spin_parameter) * speed + creep
 
-    return acting
+    return acceleration
 
 
 def reynolds_number(ball: Ball, air: Air) -> Reynolds:

@@ -14,7 +14,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import downward, forces, time_to_fall
+from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
 from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
 from kickdyn.ground import Surface
 
@@ -148,7 +148,7 @@ def roll(
     tol = min(tol, 1e-9)
     resistance = surface.rolling_deceleration
     share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
-    acting = None if air is None or air.density == 0 else forces(ball, air)
+    acting = None if air is None or air.density == 0 else acceleration_function(ball, air)
     height = float(state.position[2])
 
     def push(u: float, v: float) -> tuple[float, float]:

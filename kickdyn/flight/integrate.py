@@ -81,6 +81,7 @@ def fly_until(
     time_limit: float,
     rtol: float,
     atol: Array,
+    longest: float = math.inf,
 ) -> FlightArc:
     """Integrate until the first of `events`, or to the time limit.
 
@@ -93,6 +94,7 @@ def fly_until(
         time_limit: [s].
         rtol: relative tolerance.
         atol: absolute tolerance of each state.
+        longest: limit of a step [s].
 
     Raises:
         KickdynError: the integrator gave up.
@@ -104,7 +106,7 @@ def fly_until(
     pieces: list[DenseOutput] = []
     crests: list[tuple[float, Array]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
-        solver_from = partial(DOP853, rates, rtol=rtol, atol=atol)
+        solver_from = partial(DOP853, rates, max_step=longest, rtol=rtol, atol=atol)
         solver = solver_from(began, state, time_limit)
         while solver.status == "running":
             before = state

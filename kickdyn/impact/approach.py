@@ -89,6 +89,7 @@ class Approach(NamedTuple):
         return 2.0 * share
 
 
+@validation.check_arguments
 def find_approach(
     posture: Posture,
     v: ArrayLike,
@@ -108,11 +109,6 @@ def find_approach(
         InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
             speeds whose energies leave double precision.
     """
-    is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
-    if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
-        validation.check_type(Posture, posture=posture)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Contact, contact=contact)
     v = validation.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)
@@ -126,7 +122,8 @@ def find_approach(
     position = posture.contact_point + ball.radius * contact.normal
     before = BallState.computed(position, velocity, spin)
     # `dot` because `@` takes twice as long on three numbers.
-    if math.hypot(*v.tolist()) < MAX_SPEED:
+    joint_speed = math.hypot(*v.tolist())
+    if joint_speed < MAX_SPEED:
         foot_velocity = posture.jacobian.dot(v)
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
@@ -139,7 +136,9 @@ def find_approach(
         raise InvalidInput(
             f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"
         )
-    if speed < 1e-9 * (math.sqrt(np.vdot(v, v)) + fastest):  # few of its digits may be left
+    # A bound on the rounding, in any units, which takes less time to compute.
+    reach = math.sqrt(np.vdot(posture.jacobian, posture.jacobian))
+    if speed < 1e-14 * (reach * joint_speed + fastest + ball_speed):
         rounding = approach.speed_rounding()
         if speed <= 4.0 * rounding:
             raise NoImpact(

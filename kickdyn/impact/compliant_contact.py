@@ -103,11 +103,12 @@ class CompliantContact:
 
     def scales(self, start: Array, time: float, speed: float, mass: float) -> Array:
         """Return the scale of each entry of a column, for absolute tolerances."""
-        fast = float(np.abs(start[self.leg.nv : 2 * self.leg.nv]).max()) or speed
         spin = float(np.abs(self.approach.ball_before.spin).max()) or speed / self.ball.radius
         energy = 0.5 * mass * speed * speed
-        nv = self.leg.nv
-        sizes = [[fast * time] * nv, [fast] * nv, [speed * time] * 3, [speed] * 3, [spin] * 3]
+        inertia, v = self.approach.posture.inertia, start[self.leg.nv : 2 * self.leg.nv]
+        # of each joint as fast as the energy of all would make it alone: hinges and slides alike
+        fast = np.sqrt((v @ inertia @ v + 2.0 * energy) / inertia.diagonal())
+        sizes = [fast * time, fast, [speed * time] * 3, [speed] * 3, [spin] * 3]
         return np.concatenate([*sizes, [energy, energy]])
 
     def state(self, y: Array) -> State:

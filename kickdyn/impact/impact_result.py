@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -241,6 +242,7 @@ class Impact(ReprMixin):
         """A line for each joint outside its range, or faster before the impact than its limit."""
         return (*self.posture.warnings, *self.posture.leg.too_fast(self.v_before))
 
+    @validation.check_arguments
     def sensitivity(self, *, of_leg: bool = True) -> Sensitivity:
         """Return the derivatives of this impact; see `Sensitivity`.
 

@@ -80,7 +80,7 @@ def normal_impulse(
     e = validation.number("restitution", restitution, at_least=0, at_most=1)
     inverse_mass = 0.0
     for name, mass in (("leg mass", leg_mass), ("ball mass", ball_mass)):
-        if mass != math.inf:
+        if not (isinstance(mass, float) and mass == math.inf):
             inverse_mass += 1.0 / validation.number(name, mass, above=0, unit="kg")
     if inverse_mass == 0.0:
         raise InvalidInput("leg mass and ball mass are both inf: one of them must move")

@@ -65,16 +65,18 @@ def leg_derivatives(
     """
     leg, space = posture.leg, posture.leg.workspace
     check_fixed_axes(leg)
-    model, data, nv, still = space.model, space.data, leg.nv, space.still
+    model, data, nv, zero = space.model, space.data, leg.nv, space.zero_velocity
     wrench = np.concatenate([-impulse, np.zeros(3)])
     foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
     loads = [foot, *(load for _, load in _constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
-    space.pushes.fill(0.0)
+    space.external_wrenches.fill(0.0)
     for load in loads:
-        space.pushes[load.joint] += joint_wrench(load.rotation.T, load.lever, load.wrench)
+        space.external_wrenches[load.joint] += joint_wrench(
+            load.rotation.T, load.lever, load.wrench
+        )
     jump = v_after - v
-    by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
+    by_q = pin.computeRNEADerivatives(model, data, posture.q, zero, jump, space.external)[0]
     unbalanced = np.array(by_q).reshape(nv, nv)
     for load, jacobian in zip(loads, jacobians, strict=True):
         # Pinocchio rotates the impulse with the body; this one is fixed in the world.
@@ -105,7 +107,9 @@ def inertia_derivatives(posture: Posture, jump: Array) -> Array:
         jump: v_after - v, shape `(nv,)` [rad/s].
     """
     space, nv = posture.leg.workspace, posture.leg.nv
-    rows = pin.computeJointTorqueRegressor(space.model, space.data, posture.q, space.still, jump)
+    rows = pin.computeJointTorqueRegressor(
+        space.model, space.data, posture.q, space.zero_velocity, jump
+    )
     return np.asarray(-constrained_inverse_inertia(posture) @ np.reshape(rows, (nv, -1)))
 
 

@@ -91,20 +91,22 @@ def joint_impulses(
         momentum left over, shape `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
-    pushes = space.pushes
-    pushes.fill(0.0)  # of the impact before
-    pushes[leg.contact_joint] = foot_wrench(posture, impulse)
+    wrenches = space.external_wrenches
+    wrenches.fill(0.0)  # of the impact before
+    wrenches[leg.contact_joint] = foot_wrench(posture, impulse)
     if posture.constraint_projector is not None and len(constraint_impulses):
         for block in posture.constraint_projector.blocks:
             part = constraint_impulses[block.rows]
-            pushes[block.joint] += joint_wrench(
+            wrenches[block.joint] += joint_wrench(
                 block.rotations_joint_world[0], block.levers[0], part
             )
             if block.other:
-                pushes[block.other] -= joint_wrench(
+                wrenches[block.other] -= joint_wrench(
                     block.rotations_joint_world[1], block.levers[1], part
                 )
-    unbalanced = pin.rnea(space.model, space.data, posture.q, space.still, jump, space.external)
+    unbalanced = pin.rnea(
+        space.model, space.data, posture.q, space.zero_velocity, jump, space.external
+    )
     return space.forces.copy(), unbalanced.copy()
 
 
@@ -118,11 +120,11 @@ def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array
     wrench = foot_wrench(posture, impulse)
     if posture.is_ill_conditioned:
         return posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
-    model, data, still = space.model, space.data, space.still
-    space.pushes.fill(0.0)  # of the impact before
-    space.pushes[leg.contact_joint] = wrench
-    jump = pin.aba(model, data, posture.q, still, still, space.external).copy()
-    unbalanced = pin.rnea(model, data, posture.q, still, jump, space.external)
+    model, data, zero = space.model, space.data, space.zero_velocity
+    space.external_wrenches.fill(0.0)  # of the impact before
+    space.external_wrenches[leg.contact_joint] = wrench
+    jump = pin.aba(model, data, posture.q, zero, zero, space.external).copy()
+    unbalanced = pin.rnea(model, data, posture.q, zero, jump, space.external)
     return jump, space.forces.copy(), unbalanced.copy()
 
 

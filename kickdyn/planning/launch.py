@@ -149,6 +149,7 @@ class Launch(ReprMixin):
         )
 
 
+@validation.check_arguments
 def plan_launch(
     goal: Goal,
     ball: Ball,
@@ -187,7 +188,6 @@ def plan_launch(
         InvalidInput: a value out of range, or `beside` where no lift can bend the flight.
         OutOfReach: the ground is in the way of every launch to the target.
     """
-    validation.check_type(Goal, goal=goal)
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
     arc = validation.choice("arc", arc, Arc)

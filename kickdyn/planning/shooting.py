@@ -17,7 +17,7 @@ from scipy.optimize import brentq, minimize_scalar
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import downward, forces, is_ballistic
+from kickdyn.flight.forces import acceleration_function, downward, is_ballistic
 
 NUDGE = 1e-6
 """Change of a launch, over its speed; of a spin, over 10 rad/s."""
@@ -119,7 +119,7 @@ class ShootingProblem:
     ) -> None:
         self.tol = tol
         self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
-        self._acting = None if air is None else forces(ball, air)
+        self._acting = None if air is None else acceleration_function(ball, air)
         self._gravity = np.array([0.0, 0.0, -downward(ball, air)])
 
     def spin_of(self, size: float) -> Array:

@@ -24,6 +24,12 @@ ROUNDING = 1e-9
 """How far a moment may break the triangle inequality, relative to all that moves with it."""
 
 
+def check_is_model(model: Any) -> None:
+    """Raise `InvalidInput` unless this is a `pin.Model`."""
+    if not isinstance(model, pin.Model):
+        raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
+
+
 def frame_id(model: Any, name: str) -> int:
     """Return the id of a frame by name, a body before a joint; raise `InvalidInput`."""
     # Looked up here: getFrameId returns nframes for an unknown name, and using that crashes.

@@ -13,11 +13,11 @@ from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus
-from kickdyn.flight.fly import MAX_SPEED
 from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import downward, forces, time_to_fall
-from kickdyn.flight.ground_motion import bounce, roll, slide
+from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
+from kickdyn.flight.ground_motion import bounce, slide
 from kickdyn.ground import Surface
 from kickdyn.scene.scene import FlightEnvironment
 
@@ -49,8 +49,8 @@ def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) ->
 
     Flights are integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the
     time that a flight would take in a vacuum; rolling is a quadrature. The error shows when the
-    number of steps is doubled. A plane that the ball reaches sliding or rolling is left to the
-    exact integrators.
+    number of steps is doubled. A ball that rolls in the wind, or that reaches a plane sliding or
+    rolling, is left to the exact integrators.
     """
     ball, _, ground, _ = environment
     surface = None if ground is None else ground.surface
@@ -153,7 +153,7 @@ def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:
     wx, wy, wz = launch.spin.tolist()
     if air is None or air.density == 0.0:
         return lambda y: (y[3], y[4], y[5], 0.0, 0.0, -GRAVITY, 0.0)
-    acceleration = forces(ball, air)
+    acceleration = acceleration_function(ball, air)
 
     def rates(y: State) -> State:
         _, _, z, vx, vy, vz, left = y
@@ -217,22 +217,16 @@ def _crossing(
 def _roll_out(
     state: BallState, environment: FlightEnvironment, surface: Surface, steps: int, clock: float
 ) -> tuple[BallState | None, int]:
-    """Return the ball at rest, after it slid and rolled, and the evaluations.
+    """Return the ball at rest, after it slid and rolled in still air, and the evaluations.
 
-    None where the wind keeps it rolling, or it reaches a plane.
+    None where there is wind, or where it may reach a plane.
     """
     ball, air, _, plane = environment
+    if air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any()):
+        return None, 0
     sliding = slide(state, ball, air, surface)
     if sliding is not None:
         state, clock = sliding.end, clock + sliding.duration
-    windy = air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any())
-    if windy:
-        if plane is not None:
-            return None, 0
-        # with the cube of the steps, so that what is missed shows when their number is doubled
-        rolling = roll(state, ball, air, surface, max(1e-9 * (4.0 / steps) ** 3, 1e-13))
-        end = BallState(rolling.end.position, (0, 0, 0), (0, 0, 0), clock + rolling.duration)
-        return (None if rolling.blown else end), rolling.evaluations
     place, duration, evaluations = _straight_roll(state, environment, surface, steps)
     if plane is not None:
         try:
@@ -261,7 +255,7 @@ def _straight_roll(
     slowing = np.full(len(nodes), surface.rolling_deceleration)
     if air is not None and air.density > 0.0:
         evaluations = len(nodes)
-        acceleration, height = forces(ball, air), float(state.position[2])
+        acceleration, height = acceleration_function(ball, air), float(state.position[2])
         share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of a rolling ball
         for i, v in enumerate(speeds.tolist()):
             ax, ay, _, _ = acceleration(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)

@@ -12,7 +12,6 @@ import numpy as np
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.contact import Contact
 from kickdyn.scene.envelope import Envelope
 from kickdyn.scene.scene import Scene
 
@@ -25,11 +24,11 @@ class Effect:
         name: of the effect.
         is_in: whether a scene has it.
         without: returns the scene without it, given the launch.
-        bound: how far leaving it out can move the end of the flight [m]; None where it is not
+        bound: how far neglecting it can move the end of the flight [m]; None where it is not
             bounded, because it costs no time to model.
         reason: why the bound holds.
-        through: names of the effects that this one acts through: where all of them are left out, so
-            is this one, and their bounds hold with it and without.
+        through: names of the effects that this one acts through: where all of them are neglected,
+            so is this one, and their bounds hold with it and without.
     """
 
     name: str
@@ -45,8 +44,8 @@ class EffectVerdict(NamedTuple):
 
     Attributes:
         effect: its name.
-        modelled: whether it is; otherwise it is left out.
-        bound: how far leaving it out can move the end [m]; inf where no bound is known, nan where
+        modelled: whether it is; otherwise it is neglected.
+        bound: how far neglecting it can move the end [m]; inf where no bound is known, nan where
             none was needed.
         why: the reason.
     """
@@ -96,8 +95,8 @@ def judge_effects(
     return tuple(verdicts)
 
 
-def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState) -> Scene:
-    """Return the scene without the effects that the verdicts leave out, itself if there are none.
+def without_neglected(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState) -> Scene:
+    """Return the scene without the effects that the verdicts neglect, itself if there are none.
 
     The launch is that of the ball from the foot.
     """
@@ -110,19 +109,13 @@ def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState
 
 def _with_air(scene: Scene, **changes: Any) -> Scene:
     """Return a scene with some arguments of its air changed."""
-    names = ("density", "viscosity", "wind", "drag", "lift", "torque", "buoyancy")
-    return scene.replace(air=Air(**{name: getattr(scene.air, name) for name in names} | changes))
+    assert scene.air is not None
+    return scene.replace(air=replace(scene.air, **changes))
 
 
 def _has_air(condition: Callable[[Air], bool]) -> Callable[[Scene], bool]:
     """Return a function that says whether a scene has air for which a condition holds."""
     return lambda scene: scene.air is not None and scene.air.density > 0 and condition(scene.air)
-
-
-def _without_friction(scene: Scene, _: BallState) -> Scene:
-    """Return a scene whose contact is frictionless."""
-    contact = scene.contact
-    return scene.replace(contact=Contact(contact.normal, contact.restitution, 0.0, contact.offset))
 
 
 def _without_rotors(scene: Scene, _: BallState) -> Scene:
@@ -168,7 +161,11 @@ EFFECTS = (
         lambda envelope: envelope.shift(launch_error=envelope.launch_error),
         "twice what the strike changes while the foot moves on",
     ),
-    Effect("friction", lambda scene: scene.contact.friction > 0.0, _without_friction),
+    Effect(
+        "friction",
+        lambda scene: scene.contact.friction > 0.0,
+        lambda scene, _: scene.replace(contact=replace(scene.contact, friction=0.0)),
+    ),
     Effect(
         "ball rotation",
         lambda scene: scene.ball.inertia_factor < math.inf,
@@ -228,4 +225,4 @@ EFFECTS = (
         "its acceleration, all the time",
     ),
 )
-"""Every effect that can be left out by itself. Those without a bound cost no time."""
+"""Every effect that can be neglected by itself. Those without a bound cost no time."""

@@ -103,7 +103,7 @@ class Envelope:
         The paths part until the later one ends, and that one goes on after the other has ended.
 
         Args:
-            acceleration: that is left out [m/s2].
+            acceleration: that is neglected [m/s2].
             launch_error: how far the launch is off.
         """
         if self.end is None or not math.isfinite(self.time):

@@ -1,4 +1,4 @@
-"""A scene to a tolerance: leave out what cannot matter, compute the rest no better than needed."""
+"""A scene to a tolerance: neglect what cannot matter, compute the rest no better than needed."""
 
 from __future__ import annotations
 
@@ -14,21 +14,28 @@ from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.contact_drift import contact_drift, strike_scene
-from kickdyn.scene.effects import Effect, EffectVerdict, effects_of, judge_effects, leave_out
+from kickdyn.scene.effects import (
+    Effect,
+    EffectVerdict,
+    effects_of,
+    judge_effects,
+    without_neglected,
+)
 from kickdyn.scene.envelope import EXACT, Envelope
 from kickdyn.scene.flight_end import FINEST, FlightEnd, approximate_end, end_slopes, exact_end
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulation import Simulation
 
 MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
-"""Of the tolerance: for effects left out, for the contact's integrator, for the flight's."""
+"""Of the tolerance: for neglected effects, for the contact's integrator, for the flight's."""
 
 
+@validation.check_arguments
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    Every effect of the scene has a bound :math:`b_i` on how far leaving it out can move the end;
-    the least are left out while :math:`\sum b_i \le` half the tolerance. The rest is computed as
+    Every effect of the scene has a bound :math:`b_i` on how far neglecting it can move the end;
+    the least are neglected while :math:`\sum b_i \le` half the tolerance. The rest is computed as
     exactly as the other half requires, by the integrators' own estimates.
 
     Args:
@@ -43,7 +50,6 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
     """
-    validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
         check_unconstrained(scene.leg, "a contact that takes time is")
     effects = effects_of(scene)
@@ -63,7 +69,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         verdicts = (verdicts[0], *judge_effects(effects[1:], envelope, MODEL_SHARE * tolerance))
         contact = contact._replace(evaluations=evaluations + envelope.evaluations)
     launch = contact.impact.ball_after
-    reduced = leave_out(scene, verdicts, launch)
+    reduced = without_neglected(scene, verdicts, launch)
     four_steps = envelope.end if reduced is scene else None
     end = approximate_end(launch, reduced.environment, FLIGHT_SHARE * tolerance, four_steps)
     return _result(scene, tolerance, contact, end, verdicts, lambda: contact.error + end.error())

@@ -52,6 +52,7 @@ among those that the leg can kick from [m/s], nan without any."""
 T = TypeVar("T")
 
 
+@validation.check_arguments
 def sweep(
     leg: Leg,
     postures: Mapping[str, ArrayLike],
@@ -102,10 +103,6 @@ def sweep(
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
     """
-    validation.check_type(Leg, leg=leg)
-    validation.check_type(Kick, kick=kick)
-    if executor is not None and not isinstance(executor, Executor):
-        raise InvalidInput(f"executor is {executor!r}: it must be a concurrent.futures.Executor")
     if sum(each is not None for each in (threads, workers, executor)) > 1:
         raise InvalidInput("threads, workers and executor exclude each other: give one of them")
     if store is None and (resume or workers is not None or executor is not None):
@@ -173,7 +170,7 @@ def _computed(
 
 
 def _ignore(count: int, speed: float) -> None:
-    """Do nothing, as the progress that nobody asked for."""
+    """Do nothing: nobody asked for progress."""
 
 
 @dataclass(frozen=True, eq=False)

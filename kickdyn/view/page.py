@@ -108,6 +108,7 @@ class Page:
         )
 
 
+@validation.check_arguments
 def page(
     subject: _MovingSubject | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     path: _Path | None = None,
@@ -135,6 +136,8 @@ def page(
             visual of its URDF cannot be read or names a mesh that is missing or lies outside the
             URDF's folder; or a swing does not reach its impact.
     """
+    for box in scenery:
+        validation.check_type(Box, scenery=box)
     if path is not None and not isinstance(subject, Impact):
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
@@ -203,7 +206,7 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
             "the impact of this Simulation takes time, or it has no path: show its Scene instead"
         )
     caption = caption or scene.name
-    if simulation.left_out:
+    if simulation.neglected:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
         caption += f", its contact shown as an instant: it ends {error}"

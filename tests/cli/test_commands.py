@@ -127,7 +127,7 @@ def keys(value, name=""):
     if isinstance(value, dict):
         named = {
             **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
-            "left_out": "EFFECT",
+            "neglected": "EFFECT",
         }.get(name.split(".")[-1])
         parts = [(named or key, part) for key, part in value.items()]
         return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}

@@ -8,8 +8,7 @@ from mpmath import mp, mpf
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.equations import drag_length, tolerances
-from kickdyn.flight.fly import MAX_SPEED
+from kickdyn.flight.equations import MAX_SPEED, drag_length, tolerances
 
 BALL = kd.Ball()
 

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from chains import in_units
+from extremes import extreme_impacts
+from extremes.extreme_impacts import BENT, SPEEDS, USUAL, chain
 
 import kickdyn as kd
-from kickdyn.accuracy import extreme_impacts
-from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, USUAL, chain
 from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 LEG = kd.Leg.human()
@@ -98,6 +99,14 @@ def test_an_approach_that_is_rounding_is_refused(contact):
     options = {"contact_time": 0.01} if contact is kd.collide else {}
     with pytest.raises(kd.NoImpact, match=r"that is rounding, of 3e-15 m/s in what cancels"):
         contact(kick.leg.posture(kick.q), kick.v, kick.ball, kick.contact, **options)
+
+
+@pytest.mark.parametrize("metre", [2.0**-30, 2.0**30])
+def test_that_it_is_rounding_does_not_depend_on_the_unit_of_length(metre):
+    kick = list(extreme_impacts.cancellations())[-2]
+    posture, ball = in_units(kick.leg, metre, 1.0).posture(kick.q), kd.Ball(radius=0.1 * metre)
+    with pytest.raises(kd.NoImpact, match="that is rounding"):
+        kd.strike(posture, kick.v, ball, kick.contact)
 
 
 def test_a_slow_approach_of_which_nothing_cancels_is_not():

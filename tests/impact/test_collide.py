@@ -10,7 +10,7 @@ import threading
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_kick, random_kick, random_leg
+from chains import floating_kick, in_units, random_kick, random_leg, slides
 
 import kickdyn as kd
 from kickdyn.impact.hertz import matched_damping
@@ -69,6 +69,33 @@ def test_gravity_and_torque_act_meanwhile():
     momentum = 2.0 * hit.v_after[0] + ball.mass * hit.ball_after.velocity[0]
     assert momentum == pytest.approx(2.0 * 5.0 + push * seconds, rel=1e-9)
     assert hit.ball_after.position[2] == pytest.approx(-9.81 / 2 * seconds**2, rel=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("units", [(2.0**-8, 2.0**12, 1.0), (2.0**6, 2.0**-9, 2.0**5)])
+def test_units_change_no_more_than_the_integrator(seed, units):
+    """Powers of numbers, as in Hertz's law, are rounded, so the last digits may differ."""
+    rng = np.random.default_rng(seed)
+    (posture, v, ball, contact), motion = random_kick(
+        rng, random_leg(rng), restitution=0.7, friction=0.3 * (seed % 2)
+    )
+    m, kg, s = units
+    sliding = slides(posture.leg)
+    leg = in_units(posture.leg, 1.0, 1.0)
+    hit = kd.collide(leg.posture(posture.q), v, ball, contact, contact_time=0.01, **motion)
+    again = kd.collide(
+        in_units(leg, m, kg).posture(posture.q * m**sliding),
+        v * m**sliding / s,
+        kd.Ball(ball.mass * kg, ball.radius * m),
+        contact,
+        contact_time=0.01 * s,
+        ball_velocity=motion["ball_velocity"] * m / s,
+        ball_spin=motion["ball_spin"] / s,
+    )
+    assert again.impulse == pytest.approx(hit.impulse * kg * m / s, rel=1e-8)
+    assert again.contact_time == pytest.approx(hit.contact_time * s, rel=1e-9)
+    assert again.energy_lost == pytest.approx(hit.energy_lost * kg * m**2 / s**2, rel=1e-7)
+    assert again.v_after == pytest.approx(hit.v_after * m**sliding / s, rel=1e-7)
 
 
 @pytest.mark.parametrize(("seed", "friction"), [(0, 0.0), (1, 0.0), (2, 0.3), (3, 0.3)])

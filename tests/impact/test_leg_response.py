@@ -194,5 +194,5 @@ def test_an_impact_that_was_interrupted_leaves_nothing(held, monkeypatch):
         patch.setattr(pin, "rnea", interrupted)
         with pytest.raises(KeyboardInterrupt):
             _ = kd.strike(*kick).joint_impulses
-    leg.workspace.pushes[1] += 1.0  # wherever it stopped
+    leg.workspace.external_wrenches[1] += 1.0  # wherever it stopped
     assert (kd.strike(*kick).joint_impulses == wanted).all()

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import random_kick, random_leg
+from chains import in_units, random_kick, random_leg, slides
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -234,6 +234,54 @@ def test_impact_is_linear_in_the_velocities(law, friction, scale):
     scaled = kd.strike(LEG.posture(q), scale * v, kd.Ball(), contact, law)
     assert scaled.impulse / scale == pytest.approx(hit.impulse, rel=1e-9)
     assert scaled.speed_ratio == pytest.approx(hit.speed_ratio, rel=1e-9)
+
+
+powers = st.integers(-12, 12)
+
+
+@given(law=st.sampled_from(list(LAWS)), seed=seeds, metre=powers, half=powers, second=powers)
+@settings(max_examples=200, derandomize=True, deadline=None)
+def test_powers_of_two_of_the_units_change_no_bit(law, seed, metre, half, second):
+    """Of the kilogram powers of four, for roots of masses are taken."""
+    rng = np.random.default_rng(seed)
+    leg = random_leg(rng, last=rng.choice([1.0, 1e-2]))
+    friction = rng.choice([0.0, 0.3, 2.0])
+    (posture, v, ball, contact), motion = random_kick(rng, leg, friction=friction)
+    hit = kd.strike(posture, v, ball, contact, law, **motion)
+    m, kg, s, sliding = 2.0**metre, 4.0**half, 2.0**second, slides(leg)
+    again = kd.strike(
+        in_units(leg, m, kg).posture(posture.q * m**sliding),
+        v * m**sliding / s,
+        kd.Ball(ball.mass * kg, ball.radius * m),
+        contact,
+        law,
+        ball_velocity=motion["ball_velocity"] * m / s,
+        ball_spin=motion["ball_spin"] / s,
+    )
+    assert again.impulse.tolist() == (hit.impulse * kg * m / s).tolist()
+    assert again.energy_lost == hit.energy_lost * kg * m**2 / s**2
+    assert again.v_after.tolist() == (hit.v_after * m**sliding / s).tolist()
+    assert again.ball_after.spin.tolist() == (hit.ball_after.spin / s).tolist()
+    units = np.repeat([kg * m / s, kg * m**2 / s], 3)
+    assert again.joint_impulses.tolist() == (hit.joint_impulses * units).tolist()
+
+
+@pytest.mark.parametrize("metre", [2.0**-20, 2.0**20])
+def test_hinges_about_a_skew_axis_are_as_heavy_in_every_unit(metre):
+    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
+    for k in range(4):
+        hinge = pin.JointModelRevoluteUnaligned(np.array([0.48, 0.6, 0.64]))
+        parent = model.addJoint(parent, hinge, place, f"hinge{k + 1}")
+        size = 0.02 if k == 1 else 1.0
+        moments = size**3 * np.diag([0.02, 0.03, 0.04])
+        body = pin.Inertia(size, size * np.array([0.1, 0.05, 0.2]), moments)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), size * np.array([0.3, -0.1, 0.4]))
+    model.addFrame(pin.Frame("toe", parent, 0, place, pin.FrameType.OP_FRAME))
+    leg, q = kd.Leg.from_model(model, "toe"), [0.3, 0.5, -0.4, 0.2]
+    assert leg.posture(q).is_ill_conditioned
+    mass = leg.posture(q).effective_mass((1.0, 0.3, 0.2))
+    assert in_units(leg, metre, 1.0).posture(q).effective_mass((1.0, 0.3, 0.2)) == mass
 
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e15])

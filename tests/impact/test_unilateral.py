@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from chains import in_units, slides
 
 import kickdyn as kd
 
@@ -231,3 +232,28 @@ def test_a_fast_spin_costs_the_normal_no_digits():
     ]
     still, fast = (hit.impulse for hit in normals)
     assert fast == pytest.approx(still, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["forward", "down", "slippery", "point foot"])
+@pytest.mark.parametrize("units", [(2.0**-8, 2.0**12, 2.0**-3), (2.0**6, 2.0**-10, 2.0**5)])
+def test_powers_of_two_of_the_units_change_no_bit(name, units):
+    posture, v, ball, contact = KICKS[name]
+    hit, (m, kg, s), (support,) = (
+        kd.unilateral_strike(*KICKS[name], **OPTIONS), units, posture.leg.constraints.supports
+    )  # fmt: skip
+    sole = None if support.sole is None else support.sole * m
+    again = in_units(posture.leg, m, kg).with_supports(
+        kd.Support(FOOT, point=support.point, friction=support.friction, sole=sole)
+    )
+    q = posture.q.copy()
+    q[:3] *= m
+    hit_again = kd.unilateral_strike(
+        again.posture(q), v * m ** slides(again) / s, kd.Ball(ball.mass * kg, ball.radius * m),
+        contact, ball_velocity=np.array(OPTIONS["ball_velocity"]) * m / s,
+        ball_spin=np.array(OPTIONS["ball_spin"]) / s,
+    )  # fmt: skip
+    assert hit_again.impulse.tolist() == (hit.impulse * kg * m / s).tolist()
+    assert hit_again.footing == hit.footing
+    of_ground = hit.point_impulses[FOOT] * kg * m / s
+    assert hit_again.point_impulses[FOOT].tolist() == of_ground.tolist()
+    assert hit_again.v_after.tolist() == (hit.v_after * m ** slides(again) / s).tolist()

@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import random_inertia, random_rotation
+from extremes.extreme_impacts import BENT, SPEEDS, answers, chain
 
 import kickdyn as kd
-from kickdyn.accuracy.extreme_impacts import BENT, SPEEDS, chain
-from kickdyn.accuracy.references.exact_impact import answers, exact_impact, given
+from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.impact.leg_response import foot_wrench
 from kickdyn.robot.articulated_body import ArticulatedBodies
 

@@ -41,7 +41,7 @@ def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
     [
         ("tow", "'tow' is unknown: leg_human has base, hip, .*toe"),
         ("", "'' is unknown"),
-        (None, "None is unknown"),
+        (None, "frame is None: it must be a str"),
         ("universe", "'universe' is unknown"),  # id 0, which is no part of the leg
         ("base", "'base' is fixed to the base: a kick must move it"),
     ],

@@ -1,4 +1,4 @@
-"""Bounds hold: leaving an effect out moves the end by less, on random scenes flown exactly."""
+"""Bounds hold: neglecting an effect moves the end by less, on random scenes flown exactly."""
 
 import math
 

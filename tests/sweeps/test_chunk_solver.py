@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 from chains import random_leg
+from extremes.extreme_impacts import chain
 
 import kickdyn as kd
-from kickdyn.accuracy.extreme_impacts import chain
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.dataset import variables_of

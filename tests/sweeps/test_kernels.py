@@ -2,9 +2,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import floating_leg, random_leg
+from extremes.extreme_impacts import chain
 
 import kickdyn as kd
-from kickdyn.accuracy.extreme_impacts import chain
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel

@@ -221,7 +221,7 @@ def test_flights_courses_and_passes_are_curves(commands_of):
 def test_what_a_page_cannot_show(kick):
     impact, _, path = kick
     for shown, reason in (
-        (1, "cannot show a int"),
+        (1, "subject is 1: it must be a kickdyn.Impact, a kickdyn.KickPlan, "),
         ("kick", "cannot show a str"),
         ([impact, path], "these are Flight, Impact"),
         ([], "there are 0"),

@@ -85,8 +85,8 @@ def acceleration(
 ) -> tuple[list[Any], Any]:
     """Return acceleration and rate of spin decay in still air, in any arithmetic.
 
-    They are those of `forces` for the drag `brazuca`, the lift `saturating` and the torque
-    `smits-smith` between Re 7e4 and 5.1e5, where each of these is one analytic formula. The
+    They are those of `acceleration_function` for the drag `brazuca`, the lift `saturating` and the
+    torque `smits-smith` between Re 7e4 and 5.1e5, where each of these is one analytic formula. The
     arithmetic `m` has `sqrt` and `exp`: a module of heyoka or a context of mpmath. Velocity and
     spin are three of its numbers or expressions; without spin (None) there is no lift.
     """

@@ -1,4 +1,4 @@
-"""The impact with 50 digits, law `newton`, and how far each answer can be trusted to float64."""
+"""The impact with 50 digits, law `newton`."""
 
 from __future__ import annotations
 
@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 
 from kickdyn.accuracy.references.exact_leg import (
-    DIGITS,
     Exact,
     ExactPosture,
     leg_numbers,
     length,
-    mapped,
     mp,
     numbers,
 )
 from kickdyn.impact.impact_result import Impact
-
-NUDGE = mp.mpf(10) ** -(DIGITS // 2)
-"""Relative change of numbers, by which conditions are estimated."""
 
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny
 
@@ -190,49 +185,3 @@ def roots(function: Callable[[Any], Any]) -> list[Any]:
         for low, high, at_low, at_high in zip(angles, angles[1:], values, values[1:], strict=False)
         if at_low * at_high <= 0 and at_low != at_high
     ]
-
-
-def conditions(
-    structure: dict[str, Any], scene: dict[str, Exact], exact: dict[str, Quantity], samples: int = 4
-) -> dict[str, float]:
-    r"""Return the condition number of each answer, by name, at least 1.
-
-    It estimates by how many times :math:`\epsilon` an answer changes at most, relative to its
-    scale, if every number of the scene changes by up to a share :math:`\epsilon` of itself: float64
-    inputs then allow 15 - log10(condition) digits, whatever the algorithm. With the change by all N
-    numbers, each up or down at random, of mean square :math:`s^2`, the worst combination of signs
-    makes at most :math:`\sqrt N s` (Cauchy-Schwarz); s itself is a mean over a few samples.
-    Structure and scene are those of `given`, with their exact answers.
-    """
-    rng = np.random.default_rng(50)
-    squares = dict.fromkeys(exact, 0.0)
-    count = 0
-
-    def nudge(value: Any) -> Any:
-        nonlocal count
-        count += value != 0
-        return value * (1 + NUDGE * int(rng.choice((-1, 1))))
-
-    for _ in range(samples):
-        nudged = {name: mapped(nudge, values) for name, values in scene.items()}
-        moved = exact_impact(structure, nudged)
-        for name, one in exact.items():
-            if one.scale and mp.isfinite(one.scale):
-                change = length(moved[name].exact - one.exact) / one.scale
-                squares[name] += float(change / NUDGE) ** 2
-    spread = count / samples**2  # numbers per sample, over samples
-    return {name: max(1.0, math.sqrt(spread * square)) for name, square in squares.items()}
-
-
-def answers(impact: Impact) -> dict[str, Any]:
-    """Return the answers of `strike`, by the names of `exact_impact`."""
-    found: dict[str, Any] = {
-        "impulse": impact.impulse,
-        "effective mass": impact.effective_mass,
-        "foot velocity": impact.foot_velocity,
-        "ball velocity": impact.ball_after.velocity,
-        "ball spin": impact.ball_after.spin,
-        "joint velocity": impact.v_after,
-        "energy lost": impact.energy_lost,
-    }
-    return found | {f"joint {i + 1}": wrench for i, wrench in enumerate(impact.joint_impulses)}

@@ -15,7 +15,7 @@ from kickdyn.accuracy.references.exact_flight import (
     landing,
     mp,
 )
-from kickdyn.flight.forces import forces
+from kickdyn.flight.forces import acceleration_function
 
 BALL, AIR = kd.Ball(), kd.Air()
 
@@ -52,7 +52,7 @@ def test_the_rates_are_those_of_forces():
     hy = pytest.importorskip("heyoka")
     system = equations(hy, BALL, AIR)
     rates = hy.cfunc([rate for _, rate in system], [name for name, _ in system])
-    acting = forces(BALL, AIR)
+    acting = acceleration_function(BALL, AIR)
     rng = np.random.default_rng(4)
     for _ in range(50):
         velocity = rng.normal(size=3)

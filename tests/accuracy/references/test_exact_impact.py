@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from chains import random_kick, random_leg
+from extremes.extreme_impacts import answers, conditions
 
 import kickdyn as kd
 from kickdyn.accuracy.references.exact_impact import (
     LARGEST,
     Quantity,
-    answers,
-    conditions,
     exact_impact,
     given,
 )

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.accuracy.extreme_impacts import BENT, USUAL, chain, grazes, sizes, usual
+from extremes.extreme_impacts import BENT, USUAL, chain, grazes, sizes, usual
 from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, given
 from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from kickdyn.aerodynamics.coefficient_model import smoothstep

@@ -1,8 +1,8 @@
 """The formulas written anew agree with round numbers of their sources, and can be changed."""
 
 import pytest
+from extremes.exact_coefficients import FORMULAS, MODELS, Constants
 
-from kickdyn.accuracy.references.exact_coefficients import FORMULAS, MODELS, Constants
 from kickdyn.accuracy.references.exact_leg import mp
 
 

@@ -1,4 +1,4 @@
-"""The command `kickdyn extremes`: every answer is right, as exact as it claims, or refused."""
+"""All cases at the extremes, their tables and their picture, and the command that prints them."""
 
 from __future__ import annotations
 
@@ -6,37 +6,45 @@ import sys
 from collections.abc import Iterator, Sequence
 
 import click
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from kickdyn.accuracy.extreme_case import NOT_FINITE, Correctness, ExtremeCase
-from kickdyn.accuracy.extreme_flights import DRAGS, flight_cases, flight_refusals
-from kickdyn.accuracy.extreme_impacts import LONGEST, impact_cases, impact_refusals
-from kickdyn.accuracy.gains import Gain, gains
+from extremes.extreme_case import NOT_FINITE, Correctness, ExtremeCase
+from extremes.extreme_flights import DRAGS, flight_cases, flight_refusals
+from extremes.extreme_impacts import LONGEST, impact_cases, impact_refusals
+from extremes.gains import Gain, gains
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table
 from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.plot_style import styled
+from kickdyn.sweeps.sweep_plot import check_name, save_figure
 
 
 @click.command("extremes", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--json", "json_file", metavar="FILE", help="Write the cases; - is stdout.")
-def extremes(json_file: str | None) -> None:
+@click.option("--plot", metavar="FILE", help="Draw error against condition: .png, .svg or .pdf.")
+def extremes(json_file: str | None, plot: str | None) -> None:
     """Compare kickdyn at the extremes with 50 digits; exit 1 if an answer is wrong.
 
-    Example: kickdyn extremes --json extremes.json
+    Example: python tests/extremes --json extremes.json
     """
-    check_outputs(json_file=json_file)
+    if plot is not None:
+        check_name(plot)
+    check_outputs(plot, json_file=json_file)
     found = []
     with busy("measuring") as report:
         for case in extreme_cases():
             report(f"{case.family}: {case.case}")
             found.append(case)
+    if plot is not None:
+        save_figure(condition_figure(found), plot)
     if json_file is not None:
         write_json(json_file, [case.as_json() for case in found])
     if json_file != "-":
         console = Console(highlight=False)
-        console.print(_case_table(found))
-        console.print(_gain_table(gains()))
+        console.print(case_table(found))
+        console.print(gain_table(gains()))
         console.print(summary(found), soft_wrap=True)
     if any(case.verdict == Correctness.WRONG for case in found):
         sys.exit(1)
@@ -60,6 +68,30 @@ def summary(cases: Sequence[ExtremeCase]) -> str:
     return text + (f", {wrong} wrong" if wrong else "")
 
 
+@styled()
+def condition_figure(found: Sequence[ExtremeCase]) -> Figure:
+    """Return the errors of all answers against their conditions, and what a condition allows."""
+    figure = Figure(figsize=(6.4, 3.8))
+    axes = figure.subplots()
+    worst = max(10.0, *(row.condition for row in found))
+    axes.loglog(
+        [1, worst], [1e-15, 1e-15 * worst], "-", color="0.7", label="what the condition allows"
+    )
+    for verdict, colour in (
+        (Correctness.RIGHT, "tab:green"),
+        (Correctness.AS_CLAIMED, "tab:orange"),
+        (Correctness.WRONG, "tab:red"),
+    ):
+        mine = [row for row in found if row.verdict == verdict]
+        errors = [min(max(row.error, 1e-17), 1.0) for row in mine]
+        axes.loglog(
+            [row.condition for row in mine], errors, "o", markersize=4, color=colour, label=verdict
+        )
+    axes.set(xlabel="condition", ylabel="relative error")
+    axes.legend()
+    return figure
+
+
 def cells(case: ExtremeCase) -> list[str]:
     """Return a case as text: name, worst error, condition, error, digits, allowed, of, verdict."""
     if case.refusal:
@@ -77,7 +109,7 @@ def cells(case: ExtremeCase) -> list[str]:
     ]
 
 
-def _case_table(cases: Sequence[ExtremeCase]) -> Table:
+def case_table(cases: Sequence[ExtremeCase]) -> Table:
     """Return the table of all cases; those that are not finite are counted."""
     table = empty_table(
         "The answer with least digits to spare; reference: 50 digits, 20 of flights at tol"
@@ -109,7 +141,7 @@ def _case_table(cases: Sequence[ExtremeCase]) -> Table:
     return table
 
 
-def _gain_table(found: Sequence[Gain]) -> Table:
+def gain_table(found: Sequence[Gain]) -> Table:
     """Return the table of formulas that keep digits."""
     table = empty_table("Formulas that keep digits")
     for head in ("what", "the plain formula", "error", "kickdyn's", "error"):

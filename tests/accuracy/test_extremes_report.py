@@ -4,15 +4,14 @@ import io
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from extremes import extreme_flights, extreme_impacts, extremes_report
+from extremes.extreme_case import NOT_FINITE, ExtremeCase
+from extremes.gains import gains
 from rich.console import Console
-
-from kickdyn.accuracy import extreme_flights, extreme_impacts
-from kickdyn.accuracy.extreme_case import NOT_FINITE, ExtremeCase
-from kickdyn.accuracy.gains import gains
-from kickdyn.cli import extremes_command as extremes
 
 EXACT = ("posture", "mass", "coefficient", "approach", "central", "rank", "short link", "turning")
 EXACT += ("slow",)
@@ -21,7 +20,7 @@ EXACT += ("slow",)
 
 @pytest.fixture(scope="module")
 def rows():
-    return list(extremes.extreme_cases(longest=2, drags=["stokes"]))
+    return list(extremes_report.extreme_cases(longest=2, drags=["stokes"]))
 
 
 def test_no_answer_is_wrong(rows):
@@ -77,10 +76,10 @@ def test_arguments_that_are_no_numbers_count_by_themselves():
         ExtremeCase("f", "b", refusal="no"),
         ExtremeCase(NOT_FINITE, "c", refusal="no"),
     ]
-    said = extremes.summary(found)
+    said = extremes_report.summary(found)
     assert said == ("2 cases: 1 right, 0 as-claimed, 1 refused, 0 wrong; 1 of 1 not finite refused")
     taken = ExtremeCase(NOT_FINITE, "d", "taken", math.inf, 1.0, math.inf)
-    assert extremes.summary([*found, taken]).endswith("1 of 2 not finite refused, 1 wrong")
+    assert extremes_report.summary([*found, taken]).endswith("1 of 2 not finite refused, 1 wrong")
 
 
 def test_verdicts_are_whole_at_eighty_columns():
@@ -93,7 +92,7 @@ def test_verdicts_are_whole_at_eighty_columns():
         ),
     ]
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(extremes._case_table(found))
+    console.print(extremes_report.case_table(found))
     lines = console.export_text().splitlines()
     assert any(line.rstrip().endswith(" as-claimed (8.1)") for line in lines)
     assert any(line.rstrip().endswith(" refused") for line in lines)
@@ -105,7 +104,12 @@ def test_flights_at_a_tolerance_are_judged_by_another_integrator(monkeypatch):
     assert next(extreme_flights.tolerances()).verdict == "wrong"
 
 
-def test_the_door_refuses_before_it_works(tmp_path):
-    door = [sys.executable, "-m", "kickdyn", "extremes", "--json", str(tmp_path / "no" / "x")]
-    ended = subprocess.run(door, capture_output=True, text=True)
+def test_the_command_refuses_before_it_works(tmp_path):
+    command = [
+        sys.executable,
+        str(Path(__file__).parents[1] / "extremes"),
+        "--json",
+        str(tmp_path / "no" / "x"),
+    ]
+    ended = subprocess.run(command, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.accuracy.extreme_case import FULL, ExtremeCase, compare, digits, expect_refusal
-from kickdyn.accuracy.references.exact_coefficients import (
+from extremes.exact_coefficients import (
     FORMULAS,
     MODELS,
     NUDGE,
     Constants,
     Formula,
 )
+from extremes.extreme_case import FULL, ExtremeCase, compare, digits, expect_refusal
 from kickdyn.accuracy.references.exact_flight import landing as exact_landing
 from kickdyn.accuracy.references.exact_impact import Quantity
 from kickdyn.accuracy.references.exact_leg import Exact, context, length, mp, numbers

@@ -22,7 +22,7 @@ from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.sweeps.dataset import describe
-from kickdyn.sweeps.grid import IN_MEMORY, Grid, read_postures
+from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import Summary
@@ -46,8 +46,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "robot, its right foot]")  # fmt: skip
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
-              "Default: a kick's range of hip, knee and ankle, each 5 deg; of another leg of up "
-              "to three joints, every joint's range, each 10 deg.")  # fmt: skip
+              "Default of ours: a kick's range of hip, knee and ankle, each 5 deg.")  # fmt: skip
 @click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
@@ -58,8 +57,8 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               help="For the flight: 20 degC at sea level, the paper's, or none.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
-              "number, which can be resumed. Without it, of more than a million only the best and "
-              "the front are kept, for --json.")  # fmt: skip
+              "number, which can be resumed. Without it, no posture is kept but the best and the "
+              "front, for --json.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Compute what DIR.zarr lacks.")
 @click.option("--threads", type=click.IntRange(1, 1024),
               help="Threads of this process.  [default: one per core]")  # fmt: skip
@@ -120,13 +119,12 @@ def posture_sweep(
     check_outputs(file, plot, view, json_file=json_file)
     if store is None and (resume or workers is not None):
         raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
-    keeps_postures = out is not None or grid.size <= IN_MEMORY
     summary = Summary(describe(leg, grid, kick, tolerance), where)
 
     data: xr.Dataset | None = None
     found: Iterator[xr.Dataset]
     with _progress_bar(grid.size) as progress:
-        if keeps_postures:
+        if out is not None:
             data = sweep(
                 leg, postures, kick, store=store, resume=resume, tolerance=tolerance,
                 threads=threads, workers=workers, progress=progress,
@@ -154,12 +152,9 @@ def posture_sweep(
     if file is not None and data is not None:
         save_netcdf(data, file)
     if json_file is not None:
-        kept = {} if keeps_postures else {"kept": summary.as_json()}
-        write_json(json_file, {**as_json(leg, kick, summary, lines), **kept})
+        write_json(json_file, as_json(leg, kick, summary, lines))
     if json_file != "-":
         show(leg, kick, summary, lines)
-        if not keeps_postures:
-            click.echo("No posture is kept; --json writes the best and the front.")
         for name in (out, plot, view, json_file):
             if name is not None:
                 click.echo(f"wrote {name}")

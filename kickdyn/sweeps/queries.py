@@ -135,13 +135,6 @@ def blocks(data: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
         yield chunks.span(k)[0], data.isel(region)
 
 
-def take(data: xr.Dataset, numbers: NDArray[np.int64]) -> xr.Dataset:
-    """Return postures by their numbers, the last joint running fastest, along `posture`."""
-    place = np.unravel_index(numbers, data["status"].shape)
-    dims = zip(data["status"].dims, place, strict=True)
-    return data.isel({name: ("posture", i) for name, i in dims})
-
-
 def pareto_front(
     data: xr.Dataset,
     more: str = "ball_speed",
@@ -168,7 +161,9 @@ def pareto_front(
         chosen = chosen_postures(block, where)
         columns = [_column(block, name).values.ravel()[chosen] for name in (more, less)]
         points = front_of(np.vstack([points, np.column_stack([*columns, first + chosen])]))
-    return take(data, points[:, 2].astype(np.int64)).load()
+    places = np.unravel_index(points[:, 2].astype(np.int64), data["status"].shape)
+    dims = zip(data["status"].dims, places, strict=True)
+    return data.isel({name: ("posture", i) for name, i in dims}).load()
 
 
 def chosen_postures(block: xr.Dataset, where: str | None = None) -> NDArray[np.intp]:
@@ -198,11 +193,8 @@ def front_of(points: Array) -> Array:
 def outcome_at(leg: Leg, kick: Kick, posture: xr.Dataset) -> PostureOutcome:
     """Return the impact of one posture of a dataset, with its joint impulses and its flight.
 
-    Args:
-        leg: the leg of the sweep.
-        kick: the kick of the sweep.
-        posture: one posture: each joint is a coordinate without dimension, as after
-            `data.isel(hip=3, knee=0)` or `pareto_front(data).isel(posture=0)`.
+    Each joint of the posture is a coordinate without dimension, as after
+    `data.isel(hip=3, knee=0)` or `pareto_front(data).isel(posture=0)`.
     """
     joints = [name for name in leg.joint_names if name in posture.coords]
     return kick_from(

@@ -32,11 +32,9 @@ _NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
 class SweepStore:
     """A Zarr store that chunks of a sweep are written to.
 
-    Args:
-        path: a folder ending in `.zarr`.
-        described: coordinates and attributes of the sweep, see `dataset.describe`.
-        chunk: number of postures per chunk, roughly.
-        resume: whether the store may be there, if it is one of the same sweep.
+    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `chunk` is the
+    number of postures per chunk, roughly. With `resume`, the store may be there if it is one of the
+    same sweep.
 
     Attributes:
         created: whether the store was not there before.

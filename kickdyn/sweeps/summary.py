@@ -101,20 +101,15 @@ class Summary:
         few = min(BEST, speed.size)
         fast = np.vstack([self.best, points[speed >= np.partition(speed, -few)[-few]]])
         self.best = fast[np.argsort(-fast[:, 0], kind="stable")[:BEST]]
-        self._add_sample(np.column_stack([load, speed, use]))
+        draws = np.append(self._draws, self._random.random(len(load)))
+        kept = np.argsort(draws)[:SAMPLE]  # the smallest of all draws so far
+        rows = np.vstack([self.sample, np.column_stack([load, speed, use])])
+        self._draws, self.sample = draws[kept], rows[kept]
         speeds = np.full(block["status"].shape, np.nan)
         speeds.reshape(-1)[places] = speed
         start = np.unravel_index(first, [len(axis) for axis in self.axes.values()])
         for each in self.maps.values():
             each.add(dict(zip(self.axes, start, strict=True)), speeds)
-
-    def _add_sample(self, rows: Array) -> None:
-        """Keep the rows that draw the smallest random numbers."""
-        draws = self._random.random(len(rows))
-        near = np.flatnonzero(draws < (self._draws.max() if len(self._draws) >= SAMPLE else 1.0))
-        draws = np.append(self._draws, draws[near])
-        order = np.argsort(draws)[:SAMPLE]
-        self._draws, self.sample = draws[order], np.vstack([self.sample, rows[near]])[order]
 
     def as_json(self) -> dict[str, Any]:
         """Return the best postures and the front: joints, ball speed and impulse as lists."""

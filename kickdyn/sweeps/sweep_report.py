@@ -163,10 +163,7 @@ def _cells(lines: Sequence[ReportLine], name: str, form: str, scale: float = 1.0
 def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> str:
     """Return the text below the table: explanations, counts, and the largest residual.
 
-    Args:
-        summary: the summary of the sweep.
-        lines: the postures of the table.
-        width: of a line, in characters; a longer word is not broken.
+    A line has at most `width` characters, unless a word is longer.
     """
     sentences = []
     for line in lines:
@@ -205,4 +202,5 @@ def as_json(
         "status": counts,
         **where,
         "lines": [line.as_json() for line in lines],
+        **summary.as_json(),
     }

@@ -14,7 +14,6 @@ from kickdyn.sweeps.queries import (
     pareto_front,
     possible,
     slopes_at,
-    take,
 )
 from kickdyn.sweeps.store import save_netcdf
 from kickdyn.sweeps.sweep_kick import kick_from
@@ -80,13 +79,6 @@ def test_blocks_are_consecutive_and_small(data, monkeypatch):
         assert block.status.size <= 50
     assert numbers == list(range(data.status.size))
     assert speeds == data.ball_speed.values.ravel().tolist()
-
-
-def test_take_gives_postures_by_number(data):
-    some = take(data, np.array([5, 100, 293]))
-    for name in VARIABLES:
-        assert (some[name].values == data[name].values.ravel()[[5, 100, 293]]).all()
-    assert some.ankle_deg.values == pytest.approx([50, 40, 50])
 
 
 def test_the_outcome_of_a_posture_is_its_impact(data):

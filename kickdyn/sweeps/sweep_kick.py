@@ -120,7 +120,6 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     The joint velocity is that of least kinetic energy, or, where that exceeds a joint's limit,
     that of least `speed_use`. The impulse on the ball is the same for both: it depends on the
     velocity of the foot only.
-
     """
     foot_velocity = kick.speed * kick.direction
     v = posture.try_joint_velocity(foot_velocity)

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from kickdyn.core import validation
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -119,6 +120,7 @@ class SweepStore:
         self._group.attrs["finished"] = 1
 
 
+@validation.check_arguments
 def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     """Open a sweep from a file: a Zarr store, finished or not, or a netCDF file.
 
@@ -172,7 +174,7 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
 
 def _checked_path(path: str | PathLike[str]) -> Path:
     """Return the path, or raise `InvalidInput` where it cannot be one."""
-    if not isinstance(path, str | PathLike) or "\0" in str(path):
+    if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
     return Path(path)
 

@@ -1,5 +1,6 @@
 """The main door, as a user opens it."""
 
+import io
 import json
 import os
 import re
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +17,26 @@ import pytest
 import xarray as xr
 
 import kickdyn
+from kickdyn.cli.command import run
+from kickdyn.cli.posture_sweep_command import posture_sweep
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
 
 
-def door(*arguments, cwd=None):
+def door(*arguments, cwd="."):
+    """Run the command in this process, as `python -m kickdyn.posture_sweep` does."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["posture-sweep", *arguments])
+        patch.chdir(cwd)
+        with pytest.raises(SystemExit) as ended:
+            run(posture_sweep)
+    code = ended.value.code
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def started(*arguments, cwd):
+    """Run the command in a process of its own."""
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     strict = [sys.executable, "-W", "error", "-W", noise]
     command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
@@ -33,7 +50,7 @@ def interruptible():
 
 def test_table_and_files(tmp_path):
     files = ["--out", "sweep.nc", "--plot", "sweep.png", "--json", "sweep.json"]
-    ended = door(*SMALL, *files, cwd=tmp_path)
+    ended = started(*SMALL, *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     for words in ("paper a", "1.557", "1.554", "best (hip ", "worst (hip ", "3 postures: 3 ok."):
         assert words in ended.stdout

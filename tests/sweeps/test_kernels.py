@@ -2,9 +2,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import floating_leg, in_units, random_leg, slides
+from extremes.extreme_impacts import chain
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from extremes.extreme_impacts import chain
 
 import kickdyn as kd
 from kickdyn.sweeps.dataset import VARIABLES

@@ -1,4 +1,4 @@
-"""A plane in the ball's way: a wall, a goal line."""
+"""Planes at which a flight ends: walls and goal lines."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Plane(ValueEquality, ReprMixin):
         object.__setattr__(self, "reached_by", part)
 
     def __repr__(self) -> str:
-        """Return every value, in a line."""
+        """Return the class with all its values, in a line."""
         place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
         return f"Plane({place}, reached_by={self.reached_by.value!r})"
 

@@ -166,7 +166,7 @@ def test_no_nan_comes_out_of_a_posture_or_a_contact(value):
     for attempt in (
         lambda: kd.HertzContact(value, 1.0),
         lambda: kd.HertzContact(1.0, value),
-        lambda: POSTURE.mass_along((1.0, value, 0.0)),
+        lambda: POSTURE.effective_mass((1.0, value, 0.0)),
         lambda: POSTURE.respond((1.0, value, 0.0)),
         lambda: POSTURE.solve(np.full((3, 2), value)),
         lambda: POSTURE.try_joint_velocity((1.0, value, 0.0)),

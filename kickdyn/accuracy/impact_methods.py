@@ -66,7 +66,7 @@ def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Meas
 
 
 def _methods(impact: Impact) -> Iterator[Method]:
-    """Yield every method that applies to a kick."""
+    """Yield name, setting and function of every method that applies to a kick."""
     leg, q, v = impact.posture.leg, impact.posture.q, impact.v_before
     ball, contact = impact.ball, impact.contact
     yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
@@ -155,7 +155,7 @@ def in_cone(
 
 
 def _point(friction: float) -> tuple[object, object]:
-    """Return a point contact for the cone solvers, which take but the cone from it."""
+    """Return models and data of a point contact, of which the cone solvers use the cone only."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
     here = pin.SE3.Identity()

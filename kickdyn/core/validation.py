@@ -86,14 +86,14 @@ def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
 
 
 def read_only(array: Array) -> Array:
-    """Return a copy that cannot be written to."""
+    """Return a copy of an array that cannot be written to."""
     own = array.copy()
     own.setflags(write=False)
     return own
 
 
 def brief(value: object) -> str:
-    """Return the representation of a value, cut if it is long."""
+    """Return the `repr` of a value, cut after `LONGEST` characters."""
     try:
         text = repr(value)
     except ValueError:  # an integer of thousands of digits

@@ -12,8 +12,8 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of

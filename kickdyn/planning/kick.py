@@ -342,6 +342,7 @@ def _plan_pass_launch(
         history=found.velocity[None],
         ball=ball,
         air=air,
+        limits=None,
     )
 
 

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
-from kickdyn.core.vectors import GRAVITY, cross3
+from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
@@ -472,11 +473,7 @@ class Posture(ReprMixin):
         Raises:
             InvalidInput: the normal has length 0.
         """
-        return self.mass_along(validation.direction("normal", normal))
-
-    def mass_along(self, unit: ArrayLike) -> float:
-        """Return `effective_mass` along a vector that is known to have length 1."""
-        row = validation.vector("unit", unit, 3).dot(self.delassus_factor())
+        row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import BallState
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus

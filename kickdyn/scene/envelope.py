@@ -10,7 +10,7 @@ from typing import NamedTuple
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.core.vectors import GRAVITY
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.flight.forces import time_to_fall
 from kickdyn.scene.coarse_flight import State, coarse_path, drop_below, refuses_extrapolation
 from kickdyn.scene.scene import FlightEnvironment

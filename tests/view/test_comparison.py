@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.core.vectors import GRAVITY
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.view.comparison import _numbers
 
 

@@ -48,6 +48,7 @@ def engine_strike(
     would be wrong without a warning.
     """
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    ball.check_movable("Pinocchio's impulseDynamics")
     posture, before, n = approach.posture, approach.ball_before, contact.normal
     if contact.friction != 0.0:
         raise InvalidInput(

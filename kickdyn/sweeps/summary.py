@@ -119,7 +119,7 @@ class Summary:
             index = np.unravel_index(rows[:, 2].astype(np.int64), shape)
             angles = zip(self.axes.items(), index, strict=True)
             kept[name] = {
-                **{joint: axis[i].tolist() for (joint, axis), i in angles},
+                "angles": {joint: axis[i].tolist() for (joint, axis), i in angles},
                 "ball_speed": rows[:, 0].tolist(),
                 "worst_joint_impulse": rows[:, 1].tolist(),
             }

@@ -74,7 +74,8 @@ def test_nothing_to_choose_from(data):
     found = summarize(data, "knee > 100")
     assert (found.chosen, found.worst, len(found.best), found.counts["ok"] > 0) == (0, -1, 0, True)
     assert found.as_json()["best"] == found.as_json()["front"]
-    assert found.as_json()["best"]["hip"] == found.as_json()["best"]["ball_speed"] == []
+    empty = found.as_json()["best"]
+    assert empty["angles"]["hip"] == empty["ball_speed"] == empty["worst_joint_impulse"] == []
 
 
 def test_what_is_kept_is_plain(data):
@@ -82,11 +83,11 @@ def test_what_is_kept_is_plain(data):
     assert set(kept) == {"best", "front"}
     for rows in kept.values():
         for i, speed in enumerate(rows["ball_speed"]):
-            place = {name: np.radians(rows[name][i]) for name in POSTURES}
+            place = {name: np.radians(rows["angles"][name][i]) for name in POSTURES}
             at = data.sel(place, method="nearest")
             assert float(at.ball_speed) == speed
             assert float(at.worst_joint_impulse) == rows["worst_joint_impulse"][i]
-    assert len(kept["best"]["hip"]) == 10
+    assert len(kept["best"]["angles"]["hip"]) == 10
 
 
 def test_neighbours_go_together(data, monkeypatch):

@@ -35,7 +35,11 @@ def viscosity_of(temperature: float) -> float:
 
 
 def standard_atmosphere(altitude: float) -> tuple[float, float]:
-    """Return temperature [K] and pressure [Pa] of the standard atmosphere up to 11 km [m]."""
+    r"""Return temperature [K] and pressure [Pa] at an altitude up to 11 km [m].
+
+    With :math:`H = r z / (r + z)`, :math:`T = T_0 - L H` and
+    :math:`p = p_0 (T / T_0)^{g_0 / (R L)}` (U.S. Standard Atmosphere 1976).
+    """
     height = 6_356_766 * altitude / (6_356_766 + altitude)  # geopotential
     temperature = 288.15 - 0.0065 * height
     exponent = 9.80665 / (GAS_CONSTANT * 0.0065)
@@ -98,7 +102,7 @@ class Air(ValueEquality, ReprMixin):
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        """Return every value, and the models by name, in a line."""
+        """Return the class with all its values, models by their names, in a line."""
         names = self._names()
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
@@ -108,7 +112,7 @@ class Air(ValueEquality, ReprMixin):
         )
 
     def _names(self) -> dict[str, object]:
-        """Return the models and the wind, by their names where they have one."""
+        """Return the models and the wind; those that have a name, by it."""
         models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
         return {
             key: getattr(model, "name", getattr(model, "__name__", model))
@@ -173,7 +177,7 @@ class Air(ValueEquality, ReprMixin):
 
     @property
     def wind_at(self) -> Wind:
-        """The wind as a function of height, however it was given."""
+        """The wind [m/s] as a function of the height [m], also where it is the same everywhere."""
         if callable(self.wind):
             return self.wind
         steady = tuple(self.wind.tolist())

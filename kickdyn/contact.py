@@ -54,7 +54,7 @@ class Contact(ValueEquality, ReprMixin):
         object.__setattr__(self, "offset", offset)
 
     def __repr__(self) -> str:
-        """Return all values in a line."""
+        """Return the class with all its values, in a line."""
         normal, offset = format_value(self.normal), ""
         if self.offset is not None:
             offset = f", offset={format_value(self.offset)} m"

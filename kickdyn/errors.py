@@ -6,7 +6,14 @@ from collections.abc import Sequence
 
 
 class KickdynError(Exception):
-    """Base class of every error that kickdyn raises on purpose."""
+    """Base class of every error that kickdyn raises on purpose; its message is one printable line.
+
+    Args:
+        message: line breaks in it, as of an array that is quoted, become blanks.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(" ".join(line.strip() for line in message.splitlines())))
 
 
 class InvalidInput(KickdynError, ValueError):
@@ -56,4 +63,6 @@ class EnergyCreated(KickdynError):
 
 def printable(text: str) -> str:
     """Return a text with its control characters as escapes, which a terminal would obey."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

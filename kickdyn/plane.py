@@ -1,4 +1,4 @@
-"""A plane in the ball's way: a wall, a goal line."""
+"""Planes at which a flight ends: walls and goal lines."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Plane(ValueEquality, ReprMixin):
         object.__setattr__(self, "reached_by", part)
 
     def __repr__(self) -> str:
-        """Return every value, in a line."""
+        """Return the class with all its values, in a line."""
         place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
         return f"Plane({place}, reached_by={self.reached_by.value!r})"
 
@@ -60,7 +60,8 @@ class Plane(ValueEquality, ReprMixin):
         yield "normal", self.normal, ""
         yield "reached by", f"the ball's {self.reached_by}", ""
 
-    def gap(self, ball: Ball, position: Array) -> float:
+    @validation.check_arguments
+    def gap(self, ball: Ball, position: ArrayLike) -> float:
         r"""Return how far a ball still is from reaching the plane along its normal [m], 0 or more.
 
         :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
@@ -72,6 +73,7 @@ class Plane(ValueEquality, ReprMixin):
         Raises:
             InvalidInput: the ball is beyond it already.
         """
+        position = validation.vector("position", position, 3, unit="m")
         radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
         away = float(self.normal @ (position - self.point)) + radii[self.reached_by] * ball.radius
         scale = max(ball.radius, float(abs(self.point).max()), float(abs(position).max()))

@@ -85,7 +85,7 @@ def _measure_vacuum() -> Measurement:
 
 
 def _methods(scene: str, ball: Ball, air: Air, tolerances: Sequence[float]) -> dict[str, Landings]:
-    """Return the integrators of a scene by name."""
+    """Return functions that compute landings, one per integrator of a scene, by name."""
     names = ("RK45", "DOP853", "LSODA", "Radau")
     methods: dict[str, Landings] = {name: _scipy(name, ball, air) for name in names}
     methods["kd.fly"] = _fly(ball, air)
@@ -100,7 +100,7 @@ def _methods(scene: str, ball: Ball, air: Air, tolerances: Sequence[float]) -> d
 
 
 def _scipy(name: str, ball: Ball, air: Air) -> Landings:
-    """Return the plain use of `solve_ivp` with a landing event, as a user would write it."""
+    """Return the landings of `solve_ivp` with a landing event, as a user would write it."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
         landings, calls = [], 0
@@ -123,7 +123,7 @@ def _scipy(name: str, ball: Ball, air: Air) -> Landings:
 
 
 def _fly(ball: Ball, air: Air) -> Landings:
-    """Return `fly`."""
+    """Return the landings that `kickdyn.fly` computes, one flight after the other."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
         paths = [fly(state, ball, air, tol=tol) for state in states]
@@ -134,7 +134,7 @@ def _fly(ball: Ball, air: Air) -> Landings:
 
 
 def _fly_many(ball: Ball, air: Air) -> Landings:
-    """Return `fly_many`."""
+    """Return the landings that `kickdyn.fly_many` computes, of 2000 flights at once."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
         data = fly_many(_repeated(states), ball, air, tol=tol)
@@ -145,7 +145,7 @@ def _fly_many(ball: Ball, air: Air) -> Landings:
 
 
 def _heyoka(compiled: dict[float, Callable[[BallState], tuple[Array, int]]]) -> Landings:
-    """Return heyoka's integrators, which are compiled for each tolerance."""
+    """Return the landings of heyoka's integrators, which are compiled for each tolerance."""
 
     def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
         landings, steps = compiled[tol](_repeated(states))

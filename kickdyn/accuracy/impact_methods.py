@@ -13,7 +13,6 @@ import pinocchio as pin
 
 from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
 from kickdyn.accuracy.references.exact_impact import exact_impact, given
-from kickdyn.accuracy.references.pinocchio_impact import engine_strike
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -66,13 +65,17 @@ def measure_impacts(report: Callable[[str], None] = lambda _: None) -> list[Meas
 
 
 def _methods(impact: Impact) -> Iterator[Method]:
-    """Yield every method that applies to a kick."""
+    """Yield name, setting and function of every method that applies to a kick."""
     leg, q, v = impact.posture.leg, impact.posture.q, impact.v_before
     ball, contact = impact.ball, impact.contact
     yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
     yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
     if contact.friction == 0.0:
-        yield "engine", "", lambda: engine_strike(leg.posture(q), v, ball, contact).impulse
+        yield (
+            "engine",
+            "",
+            lambda: strike(leg.posture(q), v, ball, contact, engine="pinocchio").impulse,
+        )
     yield "stacked KKT", "", lambda: stacked(leg.posture(q), v, ball, contact)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):
@@ -155,7 +158,7 @@ def in_cone(
 
 
 def _point(friction: float) -> tuple[object, object]:
-    """Return a point contact for the cone solvers, which take but the cone from it."""
+    """Return models and data of a point contact, of which the cone solvers use the cone only."""
     model = pin.Model()
     model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "any")
     here = pin.SE3.Identity()

@@ -55,11 +55,9 @@ def paper(
     with busy("reproducing") as report:
         for section in sections:
             report(f"reproducing {section.name}")
-            items[section.name] = section.items()
-        for section in sections:
-            if sensitivity and section.sensitivity:
-                report(f"reproducing {section.name} with other coefficients")
-                others[section.name] = section.sensitivity()
+            items[section.name], varying = section.compare()
+            if sensitivity and varying:
+                others[section.name] = varying
         for file, draw in drawings.items():
             report(f"drawing {file.name}")
             save_figure(_figure(draw), file)
@@ -87,7 +85,13 @@ def _with_flights(sections: Sequence[Section]) -> Section:
 
 def _file(section: Section, folder: str) -> Path:
     """Return the file that a figure is drawn into."""
-    name = section.name.lower().replace(". ", "_").replace("-", "_").replace("/", "_")
+    name = (
+        (section.also or section.name)
+        .lower()
+        .replace(". ", "_")
+        .replace("-", "_")
+        .replace("/", "_")
+    )
     return Path(folder) / f"{name}.png"
 
 

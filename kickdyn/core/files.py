@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import stat
 import sys
@@ -82,7 +83,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
-    The temporary name keeps the suffix, by which many writers choose the format.
+    The temporary name keeps the suffix, by which many writers choose the format. A file that was
+    there before keeps its permissions.
 
     Raises:
         InvalidInput: the file cannot be written.
@@ -93,6 +95,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         draft = Path(folder) / file.name
         try:
             yield draft
+            if file.exists():
+                draft.chmod(stat.S_IMODE(file.stat().st_mode))
             draft.replace(file)
         except OSError as error:
             raise _refused(path, error) from None
@@ -129,7 +133,7 @@ def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
 
 
 def _reason(error: Exception) -> str:
-    """Return what the system says of an error."""
+    """Return the operating system's description of an error."""
     return getattr(error, "strerror", None) or str(error)
 
 
@@ -145,3 +149,8 @@ def write_json(path: str, document: object) -> None:
         return
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def finite(value: float) -> float | None:
+    """Return a number for JSON: None, which is null there, where it is not finite."""
+    return value if math.isfinite(value) else None

@@ -47,6 +47,8 @@ def _number(typing_context: Any, x: Any) -> Any:
 
 
 def _reread(kind: Any) -> Callable[..., Any]:
+    """Return the generator of code that takes the bits of its argument for another kind."""
+
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.bitcast(arguments[0], kind)
 

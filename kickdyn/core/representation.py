@@ -14,10 +14,10 @@ Row = tuple[str, object, str]
 """A line of a representation: name, value, unit."""
 
 WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
-"""Of a drawing [px]."""
+"""Size and margin of a drawing [px]."""
 
 WARNED = 3
-"""Warnings that are shown; others are counted."""
+"""Number of warnings that are shown; the others are counted."""
 
 ROUNDING = 1e-12
 """Share of a vector's largest entry below which an entry is shown as 0."""
@@ -66,11 +66,11 @@ class Printed:
     """Represents an object by its `str`, which is a table already."""
 
     def __repr__(self) -> str:
-        """Return the table."""
+        """Return the table as text."""
         return str(self)
 
     def _repr_html_(self) -> str:
-        """Return the table in fixed pitch."""
+        """Return the table as HTML, in a font of fixed width."""
         return f"<pre>{escape(str(self))}</pre>"
 
 

@@ -18,12 +18,13 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.equations import MAX_SPEED, tolerances
 from kickdyn.flight.flight_result import ROUNDING, FlightStatus, outside_ranges, refinements
-from kickdyn.flight.fly import check_scene, drops
+from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
 from kickdyn.ground import Ground
 
 
+@validation.check_arguments
 def fly_many(
     states: BallState,
     ball: Ball,
@@ -64,7 +65,6 @@ def fly_many(
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
             function that cannot be compiled.
     """
-    check_scene(states, ball, air, ground)
     if states.position.ndim != 2:
         raise InvalidInput(
             f"launches have shape {states.position.shape}: fly_many takes (n, 3), fly takes one"

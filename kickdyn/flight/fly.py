@@ -12,8 +12,8 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
@@ -30,6 +30,7 @@ from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
 
+@validation.check_arguments
 def fly(
     state: BallState,
     ball: Ball,
@@ -69,7 +70,7 @@ def fly(
             is an error.
         KickdynError: the integrator gave up.
     """
-    check_launch(state, ball, air, ground, plane)
+    check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     longest = math.inf
@@ -97,23 +98,11 @@ class _Ends(NamedTuple):
     time_limit: float
 
 
-def check_launch(
-    state: BallState, ball: Ball, air: Air | None, ground: Ground | None, plane: Plane | None
-) -> None:
-    """Raise `InvalidInput` unless these are one launch and the types that a flight takes."""
-    check_scene(state, ball, air, ground)
-    validation.check_type(Plane, plane=plane, optional=True)
+def check_single(state: BallState) -> None:
+    """Raise `InvalidInput` unless this is one launch."""
     if state.position.shape != (3,):
         shape = state.position.shape
         raise InvalidInput(f"launch has shape {shape}: fly takes one, (3,); fly_many takes many")
-
-
-def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
-    """Raise `InvalidInput` unless these are of the types that flights take."""
-    validation.check_type(BallState, launch=state)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(Air, air=air, optional=True)
-    validation.check_type(Ground, ground=ground, optional=True)
 
 
 def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, float] | None:

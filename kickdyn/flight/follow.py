@@ -16,7 +16,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
-from kickdyn.flight.fly import check_launch, fly, wall_of
+from kickdyn.flight.fly import check_single, fly, wall_of
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -123,6 +123,7 @@ class Course(ReprMixin):
         return BallState(position, velocity, spin, times)
 
 
+@validation.check_arguments
 def follow(
     state: BallState,
     ball: Ball,
@@ -151,7 +152,7 @@ def follow(
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
             `fly`.
     """
-    check_launch(state, ball, air, ground, plane)
+    check_single(state)
     if ground is None:
         ground = Ground(float(state.position[2]) - ball.radius, "turf")
     start, surface = state, ground.surface

@@ -21,8 +21,8 @@ import numpy as np
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""
@@ -35,7 +35,12 @@ Acceleration = Callable[
 
 
 def downward(ball: Ball, air: Air | None) -> float:
-    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2]."""
+    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2].
+
+    Raises:
+        InvalidInput: the ball is an obstacle, of mass inf.
+    """
+    ball.check_movable("a flight")
     if air is None or not air.buoyancy:
         return GRAVITY
     return GRAVITY * (1.0 - air.density * ball.volume / ball.mass)
@@ -124,7 +129,7 @@ def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
     else:
         root = math.hypot(rise_speed, math.sqrt(fallen))  # speeds below 1e-154 have no square
     if rise_speed < 0.0:
-        return 2.0 * drop / (root - rise_speed)  # Eq. (24), without cancellation
+        return 2.0 * drop / (root - rise_speed)  # root of Eq. (25), without cancellation
     return (rise_speed + root) / g if g > 0.0 else math.inf
 
 

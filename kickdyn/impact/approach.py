@@ -14,7 +14,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.impact.contact_problem import ContactProblem, contact_axes
+from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
@@ -71,24 +71,8 @@ class Approach(NamedTuple):
         terms += abs(self.ball_before.velocity)
         return EPS * float(abs(self.contact.normal).dot(terms))
 
-    def impulse_rounding(self) -> float:
-        """Estimate which share of the impulse is rounding; tested against 50 digits.
 
-        Three things lose digits: a speed of approach of which much cancels; the Delassus matrix,
-        where a ball is heavy beside the leg that it sticks to (its condition, scaled to unit
-        diagonal); and the joint-space inertia, where supports or loops constrain the leg.
-        """
-        share = self.speed_rounding() / self.speed
-        if self.contact.friction > 0.0:
-            problem = self.contact_problem()
-            matrix = problem.delassus_in(contact_axes(problem.normal, problem.velocity))
-            scale = 1.0 / np.sqrt(matrix.diagonal())
-            share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
-        if self.posture.constraint_projector is not None:
-            share += EPS * self.posture.rounding_gain
-        return 2.0 * share
-
-
+@validation.check_arguments
 def find_approach(
     posture: Posture,
     v: ArrayLike,
@@ -108,11 +92,6 @@ def find_approach(
         InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
             speeds whose energies leave double precision.
     """
-    is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
-    if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
-        validation.check_type(Posture, posture=posture)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Contact, contact=contact)
     v = validation.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)

@@ -154,6 +154,7 @@ class Collision(ReprMixin):
         )
 
 
+@validation.check_arguments
 def collide(
     posture: Posture,
     v: ArrayLike,
@@ -200,10 +201,10 @@ def collide(
         KickdynError: foot and ball do not separate, or the integrator failed.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
-    validation.check_type(Posture, posture=posture)
     check_unconstrained(posture.leg, "a contact that takes time is")
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass

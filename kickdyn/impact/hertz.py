@@ -34,14 +34,20 @@ class HertzContact:
     stiffness: float
     damping: float
 
+    def __post_init__(self) -> None:
+        stiffness = validation.number("stiffness", self.stiffness, at_least=0, unit="N/m^1.5")
+        object.__setattr__(self, "stiffness", stiffness)
+        damping = validation.number("damping", self.damping, at_least=0, unit="s/m")
+        object.__setattr__(self, "damping", damping)
+
     def force(self, deflection: float, rate: float) -> float:
-        """Return the normal force [N] at a deflection [m] that grows at a rate [m/s]."""
+        """Return the normal force [N] at a deflection [m] that grows at a rate [m/s], unchecked."""
         if deflection <= 0.0:
             return 0.0
         return max(self.spring(deflection) * (1.0 + self.damping * rate), 0.0)
 
     def spring(self, deflection: float) -> float:
-        """Return the elastic part of the force [N], 0 or more."""
+        """Return the elastic part of the force [N], 0 or more, at an unchecked deflection [m]."""
         return float(self.stiffness * max(deflection, 0.0) ** 1.5)
 
 

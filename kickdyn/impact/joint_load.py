@@ -55,6 +55,7 @@ class JointLoad(ReprMixin):
             yield "peak moment", moment, "N m"
 
 
+@validation.check_arguments
 def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, JointLoad]:
     r"""Return the load of every joint by name, in the model's order.
 
@@ -67,7 +68,6 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
     Raises:
         InvalidInput: no impact, or a contact time below 1e-9 s.
     """
-    validation.check_type(Impact, impact=impact)
     per_time = None
     if contact_time is not None:
         time = validation.number("contact time", contact_time, at_least=SHORTEST_CONTACT, unit="s")

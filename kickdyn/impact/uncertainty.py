@@ -78,7 +78,7 @@ class Uncertainty(Printed):
         Raises:
             InvalidInput: another result.
         """
-        if result not in UNIT_OF:
+        if not isinstance(result, str) or result not in UNIT_OF:
             raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
         parts = {source: float(np.trace(of[result])) for source, of in self.by_source.items()}
         total = sum(parts.values())

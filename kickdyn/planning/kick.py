@@ -155,6 +155,7 @@ class KickPlan(ReprMixin):
         return [(name, i) for name, i in every if speed[i] > 1e-9 * speed.max()]
 
 
+@validation.check_arguments
 def plan_kick(
     leg: Leg,
     goal: Goal,
@@ -341,6 +342,7 @@ def _plan_pass_launch(
         history=found.velocity[None],
         ball=ball,
         air=air,
+        limits=None,
     )
 
 

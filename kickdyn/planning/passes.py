@@ -77,6 +77,7 @@ class Pass(ReprMixin):
         return f"{why}: {self.course.distance:.4g} m is farthest"
 
 
+@validation.check_arguments
 def plan_pass(
     goal: Goal,
     ball: Ball,
@@ -105,7 +106,6 @@ def plan_pass(
         InvalidInput: a value out of range, a goal without a time or at another height, or an
             unknown surface.
     """
-    validation.check_type(Goal, goal=goal)
     if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
         raise InvalidInput(
             f"{goal!r} is no goal of a pass: it must have a time, a target as high as the ball and "

@@ -16,14 +16,19 @@ from scipy.optimize import brentq, minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.flight.forces import acceleration_function, downward, is_ballistic
 
 NUDGE = 1e-6
-"""Change of a launch, over its speed; of a spin, over 10 rad/s."""
+"""Change of an unknown of the launch, over `ShootingProblem.sizes`."""
 
 LOOKS = 64
 """Places where the lowest point of a flight is looked for."""
+
+
+MOST_EVALUATIONS = 10_000
+"""Evaluations of the accelerations after which a flight is given up; most take 100 to 500."""
 
 
 class Trajectory(NamedTuple):
@@ -95,7 +100,7 @@ class Trajectory(NamedTuple):
         """Return when a value rises through zero; None where it does not."""
         if not value(first) < 0.0 <= value(last):
             return None
-        return float(brentq(value, first, last, xtol=1e-15 * self.time + 1e-300))
+        return float(brentq(value, first, last, xtol=1e-15 * self.time))
 
 
 class ShootingProblem:
@@ -122,6 +127,16 @@ class ShootingProblem:
         self._acting = None if air is None else acceleration_function(ball, air)
         self._gravity = np.array([0.0, 0.0, -downward(ball, air)])
 
+    def with_tolerance(self, tol: float) -> ShootingProblem:
+        """Return the same problem with another relative tolerance of the integration."""
+        return ShootingProblem(self.ball, self.air, self.spin, self.seeks_spin, tol)
+
+    def sizes(self, unknowns: Array) -> Array:
+        """Return scales of launch velocity [m/s], time [s] and, where sought, spin size [rad/s]."""
+        time = float(unknowns[3])
+        speed = max(math.hypot(*unknowns[:3]), 0.1 * GRAVITY * time)
+        return np.array([*3 * [speed], time, 0.1 * speed / self.ball.radius][: len(unknowns)])
+
     def spin_of(self, size: float) -> Array:
         """Return the spin, shape `(3,)` [rad/s]."""
         return self.spin * size if self.seeks_spin else self.spin
@@ -131,12 +146,12 @@ class ShootingProblem:
         spin = self.spin_of(size)
         if is_ballistic(self.air, spin) and not self.seeks_spin:
             return self._fall(velocity, time)
-        speed = math.hypot(*velocity)
-        nudges = np.full(3, NUDGE * max(speed, 1e-6))
+        sizes = self.sizes(np.array([*velocity, time, size]))
+        speed, nudges = float(sizes[0]), NUDGE * sizes[:3]
         lanes = [velocity, *(velocity + np.diag(nudges))]
         spins = [spin] * 4
         if self.seeks_spin:
-            nudges = np.append(nudges, NUDGE * 10.0)  # [rad/s]
+            nudges = np.append(nudges, NUDGE * sizes[4])
             lanes.append(velocity)
             spins.append(self.spin_of(size + nudges[3]))
         begin = np.array([[0, 0, 0, *lane, 1.0] for lane in lanes], dtype=float)
@@ -144,7 +159,13 @@ class ShootingProblem:
         acting = self._acting
         assert acting is not None
 
+        evaluations = 0
+
         def rates(_: float, flat: Array) -> list[float]:
+            nonlocal evaluations
+            evaluations += 1
+            if evaluations > MOST_EVALUATIONS:
+                raise ArithmeticError
             result: list[float] = []
             values = flat.tolist()
             for lane, (wx, wy, wz) in enumerate(turning):
@@ -153,13 +174,13 @@ class ShootingProblem:
                 result += (vx, vy, vz, ax, ay, az, -k * left)
             return result
 
-        length = max(speed * time, 1e-9)
-        scale = np.tile([*3 * [length], *3 * [max(speed, 1e-9)], 1.0], len(lanes))
+        scale = np.tile([*3 * [speed * time], *3 * [speed], 1.0], len(lanes))
         try:
-            found = solve_ivp(
-                rates, (0.0, time), begin.ravel(), "DOP853", rtol=self.tol,
-                atol=self.tol * scale, dense_output=True,
-            )  # fmt: skip
+            with np.errstate(over="ignore", invalid="ignore"):  # of launches without measure
+                found = solve_ivp(
+                    rates, (0.0, time), begin.ravel(), "DOP853", rtol=self.tol,
+                    atol=self.tol * scale, dense_output=True, first_step=time / 64,
+                )  # fmt: skip
         except (ArithmeticError, ValueError):
             return None
         if not found.success or not np.isfinite(found.y[:, -1]).all():

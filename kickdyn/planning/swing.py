@@ -82,14 +82,15 @@ class Swing(ReprMixin):
     def sample(self, t: ArrayLike) -> Motion:
         """Return the motion at rising times from the impact [s]; at 0 it is that just before."""
         time = np.atleast_1d(validation.floats("t", t, unit="s"))
-        if (np.diff(time) < 0).any():
-            raise InvalidInput(f"t is {time.tolist()}: times must rise")
+        if time.ndim > 1 or (np.diff(time) < 0).any():
+            raise InvalidInput(f"t is {time.tolist()}: it must be a number, or times that rise")
         both = (self.backswing.sample(time[time <= 0]), self.follow_through.sample(time[time > 0]))
         return Motion(*(np.concatenate(pair) for pair in zip(*both, strict=True)))
 
     def configuration(self, t: float) -> Array:
         """Return q of the whole leg at a time, shape `(nq,)`; at rest before and after."""
-        time = min(max(t, -self.backswing.duration), self.follow_through.duration)
+        asked = validation.number("t", t, unit="s")
+        time = min(max(asked, -self.backswing.duration), self.follow_through.duration)
         q = self.plan.q.copy()
         q[self.chain.qs] = self.sample(time).q[0]
         return q
@@ -136,6 +137,7 @@ class Swing(ReprMixin):
         return worst
 
 
+@validation.check_arguments
 def plan_swing(
     leg: Leg,
     plan: KickPlan,
@@ -171,7 +173,6 @@ def plan_swing(
             and foot, or joints without limits; a value out of range.
     """
     check_unconstrained(leg, "swings are planned")
-    validation.check_type(KickPlan, plan=plan)
     check_solver()
     from kickdyn.planning.casadi_chain import CasadiChain
     from kickdyn.planning.stop_problem import Stop, StopSolver, SwingObjective

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
-from kickdyn.core.vectors import GRAVITY, cross3
+from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
@@ -27,6 +28,7 @@ from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
 from kickdyn.robot.joint_table import JointTable, reduced_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
+    check_is_model,
     check_model,
     cholesky_with_condition,
     condition,
@@ -64,6 +66,7 @@ class Leg(JointTable, ReprMixin):
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
 
+    @validation.check_arguments
     def __init__(
         self,
         model: Any,
@@ -73,6 +76,7 @@ class Leg(JointTable, ReprMixin):
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
     ) -> None:
+        check_is_model(model)
         super().__init__(model.copy())
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
@@ -127,6 +131,7 @@ class Leg(JointTable, ReprMixin):
         return cls(model, frame, urdf)
 
     @classmethod
+    @validation.check_arguments
     def from_robot(
         cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
     ) -> Leg:
@@ -173,8 +178,7 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: not a model, an unsound inertia or placement, another gravity, or no such
                 frame.
         """
-        if not isinstance(model, pin.Model):
-            raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
+        check_is_model(model)
         if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
             raise InvalidInput(
                 f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
@@ -325,6 +329,7 @@ class Posture(ReprMixin):
         constraint_projector: supports and loops at this configuration; None without any.
     """
 
+    @validation.check_arguments
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
         workspace = leg.workspace
         model, data = workspace.model, workspace.data
@@ -468,11 +473,7 @@ class Posture(ReprMixin):
         Raises:
             InvalidInput: the normal has length 0.
         """
-        return self.mass_along(validation.direction("normal", normal))
-
-    def mass_along(self, unit: Array) -> float:
-        """Return `effective_mass` along a vector that is known to have length 1."""
-        row = unit.dot(self.delassus_factor())
+        row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
 
@@ -510,8 +511,9 @@ class Posture(ReprMixin):
             )
         return v
 
-    def try_joint_velocity(self, wish: Array) -> Array | None:
+    def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
         """Return what `joint_velocity` returns, or None if that is out of reach."""
+        wish = validation.vector("point velocity", wish, 3, unit="m/s")
         left, gains, right = np.linalg.svd(self.whitened_jacobian, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         v, missed = np.zeros_like(self._cholesky[0]), wish
@@ -522,7 +524,7 @@ class Posture(ReprMixin):
         # NaN, of a velocity too fast for float64, is not out of reach
         return None if np.abs(missed).max() > 1e-9 * np.abs(wish).max() else v
 
-    def solve(self, joint_impulse: Array) -> Array:
+    def solve(self, joint_impulse: ArrayLike) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
 
         The impulses of supports and loops are added, if there are any. Without them, many impulses
@@ -530,12 +532,17 @@ class Posture(ReprMixin):
         """
         return self.respond(joint_impulse)[0]
 
-    def respond(self, joint_impulse: Array) -> tuple[Array, Array]:
+    def respond(self, joint_impulse: ArrayLike) -> tuple[Array, Array]:
         """Return what `solve` returns, and the impulses of supports and loops.
 
         Those are stacked as in `Constraints.rows`, shape `(rows,)` [N s, N m s, world axes]; if
         they are redundant, they are the smallest of all that do.
         """
+        free, nv = self.constraint_projector is None, self.leg.nv
+        if free and isinstance(joint_impulse, np.ndarray) and joint_impulse.shape[:-1] == (nv,):
+            joint_impulse = validation.floats("joint impulse", joint_impulse)  # one per column
+        else:
+            joint_impulse = validation.vector("joint impulse", joint_impulse, nv)
         if self.constraint_projector is None:
             v, _ = lapack.dpotrs(self._cholesky, joint_impulse, lower=1)
             return np.asarray(v), np.zeros(0)

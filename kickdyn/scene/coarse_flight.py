@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient, is_registered
 from kickdyn.air import Air
 from kickdyn.ball import BallState
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus
@@ -87,6 +88,8 @@ def coarse_path(
     drop, rise = drop_below(launch, environment), float(launch.velocity[2])
     nodes: list[State] = [(0.0, 0.0, 0.0, *launch.velocity.tolist(), 1.0)]
     fastest = math.hypot(*nodes[0][3:6])
+    if _is_left_to_fly(air):
+        return CoarseEnd(None, "", 0), nodes
     inside = drop < -1e-9 * ball.radius and drop < -1e-9 * abs(float(launch.position[2]))
     if inside or not fastest <= MAX_SPEED:  # refused by the exact integrators
         return CoarseEnd(None, "", 0), nodes
@@ -140,10 +143,18 @@ def drop_below(launch: BallState, environment: FlightEnvironment) -> float:
     return float(launch.position[2]) - environment.ball.radius - environment.ground.height
 
 
-def refuses_extrapolation(air: Air | None) -> bool:
-    """Return whether a coefficient of the air ends a flight that leaves the coefficient's range."""
-    models = () if air is None else (air.drag, air.lift)
-    return any(getattr(model, "refuses", False) for model in models)
+def _is_left_to_fly(air: Air | None) -> bool:
+    """Return whether a coefficient of the air needs the exact integrators.
+
+    That is one that ends a flight beyond its range, and the user's own, which large steps may pass
+    over where it changes within a narrow range of speeds.
+    """
+    models = () if air is None else (air.drag, air.lift, air.torque)
+    return any(
+        getattr(model, "refuses", False)
+        or not (model is None or is_registered(model) or isinstance(model, ConstantCoefficient))
+        for model in models
+    )
 
 
 def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:

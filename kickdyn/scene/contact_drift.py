@@ -8,7 +8,7 @@ from typing import Any
 import pinocchio as pin
 
 from kickdyn.contact import Contact
-from kickdyn.core.vectors import GRAVITY
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike

@@ -85,6 +85,7 @@ class Scene(ReprMixin):
     name: str
     posture: Posture = field(repr=False)
 
+    @validation.check_arguments
     def __init__(
         self,
         leg: Leg,
@@ -103,12 +104,7 @@ class Scene(ReprMixin):
         uncertainty: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
-        validation.check_type(Leg, leg=leg)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Contact, contact=contact)
-        validation.check_type(Air, air=air, optional=True)
-        validation.check_type(Ground, ground=ground, optional=True)
-        validation.check_type(Plane, plane=plane, optional=True)
+        ball.check_movable("a scene")
         impact_law = validation.choice("law", law, ImpactLaw)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")

@@ -30,6 +30,7 @@ MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
 """Of the tolerance: for neglected effects, for the contact's integrator, for the flight's."""
 
 
+@validation.check_arguments
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
@@ -49,7 +50,6 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
     """
-    validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
         check_unconstrained(scene.leg, "a contact that takes time is")
     effects = effects_of(scene)

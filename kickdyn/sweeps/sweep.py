@@ -52,6 +52,7 @@ among those that the leg can kick from [m/s], nan without any."""
 T = TypeVar("T")
 
 
+@validation.check_arguments
 def sweep(
     leg: Leg,
     postures: Mapping[str, ArrayLike],
@@ -100,8 +101,6 @@ def sweep(
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
     """
-    validation.check_type(Leg, leg=leg)
-    validation.check_type(Kick, kick=kick)
     if sum(each is not None for each in (threads, workers, cluster)) > 1:
         raise InvalidInput("threads, workers and cluster exclude each other: give one of them")
     if store is None and (resume or workers is not None or cluster is not None):

@@ -59,6 +59,7 @@ class Kick:
         limit = math.pi / 2
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
         validation.check_type(Ball, ball=self.ball)
+        self.ball.check_movable("a sweep")
         validation.check_type(Air, optional=True, air=self.air)
         Contact(self.direction, self.restitution, self.friction)
 

@@ -15,7 +15,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view.camera import camera_for
-from kickdyn.view.caption import panel_of
+from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
 from kickdyn.view.labels import INK, LabelLayout
@@ -58,7 +58,7 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
     rows = [
         (
-            f'<span class="key" style="background:#{colour:06x}"></span> {escape(name)}',
+            f"{colour_key(colour)} {escape(name)}",
             _length(path),
         )
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
@@ -107,10 +107,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     set_stage(viewer, camera)
     layout = LabelLayout(camera)
     for number, (name, head) in enumerate(zip(impacts, heads, strict=True)):
-        label = layout.add(name, int(INK[1:], 16), head + shifts[number])
-        if label is not None:
-            viewer[f"{number}/name"].set_object(label)
-            viewer[f"{number}/name"].set_transform(tf.translation_matrix(head))
+        layout.draw(viewer[f"{number}/name"], name, int(INK[1:], 16), head, shifts[number])
     for number, (impact, shift) in enumerate(zip(impacts.values(), shifts, strict=True)):
         node = viewer[str(number)]
         node.set_transform(tf.translation_matrix(shift))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import meshcat.transformations as tf
 import numpy as np
 
 from kickdyn.core.validation import Array
@@ -78,8 +77,6 @@ def draw_impulse(
     """
     vector = scale * arrow.impulse
     draw_arrow(viewer, arrow.start, vector, arrow.colour)
-    start = arrow.start if shift is None else arrow.start + shift
-    label = layout.add(f"{arrow.size:.3g} N s", arrow.colour, start + vector, start)
-    if label is not None:
-        viewer["label"].set_object(label)
-        viewer["label"].set_transform(tf.translation_matrix(vector))
+    origin = arrow.start if shift is None else arrow.start + shift
+    text = f"{arrow.size:.3g} N s"
+    layout.draw(viewer["label"], text, arrow.colour, vector, origin, tip=True)

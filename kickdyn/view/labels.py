@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 from uuid import uuid4
 
+import meshcat.transformations as tf
 import numpy as np
 from meshcat.geometry import Object
 
@@ -34,20 +35,25 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
         colour: of the frame, 0xRRGGBB.
         row: how far the label stands above the point, over its height; a line connects them.
         left: whether it stands at the left of the point, not at the right.
+
+    Attributes:
+        centre: of its frame from the point, right and up, shape `(2,)` [pixels of the image].
+        half: half the size of the frame, likewise.
     """
 
     def __init__(self, text: str, colour: int, *, row: float = 0.0, left: bool = False) -> None:
         self.uuid = str(uuid4())
         self.text, self.colour, self.row, self.left = text, colour, row, left
-        self._width = round(PIXELS * (0.4 + 0.34 * len(text)))
+        self.half = PIXELS * np.array([0.2 + 0.17 * len(text), 0.5])
+        side = -1 if left else 1
+        self.centre = np.array([side * (GAP + self.half[0]), row * PIXELS])
 
     def lower(self) -> dict[str, Any]:
         """Return the meshcat object: a sprite of three.js, textured with an SVG."""
         material, texture, image = (str(uuid4()) for _ in range(3))
-        svg, width, height = self.picture()
-        url = "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
+        url = "data:image/svg+xml;base64," + base64.b64encode(self.picture().encode()).decode()
         look = {"sizeAttenuation": False, "depthTest": False, "transparent": True}
-        scale = np.diag([SLOPE * width, SLOPE * height, 1.0, 1.0])
+        scale = np.diag([*2 * SLOPE * self._reach(), 1.0, 1.0])
         return {
             "metadata": {"version": 4.5, "type": "Object"},
             "geometries": [],
@@ -63,33 +69,29 @@ class Label(Object):  # type: ignore[misc]  # meshcat has no types
             },
         }
 
-    @property
-    def frame(self) -> tuple[Array, Array]:
-        """Centre from the point, and half the size: right and up, over the distance."""
-        half = self._width / 2
-        centre = np.array([(-1 if self.left else 1) * (GAP + half), self.row * PIXELS])
-        return SLOPE * centre, SLOPE * np.array([half, PIXELS / 2])
-
-    def picture(self) -> tuple[str, int, int]:
-        """Return the SVG, its width and its height; the labelled point is its middle."""
-        wide, high = self._width, PIXELS - 6
-        half, middle = GAP + wide + 3, round((abs(self.row) + 0.5) * PIXELS)
-        x = half - GAP - wide if self.left else half + GAP
-        y = middle - self.row * PIXELS
+    def picture(self) -> str:
+        """Return the SVG, whose middle is the labelled point."""
+        wide, high = self._reach()
+        x, y = wide + self.centre[0], high - self.centre[1]
+        half, edge = self.half[0], self.half[1] - 3
         line = (
-            f'<line x1="{half}" y1="{middle}" x2="{x + wide if self.left else x}" y2="{y:g}" '
-            f'stroke="{INK}" stroke-width="2.5"/>'
+            f'<line x1="{wide:g}" y1="{high:g}" x2="{x + (half if self.left else -half):g}" '
+            f'y2="{y:g}" stroke="{INK}" stroke-width="2.5"/>'
         )
-        svg = (
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * half}" height="{2 * middle}">'
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{2 * wide:g}" height="{2 * high:g}">'
             f"{line if self.row else ''}"
-            f'<rect x="{x}" y="{y - high / 2:g}" width="{wide}" height="{high}" rx="10" '
-            f'fill="#ffffff" fill-opacity="0.88" stroke="#{self.colour:06x}" stroke-width="4"/>'
-            f'<text x="{x + wide / 2}" y="{y + 0.2 * PIXELS:g}" text-anchor="middle" '
+            f'<rect x="{x - half:g}" y="{y - edge:g}" width="{2 * half:g}" height="{2 * edge:g}" '
+            f'rx="10" fill="#ffffff" fill-opacity="0.88" '
+            f'stroke="#{self.colour:06x}" stroke-width="4"/>'
+            f'<text x="{x:g}" y="{y + 0.2 * PIXELS:g}" text-anchor="middle" '
             f'font-family="system-ui, Helvetica, Arial, sans-serif" '
-            f'font-size="{0.6 * PIXELS}" fill="{INK}">{escape(self.text)}</text></svg>'
+            f'font-size="{0.6 * PIXELS:g}" fill="{INK}">{escape(self.text)}</text></svg>'
         )
-        return svg, 2 * half, 2 * middle
+
+    def _reach(self) -> Array:
+        """Return half the size of the image, which contains point and frame [pixels]."""
+        return np.asarray(np.abs(self.centre) + self.half + (3, 0))
 
 
 class LabelLayout:
@@ -99,25 +101,31 @@ class LabelLayout:
         self._camera = camera
         self._frames: list[tuple[Array, Array]] = []
 
-    def add(self, text: str, colour: int, point: Array, start: Array | None = None) -> Label | None:
-        """Return a label for a point, or None where no position beside the others is left.
+    def draw(
+        self, viewer: Any, text: str, colour: int, point: Array, origin: Array, *, tip: bool = False
+    ) -> Label | None:
+        """Draw a label for a point, and return it; None where no position beside others is left.
 
         Args:
+            viewer: the label's node.
             text: plain text.
             colour: of its frame, 0xRRGGBB.
-            point: shape `(3,)` [m, world frame].
-            start: of the arrow whose tip the point is, likewise; the label stands ahead of it.
+            point: shape `(3,)` [m, in the parent of the node].
+            origin: of that parent, shape `(3,)` [m, world frame].
+            tip: whether an arrow from there ends at the point; then the label stands ahead of it.
         """
-        seen = self._camera.project(point)
-        ahead = np.zeros(2) if start is None else seen - self._camera.project(start)
+        seen = self._camera.project(origin + point)
+        ahead = seen - self._camera.project(origin) if tip else np.zeros(2)
         left = bool(ahead[0] < 0.0)
         for row in ROWS:
             # At the other side a label beside the tip would cover the arrow.
-            for side in (left, not left) if abs(row) >= 1 or start is None else (left,):
+            for side in (left, not left) if abs(row) >= 1 or not tip else (left,):
                 label = Label(text, colour, row=-row if ahead[1] < 0.0 else row, left=side)
-                centre, half = label.frame
-                if self._is_free(seen + centre, half):
-                    self._frames.append((seen + centre, half))
+                centre, half = seen + SLOPE * label.centre, SLOPE * label.half
+                if self._is_free(centre, half):
+                    self._frames.append((centre, half))
+                    viewer.set_object(label)
+                    viewer.set_transform(tf.translation_matrix(point))
                     return label
         return None
 

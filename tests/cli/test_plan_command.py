@@ -153,6 +153,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--time", "1"], "Missing option '--distance'"),
         (["--distance", "30"], "nothing is named beside the target"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
+        (["--distance", "20", "--time", "1e-300"], "time is 1e-300: it must be"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),
         (
             ["--distance", "30", "--apex", "1", "--height", "3"],

@@ -49,6 +49,17 @@ def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
     assert numbers["error"] < 1e-6
 
 
+def test_a_bound_that_is_not_known_is_null(tmp_path):
+    """The contact's deflection in a tenth of a second is beyond the ball's radius."""
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    slow = text.replace("restitution = 0.8", "restitution = 0.8\ncontact_time_s = 0.1", 1)
+    (tmp_path / "slow.toml").write_text(slow)
+    assert run(tmp_path / "slow.toml", "--json", tmp_path / "slow.json").exit_code == 0
+    numbers = json.loads((tmp_path / "slow.json").read_text())
+    assert numbers["neglected"] == {"compliance": None}
+    assert numbers["error"] is None
+
+
 def test_it_fits_the_screen(tmp_path, monkeypatch):
     said = [run(SCENES / "free_kick.toml", "--json", tmp_path / "x.json").output]
     monkeypatch.setattr(console, "screen_width", lambda: 80)

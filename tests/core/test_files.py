@@ -1,3 +1,5 @@
+import stat
+
 import pytest
 
 from kickdyn.core.files import (
@@ -31,6 +33,16 @@ def test_nothing_is_left_of_a_failure(tmp_path):
     with pytest.raises(KeyError):
         fail()
     assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("a.txt", "old")]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    file.chmod(mode)
+    with replacing(file) as draft:
+        draft.write_text("new")
+    assert (file.read_text(), stat.S_IMODE(file.stat().st_mode)) == ("new", mode)
 
 
 def test_a_link_stays_a_link(tmp_path):

@@ -13,6 +13,7 @@ from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, giv
 from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.contact import Contact
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.vectors import cross
 from kickdyn.flight.forces import time_to_fall
 
@@ -102,13 +103,13 @@ def _far_base() -> Gain:
 
 def _fall() -> Gain:
     """Return the gain in the time of a fall that starts fast."""
-    drop, dive, g = 1e-6, 1e6, 9.81
+    drop, dive, g = 1e-6, 1e6, GRAVITY
     a, b, c = numbers((drop, dive, g))
     right = (mp.sqrt(b * b + 2 * c * a) - b) / c
     exact = _number(right)
     plain = (math.sqrt(dive * dive + 2 * g * drop) - dive) / g
     return Gain(
-        "fall by 1e-6 m at 1e6 m/s", "root of Eq. (24) as printed", "its other form",
+        "fall by 1e-6 m at 1e6 m/s", "root of Eq. (25) as printed", "its other form",
         exact.error(plain), exact.error(time_to_fall(-dive, drop, g)),
     )  # fmt: skip
 

@@ -478,7 +478,7 @@ def test_kiratidis_and_leinweber_refuse_much_spin():
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        ((None, BALL), "launch is None: it must be a kickdyn.BallState"),
+        ((None, BALL), "states? is None: it must be a kickdyn.BallState"),
         ((kd.BallState(), 0.43), r"ball is 0\.43: it must be a kickdyn.Ball"),
         ((kd.BallState(), BALL, "air"), "air is 'air': it must be a kickdyn.Air or None"),
         ((kd.BallState(), BALL, None, 0.0), r"ground is 0\.0: it must be a kickdyn.Ground or None"),

@@ -33,6 +33,16 @@ def test_the_learning_loop_adds_the_errors_to_the_command(goal):
     assert [this.is_met for this in rounds] == [False] * (len(rounds) - 1) + [True]
 
 
+@pytest.mark.parametrize("goal", GOALS)
+@pytest.mark.parametrize("drag", ["brazuca", "sphere"])
+def test_no_command_falls_below_the_goal(goal, drag):
+    """So a bound at the goal's own launch, a reading of the paper's words, would not act."""
+    command = np.array(goal)
+    for this in learn_launch(*goal, BALL, kd.Air.paper(drag=drag, lift=None)):
+        assert (command >= np.array(goal) * (1 - 1e-12)).all()
+        command = np.add(command, [this.distance_error, this.time_error])
+
+
 def test_farther_goals_take_the_learning_loop_longer():
     rounds = [len(learn_launch(*goal, BALL, AIR)) for goal in GOALS]
     assert rounds == sorted(rounds)

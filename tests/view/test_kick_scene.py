@@ -8,6 +8,7 @@ import kickdyn as kd
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, Camera
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import draw_kick, stripe_width
+from kickdyn.view.leg_figure import joint_poses
 
 
 def film(viewer):
@@ -57,6 +58,19 @@ def test_what_moves(scene, kick):
     _, shadow = tracks["/meshcat/shadow", ".position"]
     np.testing.assert_allclose(shadow[:, :2], places[:, :2])
     np.testing.assert_allclose(shadow[:, 2], floor)
+
+
+def test_the_largest_arrow_is_as_long_as_three_balls_or_half_the_leg(scene, kick):
+    said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands]
+    drawn = {c["path"]: c["object"] for c in said if c["type"] == "set_object"}
+    shaft, head = (drawn[f"/meshcat/arrow/{part}"]["geometries"][0] for part in ("shaft", "head"))
+    hip, knee, ankle = (
+        pose[:3, 3] for pose in joint_poses(kick[0].posture.leg, kick[0].posture.q)[1:]
+    )
+    extent = np.ptp([hip, knee, ankle, kick[0].ball_after.position], axis=0)
+    size = np.linalg.norm(extent + 2 * kick[1].radius)
+    longest = max(3.2 * kick[1].radius, 0.45 * size)
+    assert shaft["height"] + head["height"] == pytest.approx(longest)
 
 
 def test_arrows_grow_at_the_impact(scene):

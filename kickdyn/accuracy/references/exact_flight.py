@@ -17,7 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.forces import downward
 
 mp = context(30)
-"""The arithmetic: a flight needs fewer digits than an impact."""
+"""Arithmetic of 24 digits or so: a flight needs fewer digits than an impact."""
 
 STEP = 0.2
 """Time step of the extrapolation [s]."""

@@ -45,7 +45,7 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
 
 
 def damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a linear contact that never pulls, for a restitution."""
+    """Return the damping ratio, 0 to 0.9, of a linear contact that does not pull, by e."""
 
     def returned(ratio: float) -> float:
         swing = math.sqrt(1.0 - ratio * ratio)
@@ -58,7 +58,7 @@ def damping_ratio(restitution: float) -> float:
 
 
 def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
-    """Return the leg, with a flat face at its toe, and the ball before it, as MJCF."""
+    """Return an MJCF model of the leg, with a flat face at its toe, and the ball before it."""
     model, contact, ball = impact.posture.leg.model, impact.contact, impact.ball
     data = model.createData()
     zero = pin.neutral(model)
@@ -94,11 +94,11 @@ def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
 
 
 def row(values: Any) -> str:
-    """Return numbers as MJCF takes them, every digit kept."""
+    """Return numbers as the text of an MJCF attribute, with all their digits."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def quaternion(rotation: Array) -> str:
-    """Return a rotation as MJCF takes it, the real part first."""
+    """Return a rotation matrix as the quaternion of an MJCF attribute, the real part first."""
     q = pin.Quaternion(rotation)
     return row([q.w, q.x, q.y, q.z])

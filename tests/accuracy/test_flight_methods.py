@@ -34,13 +34,15 @@ def test_the_closed_form_is_right_to_rounding(rows):
     assert row.seconds > 0
 
 
-def test_fly_and_fly_many_agree_on_the_error(rows):
+def test_fly_and_fly_many_are_right_to_their_tolerance(rows):
+    """Both of six kicks of up to 60 m; a flight that is compared with itself has no error."""
     finest = "tol 1e-08"
     fly, many = (
         next(row for row in scene_rows(rows, "full") if (row.method, row.setting) == (name, finest))
         for name in ("kd.fly", "kd.fly_many")
     )
-    assert many.error == pytest.approx(fly.error, rel=0.95)
+    for row in (fly, many):
+        assert 1e-11 < row.error < 1e-8 * 60
 
 
 def test_the_front_is_what_nothing_beats(rows):

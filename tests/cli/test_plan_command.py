@@ -251,3 +251,15 @@ def test_it_fits_the_screen(monkeypatch):
     narrow = CliRunner().invoke(plan, ["--distance", "100", "--time", "3", "--no-limits"]).stdout
     assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
     assert narrow.split() == wide.split()
+
+
+def test_the_ball_of_a_plan():
+    options = ["--distance", "10", "--time", "1", "--json", "-", "--ball"]
+    impulses = {}
+    for ball in ("paper", "size-5"):
+        ended = CliRunner().invoke(plan, [*options, ball])
+        assert ended.exit_code == 0, ended.output
+        impulses[ball] = json.loads(ended.stdout)["impact"]["impulse"]
+    assert impulses["paper"] != impulses["size-5"]
+    refused = CliRunner().invoke(plan, [*options, "obstacle"])
+    assert "needs a finite mass" in str(refused.exception)

@@ -270,6 +270,33 @@ def test_velocity_that_moves_the_support_is_refused():
         posture.check_velocity(v)
 
 
+def test_the_second_support_that_is_moved_is_the_one_named():
+    """The right hand's origin must stay; the elbow before it moves it, and not the foot."""
+    hand = "right_wrist_yaw_link"
+    leg = G1.with_supports(LEFT, kd.Support(hand, point=True))
+    posture = leg.posture(somewhere(leg, 8))
+    v = posture.admissible(np.ones(leg.nv))
+    v[leg.velocity_index("right_elbow_joint")] += 1.0
+    name, speed, unit = posture.constraint_projector.find_violation(v)
+    lever = posture.constraint_projector.rows[6:, leg.velocity_index("right_elbow_joint")]
+    assert (name, unit) == (hand, "m/s")
+    assert speed == pytest.approx(np.abs(lever).max(), rel=1e-9)
+
+
+def test_new_supports_keep_loops_and_the_cone_and_new_loops_keep_supports():
+    robot = kd.Leg.from_robot("g1", base="floating")
+    hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
+    for leg in (
+        robot.with_loops(hands).with_supports(LEFT),
+        robot.with_supports(LEFT).with_loops(hands),
+        robot.with_supports("pelvis").with_loops(hands).with_supports(LEFT),
+        robot.with_supports(LEFT).with_loops(hands).with_model(robot.model),
+    ):
+        assert [support.frame for support in leg.constraints.supports] == [LEFT]
+        assert leg.constraints.loops == (hands,)
+        assert leg.contact_normal_cone.tolist() == robot.contact_normal_cone.tolist()
+
+
 def test_supports_that_leave_no_motion_contradict_each_other():
     bolt = kd.Leg.from_robot("bolt", "base_link", base="floating")
     angles = np.random.default_rng(0).uniform(-1, 1, size=6)

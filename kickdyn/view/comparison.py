@@ -16,9 +16,9 @@ from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view.camera import camera_for
 from kickdyn.view.caption import colour_key, panel_of
+from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
-from kickdyn.view.labels import INK, LabelLayout
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import draw_ball, draw_curve, draw_ground
 
@@ -105,15 +105,13 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
             for point, shift in zip(ends, shifts, strict=True) for margin in margins]  # fmt: skip
     camera = camera_for(points, np.vstack([points, *edge]), X)
     set_stage(viewer, camera)
-    layout = LabelLayout(camera)
-    for number, (name, head) in enumerate(zip(impacts, heads, strict=True)):
-        layout.draw(viewer[f"{number}/name"], name, int(INK[1:], 16), head, shifts[number])
-    for number, (impact, shift) in enumerate(zip(impacts.values(), shifts, strict=True)):
+    for number, ((name, impact), shift) in enumerate(zip(impacts.items(), shifts, strict=True)):
         node = viewer[str(number)]
+        draw_label(node["name"], name, "black", heads[number])
         node.set_transform(tf.translation_matrix(shift))
         draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
         for arrow in impulse_arrows(impact, LEAST * most):
-            draw_impulse(node[arrow.node], arrow, scale, layout, shift)
+            draw_impulse(node[arrow.node], arrow, scale)
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
     draw_ground(viewer["ground"], centre, X, stripe_width(width), 8 * width)

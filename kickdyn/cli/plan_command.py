@@ -214,7 +214,7 @@ def _check_files(swing: bool, view: str | None, plot: str | None, json_file: str
     if plot is not None:
         if not swing:
             raise InvalidInput(f"plot is {plot!r}: the swing is drawn, so add --swing")
-        from kickdyn.sweeps.sweep_plot import check_name
+        from kickdyn.core.plot_style import check_name
 
         check_name(plot)
     check_outputs(view, plot, json_file=json_file)
@@ -241,7 +241,7 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
     """Write a report to the files that are named, and to the screen."""
     sentences = report.sentences()
     if plot is not None and report.swing is not None:
-        from kickdyn.sweeps.sweep_plot import save_figure
+        from kickdyn.core.plot_style import save_figure
         from kickdyn.view.swing_plot import swing_figure
 
         save_figure(swing_figure(report.swing), plot)

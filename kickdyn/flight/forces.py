@@ -35,7 +35,12 @@ Acceleration = Callable[
 
 
 def downward(ball: Ball, air: Air | None) -> float:
-    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2]."""
+    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2].
+
+    Raises:
+        InvalidInput: the ball is an obstacle, of mass inf.
+    """
+    ball.check_movable("a flight")
     if air is None or not air.buoyancy:
         return GRAVITY
     return GRAVITY * (1.0 - air.density * ball.volume / ball.mass)

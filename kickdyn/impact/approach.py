@@ -14,7 +14,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.impact.contact_problem import ContactProblem, contact_axes
+from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
@@ -70,23 +70,6 @@ class Approach(NamedTuple):
         terms = abs(self.posture.jacobian).dot(abs(self.v)) + abs(self.foot_velocity)
         terms += abs(self.ball_before.velocity)
         return EPS * float(abs(self.contact.normal).dot(terms))
-
-    def impulse_rounding(self) -> float:
-        """Estimate which share of the impulse is rounding; tested against 50 digits.
-
-        Three things lose digits: a speed of approach of which much cancels; the Delassus matrix,
-        where a ball is heavy beside the leg that it sticks to (its condition, scaled to unit
-        diagonal); and the joint-space inertia, where supports or loops constrain the leg.
-        """
-        share = self.speed_rounding() / self.speed
-        if self.contact.friction > 0.0:
-            problem = self.contact_problem()
-            matrix = problem.delassus_in(contact_axes(problem.normal, problem.velocity))
-            scale = 1.0 / np.sqrt(matrix.diagonal())
-            share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
-        if self.posture.constraint_projector is not None:
-            share += EPS * self.posture.rounding_gain
-        return 2.0 * share
 
 
 @validation.check_arguments

@@ -204,6 +204,7 @@ def collide(
     check_unconstrained(posture.leg, "a contact that takes time is")
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    ball.check_movable("a contact that takes time")
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -26,7 +26,8 @@ from kickdyn.impact.constraint_impulses import (
 )
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import ImpactLaw
-from kickdyn.impact.leg_response import LegResponse, digits_left, joint_digits, leg_response
+from kickdyn.impact.leg_response import LegResponse, leg_response
+from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
 from kickdyn.robot.leg import Posture
@@ -46,12 +47,14 @@ class Impact(ReprMixin):
         law: the impact law.
         solution: what the law returned.
         ball_after: motion of the ball just after.
+        response: of the leg, where it was computed with the impulse; None where it follows from it.
     """
 
     approach: Approach
     law: ImpactLaw
     solution: Solution
     ball_after: BallState
+    response: LegResponse | None = field(default=None, kw_only=True)
 
     @property
     def posture(self) -> Posture:
@@ -120,6 +123,8 @@ class Impact(ReprMixin):
     @cached_property
     def leg_response(self) -> LegResponse:
         """What the impulse does to the leg; its parts are attributes of the impact, too."""
+        if self.response is not None:
+            return self.response
         return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
 
     @property
@@ -223,19 +228,25 @@ class Impact(ReprMixin):
         worst = int(np.argmax(sizes))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
 
+    @cached_property
+    def rounding(self) -> Rounding:
+        """Shares of the impulse and of the joints' linear impulses that may be rounding."""
+        return estimate_rounding(self.approach, self.solution, self.joint_impulses)
+
     @property
     def digits(self) -> float:
-        """Digits that rounding leaves of the impulse, about; velocities after may cancel more.
+        """Digits that rounding leaves of the impulse, at least: an estimate, see `Rounding`.
 
-        They are few where the speed of approach is little more than the rounding of its terms, or
-        where the ball is many times heavier than the leg that it sticks to.
+        Velocities after the impact may cancel more. Few are left where the speed of approach is
+        little more than the rounding of its terms, where the ball is many times heavier than the
+        leg that it sticks to, and where friction nearly jams the contact.
         """
-        return float(digits_left(self.approach.impulse_rounding()))
+        return float(digits_left(self.rounding.impulse))
 
     @property
     def joint_digits(self) -> Array:
         """Digits that rounding leaves of each joint's linear impulse, an estimate, `(njoints,)`."""
-        return joint_digits(self.joint_impulses, self.impulse, self.approach.impulse_rounding())
+        return digits_left(self.rounding.joints)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -13,9 +13,10 @@ from enum import StrEnum
 import numpy as np
 
 from kickdyn.core import validation
+from kickdyn.core.validation import length
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.contact_problem import ContactProblem, Solution
-from kickdyn.impact.newton_law import solve_newton
+from kickdyn.impact.newton_law import SINGULAR, solve_newton
 from kickdyn.impact.paper_law import solve_paper
 from kickdyn.impact.stronge_law import solve_stronge
 
@@ -45,8 +46,15 @@ def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
     """Return the solution of a contact problem by an impact law.
 
     Raises:
+        InvalidInput: neither the leg nor the ball, an obstacle, can move along the normal.
         KickdynError: the law finds none, as for a leg and a ball whose masses are too unlike.
     """
+    if problem.ball.mass == math.inf:
+        row = problem.normal @ problem.delassus_factor
+        if length(row) <= SINGULAR * np.abs(problem.delassus_factor).max():
+            raise InvalidInput(
+                "ball mass is inf, and the leg cannot move along the contact normal either"
+            )
     try:
         solution = LAWS[law](problem)
     except np.linalg.LinAlgError:

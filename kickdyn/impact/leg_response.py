@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.validation import Array, length
+from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross3, largest
-from kickdyn.impact.approach import EPS
 from kickdyn.robot.leg import Posture
 
 NO_CONSTRAINTS = np.zeros(0)
@@ -150,28 +149,3 @@ def joint_wrench(rotation: Array, lever: Array, impulse: Array) -> Array:
     if len(impulse) == 6:
         wrench[3:] += rotation.dot(impulse[3:])
     return wrench
-
-
-def digits_left(share: float | Array) -> Array:
-    """Return how many digits a share of rounding leaves, 0 to 16."""
-    return np.asarray(np.clip(-np.log10(np.maximum(share, 1e-17)), 0.0, 16.0))
-
-
-def joint_digits(joint_impulses: Array, impulse: Array, share: float = 0.0) -> Array:
-    """Estimate how many digits of each joint's linear impulse rounding leaves, at least.
-
-    A joint's impulse is a sum of momenta from the foot on, whose error is a share of the foot's
-    impulse: a joint that transmits little of it has fewer digits. The share, 64 eps per joint, is
-    no proven bound: it was tested against 50 digits on chains of up to 500 joints.
-
-    Args:
-        joint_impulses: shape `(njoints, 6)` [N s, N m s].
-        impulse: on the foot, shape `(3,)` [N s].
-        share: of the impulse that is rounding itself.
-
-    Returns:
-        Shape `(njoints,)`, 0 to 16.
-    """
-    share += 64.0 * len(joint_impulses) * EPS
-    whole = max(float(length(impulse)), np.finfo(float).tiny)  # below, float64 has fewer digits
-    return digits_left(share / np.maximum(length(joint_impulses[:, :3]) / whole, share))

@@ -145,7 +145,9 @@ def sensitivity(
     delassus = approach.contact_problem().delassus()
     fixed = _at_fixed_impulse(approach, solution, ball_after, response, at)
     residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, at)
-    impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
+    # the pseudo-inverse, for a leg at an obstacle may be unable to move across the normal
+    solve = np.linalg.solve if ball.mass < math.inf else lambda a, b: np.linalg.pinv(a) @ b
+    impulse = np.asarray(-solve(residual_p, residual_x), dtype=np.float64)
     frictionless = approach.contact.friction == 0.0
     if frictionless:  # the ball's rotation has no effect: these columns are rounding
         impulse[:, at["ball_radius"]] = impulse[:, at["ball_spin"]] = 0.0

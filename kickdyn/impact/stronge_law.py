@@ -273,6 +273,12 @@ def _root(function: Callable[[float], float], high: float, low: float = 0.0) -> 
 
 
 def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[float, float]:
-    """Return the solution of a symmetric 2 x 2 system."""
+    """Return the solution of a symmetric 2 x 2 system, the least one if its rank is 1.
+
+    That is so where a planar leg meets an obstacle: nothing there can move across its plane.
+    """
     determinant = m11 * m22 - m12 * m12
+    if determinant <= 1e-15 * m11 * m22:
+        square = (m11 + m22) ** 2 or 1.0
+        return (m11 * c1 + m12 * c2) / square, (m12 * c1 + m22 * c2) / square
     return (m22 * c1 - m12 * c2) / determinant, (m11 * c2 - m12 * c1) / determinant

@@ -104,6 +104,7 @@ class Scene(ReprMixin):
         uncertainty: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
+        ball.check_movable("a scene")
         impact_law = validation.choice("law", law, ImpactLaw)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")

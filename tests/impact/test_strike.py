@@ -134,6 +134,57 @@ def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
     assert hit.restitution_residual > 0.01
 
 
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.4, 3.0])
+@pytest.mark.parametrize("seed", [None, 0, 1, 2])
+def test_an_obstacle_is_the_limit_of_heavy_balls(law, friction, seed):
+    """Of a planar leg, which cannot move across its plane, and of chains about any axes."""
+    if seed is None:
+        posture, normal = paper_posture(15), (1, 0, 0.6)
+        v = posture.joint_velocity((3, 0, 1))
+    else:
+        leg = random_leg(np.random.default_rng(seed), joints=6)
+        (posture, v, _, contact), _ = random_kick(np.random.default_rng(seed), leg)
+        normal = np.sign(contact.normal @ posture.point_velocity(v)) * contact.normal
+    contact = kd.Contact(normal, 0.8, friction)
+    heavy, hit = (kd.strike(posture, v, kd.Ball(m), contact, law) for m in (1e12, math.inf))
+    size = np.linalg.norm(hit.impulse)
+    assert hit.impulse == pytest.approx(heavy.impulse, abs=1e-8 * size)
+    assert hit.joint_impulses == pytest.approx(heavy.joint_impulses, abs=1e-8 * size)
+    assert hit.v_after == pytest.approx(heavy.v_after, rel=1e-7, abs=1e-8)
+    assert hit.energy_lost == pytest.approx(heavy.energy_lost, rel=1e-7, abs=1e-9)
+    assert hit.sticking == heavy.sticking
+    assert not hit.ball_after.velocity.any()
+    assert not hit.ball_after.spin.any()
+    if law == "newton":
+        assert hit.digits > 10
+        slopes = hit.sensitivity().impulse["v"] @ v
+        assert slopes == pytest.approx(hit.impulse, abs=1e-8 * size)  # linear in v
+
+
+@pytest.mark.parametrize(("ankle", "total"), [(-5, 1.554), (15, 0.944), (40, 0.646)])
+def test_table_2_is_a_strike_at_an_obstacle(ankle, total):
+    """What `test_table_2` computes without a strike, now with an impulse in every joint."""
+    posture = paper_posture(ankle)
+    v = posture.joint_velocity(ATTACK)
+    hit = kd.strike(posture, v, kd.Ball(math.inf), kd.Contact(ATTACK, 0.8))
+    expected = kd.normal_impulse(1.0, 0.8, posture.effective_mass(ATTACK))
+    assert np.linalg.norm(hit.impulse) == pytest.approx(expected, rel=1e-12)
+    assert expected == pytest.approx(total, abs=5e-3)
+    assert hit.momentum_residual < 1e-12
+    assert hit.joint_impulses[:, :3].any(axis=1).all()
+
+
+def test_an_obstacle_that_the_leg_cannot_move_towards_is_refused():
+    coming = {"ball_velocity": (0.0, -3.0, 0.0)}
+    for law in LAWS:
+        with pytest.raises(kd.InvalidInput, match="ball mass is inf, and the leg cannot move"):
+            kd.strike(
+                paper_posture(15), np.zeros(3), kd.Ball(math.inf), kd.Contact((0, 1, 0), 0.8), law,
+                **coming,
+            )  # fmt: skip
+
+
 def test_an_immovable_leg_returns_the_ball():
     """A stretched leg cannot give along itself: the ball bounces off as off a wall."""
     stretched, down = np.radians([0, 0, 90]), (0, 0, -1)

@@ -13,7 +13,6 @@ import pinocchio as pin
 
 from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
 from kickdyn.accuracy.references.exact_impact import exact_impact, given
-from kickdyn.accuracy.references.pinocchio_impact import engine_strike
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -72,7 +71,11 @@ def _methods(impact: Impact) -> Iterator[Method]:
     yield "closed form, float64", "", lambda: strike(leg.posture(q), v, ball, contact).impulse
     yield "closed form, float32", "", lambda: in_float32(leg.posture(q), v, ball, contact)
     if contact.friction == 0.0:
-        yield "engine", "", lambda: engine_strike(leg.posture(q), v, ball, contact).impulse
+        yield (
+            "engine",
+            "",
+            lambda: strike(leg.posture(q), v, ball, contact, engine="pinocchio").impulse,
+        )
     yield "stacked KKT", "", lambda: stacked(leg.posture(q), v, ball, contact)
     if contact.friction > 0.0:
         for name in ("ADMM", "PGS"):

@@ -54,7 +54,7 @@ class CoefficientModel:
 
     def __reduce__(self) -> tuple[Callable[..., CoefficientModel], tuple[Any, ...]]:
         """Pickle a registered model by its name, any other by its values."""
-        if _REGISTERED.get((self.kind, self.name)) is self:
+        if is_registered(self):
             return _registered, (self.kind, self.name)
         return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
@@ -105,6 +105,13 @@ def registry(*models: CoefficientModel) -> dict[str, CoefficientModel]:
     """Return models by name; copies and pickles of them are the very same objects from now on."""
     _REGISTERED.update({(model.kind, model.name): model for model in models})
     return {model.name: model for model in models}
+
+
+def is_registered(model: Coefficient) -> bool:
+    """Return whether a coefficient is one of those that come with kickdyn."""
+    return isinstance(model, CoefficientModel) and (
+        _REGISTERED.get((model.kind, model.name)) is model
+    )
 
 
 def _registered(kind: str, name: str) -> CoefficientModel:

@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 
 from kickdyn.cli.command import busy
 from kickdyn.core.files import check_distinct, check_outputs, write_json
-from kickdyn.core.plot_style import styled
+from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
 from kickdyn.paper.paper_report import show
 from kickdyn.paper.reproduce import Section, chosen
-from kickdyn.sweeps.sweep_plot import save_figure
 
 
 @click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})

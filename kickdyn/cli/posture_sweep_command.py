@@ -22,7 +22,7 @@ from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.sweeps.dataset import describe
-from kickdyn.sweeps.grid import IN_MEMORY, Grid, read_postures
+from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import Summary
@@ -46,8 +46,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "robot, its right foot]")  # fmt: skip
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
-              "Default: a kick's range of hip, knee and ankle, each 5 deg; of another leg of up "
-              "to three joints, every joint's range, each 10 deg.")  # fmt: skip
+              "Default of ours: a kick's range of hip, knee and ankle, each 5 deg.")  # fmt: skip
 @click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
@@ -58,16 +57,13 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               help="For the flight: 20 degC at sea level, the paper's, or none.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
-              "number, which can be resumed. Without it, of more than a million only the best, the "
-              "front, marginals and a sample are kept, for --json.")  # fmt: skip
+              "number, which can be resumed. Without it, no posture is kept but the best and the "
+              "front, for --json.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Compute what DIR.zarr lacks.")
 @click.option("--threads", type=click.IntRange(1, 1024),
               help="Threads of this process.  [default: one per core]")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1, 1024), metavar="N",
               help="Processes that fill DIR.zarr, instead of threads.")  # fmt: skip
-@click.option("--cluster", metavar="tcp://HOST:PORT",
-              help="Scheduler of dask.distributed whose workers fill DIR.zarr "
-              "(kickdyn[cluster]).")  # fmt: skip
 @click.option("--tolerance", default=CARRY_TOLERANCE, show_default=True,
               help="Largest error of a carry [m]: in the plane of the leg, carries are "
               "interpolated between flights; 0 flies every ball.")  # fmt: skip
@@ -91,7 +87,6 @@ def posture_sweep(
     resume: bool,
     threads: int | None,
     workers: int | None,
-    cluster: str | None,
     tolerance: float,
     where: str | None,
     json_file: str | None,
@@ -117,25 +112,22 @@ def posture_sweep(
     if file is not None:
         check_netcdf_name(file)
     if plot is not None:
-        from kickdyn.sweeps.sweep_plot import check_name, save_figure, sweep_figure
+        from kickdyn.core.plot_style import check_name, save_figure
+        from kickdyn.sweeps.sweep_plot import sweep_figure
 
         check_name(plot)
     check_outputs(file, plot, view, json_file=json_file)
-    if store is None and (resume or workers is not None or cluster is not None):
-        raise InvalidInput(
-            "--resume, --workers and --cluster are for a Zarr store: name it with --out DIR.zarr"
-        )
-    keeps_postures = out is not None or grid.size <= IN_MEMORY
-    detailed = plot is not None or not keeps_postures
-    summary = Summary(describe(leg, grid, kick, tolerance), where, detailed=detailed)
+    if store is None and (resume or workers is not None):
+        raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
+    summary = Summary(describe(leg, grid, kick, tolerance), where)
 
     data: xr.Dataset | None = None
     found: Iterator[xr.Dataset]
     with _progress_bar(grid.size) as progress:
-        if keeps_postures:
+        if out is not None:
             data = sweep(
                 leg, postures, kick, store=store, resume=resume, tolerance=tolerance,
-                threads=threads, workers=workers, cluster=cluster, progress=progress,
+                threads=threads, workers=workers, progress=progress,
             )  # fmt: skip
             found = (block for _, block in blocks(data))
         else:
@@ -151,17 +143,18 @@ def posture_sweep(
         lines = [*paper_lines(leg, kick), *lines]
     if plot is not None:
         save_figure(sweep_figure(summary, lines), plot)
-    if view is not None and made_page is not None:
+    if made_page is None and (live or view is not None):
+        reason = "" if where is None else f" where {where}"
+        click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
+        view = None
+    elif made_page is not None and view is not None:
         made_page.save(view)
     if file is not None and data is not None:
         save_netcdf(data, file)
     if json_file is not None:
-        kept = {} if keeps_postures else {"kept": summary.as_json()}
-        write_json(json_file, {**as_json(leg, kick, summary, lines), **kept})
+        write_json(json_file, as_json(leg, kick, summary, lines))
     if json_file != "-":
         show(leg, kick, summary, lines)
-        if not keeps_postures:
-            click.echo("No posture is kept; --json writes the best, the front and a sample.")
         for name in (out, plot, view, json_file):
             if name is not None:
                 click.echo(f"wrote {name}")
@@ -195,12 +188,9 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         yield progress
 
 
-def _page(lines: Sequence[ReportLine], kick: Kick) -> Page:
-    """Return the page of the best kick; raise `InvalidInput` where there is none."""
+def _page(lines: Sequence[ReportLine], kick: Kick) -> Page | None:
+    """Return the page of the best kick, the first line; None without any."""
     from kickdyn.view.page import page
 
-    for line in lines:
-        impact = line.outcome.impact
-        if impact is not None:
-            return page(impact, fly(impact.ball_after, kick.ball, kick.air))
-    raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
+    impact = lines[0].outcome.impact if lines else None
+    return None if impact is None else page(impact, fly(impact.ball_after, kick.ball, kick.air))

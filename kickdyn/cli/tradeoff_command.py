@@ -18,11 +18,11 @@ from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.simulate import simulate
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
-from kickdyn.sweeps.sweep_plot import check_name, save_figure
 
 TITLES = {
     "impact": "Impulse of a kick, posture a of Table 2 at 10 m/s; against 50 digits; *: the front",

@@ -7,7 +7,6 @@ from textwrap import fill
 
 from rich import box
 from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 
 WIDE = 200
@@ -21,12 +20,6 @@ def screen_width() -> int:
     """Return the number of characters in a line of the terminal; `WIDE` if there is none."""
     screen = Console()
     return screen.width if screen.is_terminal else WIDE
-
-
-def fits(table: Table, width: int) -> bool:
-    """Return whether a table fits in a width [characters] without a broken cell."""
-    wide = Console(width=WIDE)
-    return Measurement.get(wide, wide.options, table).maximum <= width
 
 
 def empty_table(title: str) -> Table:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -47,12 +47,14 @@ class Impact(ReprMixin):
         law: the impact law.
         solution: what the law returned.
         ball_after: motion of the ball just after.
+        response: of the leg, where it was computed with the impulse; None where it follows from it.
     """
 
     approach: Approach
     law: ImpactLaw
     solution: Solution
     ball_after: BallState
+    response: LegResponse | None = field(default=None, kw_only=True)
 
     @property
     def posture(self) -> Posture:
@@ -121,6 +123,8 @@ class Impact(ReprMixin):
     @cached_property
     def leg_response(self) -> LegResponse:
         """What the impulse does to the leg; its parts are attributes of the impact, too."""
+        if self.response is not None:
+            return self.response
         return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
 
     @property

@@ -21,7 +21,7 @@ from kickdyn.impact.constraint_impulses import Footing, is_level
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import ImpactLaw
-from kickdyn.impact.leg_response import LegResponse, as_response, joint_impulses
+from kickdyn.impact.leg_response import as_response, joint_impulses
 from kickdyn.impact.strike import ball_after, check_energy
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg, Posture
@@ -46,7 +46,6 @@ class UnilateralImpact(Impact):
     leaves, and `effective_mass` is that of the leg without supports.
 
     Attributes:
-        response: of the leg.
         point_impulses: by support, on the robot at each corner of the sole, or at the point foot,
             shape `(k, 3)` [N s, world axes]. With more than three corners of a rigid sole, sum and
             moment are unique but not the distribution, of which this is one.
@@ -54,15 +53,9 @@ class UnilateralImpact(Impact):
         cone_residual: of the contact laws, relative to the largest impulse or velocity.
     """
 
-    response: LegResponse
     point_impulses: dict[str, Array]
     point_velocities: dict[str, Array]
     cone_residual: float
-
-    @property
-    def leg_response(self) -> LegResponse:
-        """What the impulses do to the leg."""
-        return self.response
 
     @cached_property
     def effective_mass(self) -> float:

@@ -7,10 +7,13 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 
+from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
+from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import normal_impulse
+from kickdyn.impact.strike import strike
 from kickdyn.paper.assumptions import BALL, RESTITUTION, direction
-from kickdyn.paper.fig_1 import joints
+from kickdyn.paper.fig_1 import OBSTACLE, joints
 from kickdyn.paper.item import FITTED, Item, Verdict, near, shape
 from kickdyn.robot.leg import Leg, Posture
 
@@ -38,6 +41,12 @@ def postures() -> dict[str, Posture]:
     }
 
 
+def impact_of(posture: Posture) -> Impact:
+    """Return the impact of a posture on the obstacle."""
+    v = posture.joint_velocity(SPEED * ATTACK)
+    return strike(posture, v, OBSTACLE, Contact(ATTACK, RESTITUTION))
+
+
 def items() -> list[Item]:
     """Return the table without the ball's term, the bound with it, and the paper's words."""
     angles, masses = search(1.0)
@@ -54,13 +63,16 @@ def items() -> list[Item]:
     result, totals = [], []
     for (name, posture), most in zip(postures().items(), masses.max(axis=0), strict=True):
         _, *printed = ROWS[name]
-        mass = posture.effective_mass(ATTACK)
-        totals.append(normal_impulse(SPEED, RESTITUTION, mass))
+        impact = impact_of(posture)
+        totals.append(float(np.linalg.norm(impact.impulse)))
         for part, share, paper in zip((" X", " Y", ""), (*ATTACK[::2], 1.0), printed, strict=True):
             ours = totals[-1] * float(share)
             verdict = near(ours, paper, FITTED, Verdict.FITTED)
             result.append(Item(f"{NAME} {name}{part}", paper, ours, "N s", verdict, why, source))
-        ours = normal_impulse(SPEED, RESTITUTION, mass, BALL.mass)
+        joint, inside = impact.worst_joint
+        title, inner = f"{NAME} {name}, in the {joint}", "the largest of the joint impulses"
+        result.append(Item(title, None, inside, "N s", Verdict.OURS, inner, source))
+        ours = normal_impulse(SPEED, RESTITUTION, impact.effective_mass, BALL.mass)
         bound, sure = (normal_impulse(SPEED, e, most, BALL.mass) for e in (RESTITUTION, 1.0))
         limit = f"no hip and knee of a search give more than {bound:.2g} N s, {sure:.2g} at e = 1"
         verdict = Verdict.FITTED if printed[-1] <= sure else Verdict.NOT_REACHABLE
@@ -115,8 +127,8 @@ def draw(figure: Figure) -> None:
         toe = posture.contact_point
         x, z = np.array([*joints(posture), toe])[:, [0, 2]].T
         axes.plot(x, z, "o-", color="tab:blue")
-        total = normal_impulse(SPEED, RESTITUTION, posture.effective_mass(ATTACK))
-        head = toe + 0.2 * total * ATTACK
+        impulse = impact_of(posture).impulse
+        total, head = np.linalg.norm(impulse), toe + 0.2 * impulse
         axes.annotate("", head[[0, 2]], toe[[0, 2]], arrowprops={"arrowstyle": "->", "lw": 2})
         axes.set(title=f"({name}) foot {ROWS[name][0]:g} deg down: {total:.3f} N s", xlabel="X [m]")
         axes.set_aspect("equal")

@@ -32,10 +32,7 @@ DEPTH = 7
 def launches(model: KernelModel, kick: Kick, impulse: Array) -> BallState:
     r"""Return balls after impulses, :math:`v = p / m` and :math:`\omega = (r / I)\,p \times n`.
 
-    Args:
-        model: the contact's axes.
-        kick: ball and normal.
-        impulse: along the contact's axes, shape `(n, 3)` [N s].
+    The impulses are given along the contact's axes, shape `(n, 3)` [N s].
     """
     p = impulse @ model.axes.T
     spin = np.cross(p, kick.direction) * (kick.ball.radius / kick.ball.inertia)
@@ -50,13 +47,8 @@ class CarryTable:
     agrees with other flights within the tolerance. Patches that do not get there, and impulses
     whose ball does not land, are left to be flown.
 
-    Args:
-        model: constants of a planar leg and a kick.
-        kick: the kick, with air.
-        tolerance: largest error of a carry [m], above 0.
-
-    Attributes:
-        largest_error: largest error of the checks [m].
+    The leg of the model is planar, and the kick has air. `largest_error` is the largest error of
+    the checks [m].
     """
 
     def __init__(self, model: KernelModel, kick: Kick, tolerance: float) -> None:
@@ -86,12 +78,7 @@ class CarryTable:
         self._evaluate = _compiled_evaluate()
 
     def __call__(self, normal: Array, tangent: Array, carry: Array) -> NDArray[np.bool_]:
-        """Fill in the carries of impulses.
-
-        Args:
-            normal: along the normal, shape `(n,)` [N s].
-            tangent: along the tangent, shape `(n,)` [N s].
-            carry: filled in, shape `(n,)` [m].
+        """Fill in the carries [m] of impulses along normal and tangent [N s], shapes `(n,)`.
 
         Returns:
             Which balls must be flown instead, shape `(n,)`.

@@ -39,12 +39,8 @@ class ChunkSolver:
     (a floating base, supports, loops, wind that changes with height), and where the kernel marks a
     posture as doubtful, it is one `kick_from`, a thousand times slower.
 
-    Args:
-        leg: the leg.
-        grid: the postures.
-        kick: the kick.
-        tolerance: largest error of a carry [m], where balls of the air are interpolated between
-            flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
+    `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
+    flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
 
     Attributes:
         chunk: number of postures to compute at a time.
@@ -76,18 +72,13 @@ class ChunkSolver:
             self._table = CarryTable(self._model, self._kick, self.carry_tolerance)
 
     def __call__(self, first: int, count: int) -> tuple[Array, NDArray[np.int8]]:
-        """Compute postures.
-
-        Args:
-            first: number of the first posture.
-            count: how many follow each other.
+        """Compute `count` postures from number `first` on.
 
         Returns:
             Variables in the order of `VARIABLES`, shape `(len(VARIABLES), count)`, and status
             flags, shape `(count,)`.
 
         Raises:
-            InvalidInput: as `kick_from`.
             KickdynError: the kernel and `kick_from` disagree.
         """
         rows = np.full((len(VARIABLES), count), np.nan)

@@ -56,19 +56,10 @@ _DIFFERENT_HASH = {
 def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dataset:
     """Return the dataset of a sweep without its variables: coordinates and provenance.
 
-    Args:
-        leg: the leg.
-        grid: the postures.
-        kick: the kick.
-        carry_tolerance: largest error of carries that are interpolated [m]; 0 where every ball is
-            flown.
-
-    Returns:
-        A dataset with a coordinate per joint [rad; m] and, of angles, the same in degrees under
-        the name `JOINT_deg`. Its attribute `finished` is 0.
-
-    Raises:
-        InvalidInput: the name of a joint is also that of a variable.
+    It has a coordinate per joint [rad; m] and, of angles, the same in degrees under the name
+    `JOINT_deg`. Its attribute `finished` is 0. `carry_tolerance` is the largest error of carries
+    that are interpolated [m], 0 where every ball is flown. Raises `InvalidInput` where the name of
+    a joint is also that of a variable.
     """
     _check_names(grid)
     attributes = {**provenance(leg, kick), "carry_tolerance_m": carry_tolerance, "finished": 0}
@@ -85,10 +76,8 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
 def with_variables(described: xr.Dataset, rows: Array, status: NDArray[np.int8]) -> xr.Dataset:
     """Return a dataset that has been described, with its variables.
 
-    Args:
-        described: coordinates and attributes.
-        rows: values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`.
-        status: flags, shape `(n,)`.
+    `rows` has values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`; `status` has flags,
+    shape `(n,)`.
     """
     data = described.copy()
     dims = [str(name) for name in described.dims]
@@ -157,11 +146,9 @@ def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
     dims = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
     if dims[0] != dims[1]:
         return f"its joints are {dims[0]}, this one's {dims[1]}"
-    for name, values in wanted.coords.items():
-        if name not in stored.coords:
-            return f"it has no coordinate {name}"
-        if not np.array_equal(stored[name].values, values.values):
-            one, other = (np.atleast_1d(each[name].values) for each in (stored, wanted))
+    for name in wanted.dims:
+        one, other = stored[name].values, wanted[name].values
+        if not np.array_equal(one, other):
             return (
                 f"its {name} has {len(one)} values from {one[0]:.6g} to {one[-1]:.6g}, this one's "
                 f"{len(other)} from {other[0]:.6g} to {other[-1]:.6g}, not all the same"

@@ -65,12 +65,8 @@ class KernelModel:
     def of(cls, leg: Leg, kick: Kick, planar: bool | None = None) -> KernelModel | None:
         """Return the model of a leg and a kick, or None where no kernel serves them.
 
-        Kernels serve no floating base, no supports, no loops and no helical joints.
-
-        Args:
-            leg: the leg.
-            kick: the kick.
-            planar: False takes the spatial kernel for a planar leg too.
+        Kernels serve no floating base, no supports, no loops and no helical joints. `planar=False`
+        takes the spatial kernel for a planar leg too.
         """
         model = leg.workspace.model
         if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):

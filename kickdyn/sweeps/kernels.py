@@ -63,13 +63,7 @@ _tuple: Any = numba.types.UniTuple
 
 
 class Kernel:
-    """The kernel of a leg, a kick and a grid: call it with a range of postures.
-
-    Args:
-        model: constants of leg and kick.
-        leg: the leg.
-        grid: the postures.
-    """
+    """The kernel of a leg, a kick and a grid: call it with a range of postures."""
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
         self._kernel = _compiled(model.planar)
@@ -89,15 +83,9 @@ class Kernel:
         )  # fmt: skip
 
     def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
-        """Compute postures.
+        """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`.
 
-        Args:
-            first: number of the first posture.
-            count: number of postures.
-            full: False computes the impulse alone, the first five rows.
-
-        Returns:
-            The answers, shape `(ROWS, count)`, rows as above.
+        Rows are as above. Without `full`, the impulse alone is computed, the first five rows.
         """
         answer = np.empty((ROWS, count))
         self._kernel(*self._grid, first, *self._model, full, answer)
@@ -107,14 +95,9 @@ class Kernel:
 def fill_variables(
     answer: Array, model: KernelModel, kick: Kick, rows: Array, status: NDArray[np.int8]
 ) -> NDArray[np.bool_]:
-    """Fill in the variables of a sweep from a kernel's answers, all but the carry.
+    """Fill in variables and status of a sweep from a kernel's answers, all but the carry.
 
-    Args:
-        answer: shape `(ROWS, n)`.
-        model: constants of leg and kick.
-        kick: the kick.
-        rows: filled in, shape `(13, n)`, in the order of `dataset.VARIABLES`.
-        status: flags, filled in.
+    `answer` has shape `(ROWS, n)`; `rows` has shape `(13, n)`, in the order of `dataset.VARIABLES`.
 
     Returns:
         Which postures are doubtful: the kernel marks them, or an answer is not finite.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from kickdyn.core import validation
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -31,11 +33,9 @@ _NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
 class SweepStore:
     """A Zarr store that chunks of a sweep are written to.
 
-    Args:
-        path: a folder ending in `.zarr`.
-        described: coordinates and attributes of the sweep, see `dataset.describe`.
-        chunk: number of postures per chunk, roughly.
-        resume: whether the store may be there, if it is one of the same sweep.
+    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `chunk` is the
+    number of postures per chunk, roughly. With `resume`, the store may be there if it is one of the
+    same sweep.
 
     Attributes:
         created: whether the store was not there before.
@@ -84,7 +84,7 @@ class SweepStore:
                 name: ("f8", math.nan, {"units": unit, "long_name": meaning})
                 for name, (unit, meaning) in VARIABLES.items()
             }
-            flags = {**STATUS_ATTRIBUTES, "flag_values": [s.flag for s in PostureStatus]}
+            flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
             for name, (dtype, fill, attributes) in arrays.items():
                 group.create_array(
@@ -92,6 +92,9 @@ class SweepStore:
                     fill_value=fill, dimension_names=list(described.dims), attributes=attributes,
                     compressors=None,
                 )  # fmt: skip
+            with warnings.catch_warnings():  # of Zarr, that other readers may not know it
+                warnings.simplefilter("ignore")
+                _zarr().consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
             draft.rename(self._path)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
@@ -117,6 +120,7 @@ class SweepStore:
         self._group.attrs["finished"] = 1
 
 
+@validation.check_arguments
 def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     """Open a sweep from a file: a Zarr store, finished or not, or a netCDF file.
 
@@ -170,7 +174,7 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
 
 def _checked_path(path: str | PathLike[str]) -> Path:
     """Return the path, or raise `InvalidInput` where it cannot be one."""
-    if not isinstance(path, str | PathLike) or "\0" in str(path):
+    if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
     return Path(path)
 

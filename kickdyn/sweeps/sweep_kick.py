@@ -121,13 +121,6 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     The joint velocity is that of least kinetic energy, or, where that exceeds a joint's limit,
     that of least `speed_use`. The impulse on the ball is the same for both: it depends on the
     velocity of the foot only.
-
-    Args:
-        posture: the posture of the leg.
-        kick: the kick.
-
-    Returns:
-        The outcome, whatever its status.
     """
     foot_velocity = kick.speed * kick.direction
     v = posture.try_joint_velocity(foot_velocity)
@@ -145,9 +138,7 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
 def speed_use(posture: Posture, v: Array) -> float:
     r"""Return the largest joint speed over its limit, :math:`\max_i |v_i| / l_i`.
 
-    Args:
-        posture: the posture, whose leg has the limits :math:`l_i`.
-        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+    The joint velocity v has shape `(nv,)` [rad/s; m/s for prismatic joints].
     """
     limit, needed = posture.leg.velocity_limit, np.abs(v)
     use = np.divide(needed, limit, out=np.where(needed > 0, np.inf, 0.0), where=limit > 0)

@@ -131,8 +131,8 @@ def keys(value, name=""):
         }.get(name.split(".")[-1])
         parts = [(named or key, part) for key, part in value.items()]
         return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}
-    if isinstance(value, list) and value:
-        return {k for part in value for k in keys(part, f"{name}[]")}
+    if isinstance(value, list):
+        return {k for part in value or [None] for k in keys(part, f"{name}[]")}
     return {name}
 
 

@@ -41,7 +41,7 @@ def test_everything(tmp_path):
 
 def test_json_on_stdout_stands_alone():
     ended = door("--only", "table 2", "--json", "-", "--no-sensitivity")
-    assert len(json.loads(ended.stdout)) == 14
+    assert len(json.loads(ended.stdout)) == 17
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from chains import in_units
+from chains import by_pinocchio, in_units
 from extremes import extreme_impacts
 from extremes.extreme_impacts import BENT, SPEEDS, USUAL, chain
 
@@ -19,7 +19,7 @@ KICK = {
     "ball": kd.Ball(),
     "contact": kd.Contact((1, 0, 0.3), 0.7),
 }
-DOORS = (kd.strike, kd.engine_strike, kd.collide, kd.unilateral_strike)
+DOORS = (kd.strike, by_pinocchio, kd.collide, kd.unilateral_strike)
 
 
 @pytest.mark.parametrize("door", DOORS, ids=lambda door: door.__name__)

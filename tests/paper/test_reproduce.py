@@ -208,9 +208,19 @@ def test_the_ball_does_not_lie_inside_the_foot():
 
 def test_fig_1_extremes_are_extremes(items):
     sizes = [math.dist(hit.impulse, (0, 0, 0)) for hit in fig_1.kicks()]
-    assert items["Fig. 1 most impulse"].ours == max(sizes)
-    assert items["Fig. 1 least impulse"].ours == min(sizes)
+    assert items["Fig. 1 most impulse on a ball"].ours == max(sizes)
+    assert items["Fig. 1 least impulse on a ball"].ours == min(sizes)
     assert max(sizes) > 1.4 * min(sizes)
+
+
+def test_fig_1_b_is_an_obstacle_with_joint_impulses(items):
+    heavy = fig_1.extremes(fig_1.kicks(kd.Ball(mass=1e9, radius=0.1)))["most"]
+    assert items["Fig. 1 most impulse on an obstacle"].ours == pytest.approx(
+        math.hypot(*heavy.impulse), rel=1e-6
+    )
+    assert items["Fig. 1 most impulse on an obstacle, in the ankle"].ours == pytest.approx(
+        heavy.worst_joint[1], rel=1e-6
+    )
 
 
 def test_json_has_the_documented_fields(items, compared):

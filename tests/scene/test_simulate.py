@@ -9,6 +9,9 @@ from random_scenes import random_scene, wide_scene
 
 import kickdyn as kd
 from kickdyn.scene import coarse_flight as coarse
+from kickdyn.scene import envelope
+from kickdyn.scene import simulate as simulating
+from kickdyn.scene.flight_end import approximate_end
 from kickdyn.scene.simulate import simulate_as_instant
 
 LEG = kd.Leg.human()
@@ -160,18 +163,17 @@ def test_a_tolerance_refuses_what_everything_refuses(tolerance):
 
 
 def test_every_evaluation_is_counted(monkeypatch):
-    calls, plain = [], coarse.forces
+    calls, plain = [], coarse.acceleration_function
 
     def counting(*parts):
         acting = plain(*parts)
         return lambda *state: calls.append(1) or acting(*state)
 
-    monkeypatch.setattr(coarse, "forces", counting)
-    for parts in ({}, {"ground": kd.Ground(-0.9, "turf")}):
-        calls.clear()
-        answer = kd.simulate(kick(uncertainty={"restitution": 0.02}, **parts), 0.3)
-        assert answer.path is None
-        assert answer.evaluations == len(calls) > 300
+    monkeypatch.setattr(coarse, "acceleration_function", counting)
+    monkeypatch.setattr(envelope, "acceleration_function", counting)
+    answer = kd.simulate(kick(uncertainty={"restitution": 0.02}), 0.3)
+    assert answer.path is None
+    assert answer.evaluations == len(calls) > 300
 
 
 def test_spread_of_a_light_ball():
@@ -245,14 +247,14 @@ def test_everything_is_followed_to_rest():
     assert not answer.end.velocity.any()
     rough = kd.simulate(scene, 0.05)
     assert gap(answer, rough) <= rough.error < 0.05
-    assert rough.path is None
+    assert isinstance(rough.path, kd.Course)
 
 
 def test_a_slow_kick_needs_no_air_at_a_metre():
     answer = kd.simulate(kick(1.5), 1.0)
     assert {"drag", "lift", "buoyancy"} <= set(answer.neglected)
     assert answer.method == "strike, closed form"
-    assert answer.evaluations < 50
+    assert answer.evaluations < 60
 
 
 def test_a_tight_tolerance_neglects_nothing():
@@ -358,3 +360,21 @@ def test_where_the_contact_cannot_be_computed_the_error_is_not_known():
     assert "not known: stiffness is" in str(answer)
     assert "its contact shown as an instant: it ends at an unknown distance" in kd.page(answer).html
     assert [v.bound for v in answer.verdicts if not v.modelled] == [math.inf]
+
+
+def test_errors_add_up(monkeypatch):
+    """That of the contact's integrator and that of the flight's; their shares are all there is."""
+    shares = simulating.MODEL_SHARE + simulating.CONTACT_SHARE + simulating.FLIGHT_SHARE
+    assert shares == pytest.approx(1.0, abs=1e-15)
+    scene = kick(contact_time=0.01)
+    plain = simulating._collide_to
+
+    def with_error(*parts):
+        return plain(*parts)._replace(error=0.25)
+
+    monkeypatch.setattr(simulating, "_collide_to", with_error)
+    answer = kd.simulate(scene, 0.01)
+    end = approximate_end(answer.launch, scene.environment, 0.001)
+    assert answer.neglected == ()
+    assert end.error() > 0.0
+    assert answer.numerical_error == pytest.approx(0.25 + end.error(), rel=1e-12)

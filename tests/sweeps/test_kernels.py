@@ -1,20 +1,25 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_leg, random_leg
+from chains import floating_leg, in_units, random_leg, slides
 from extremes.extreme_impacts import chain
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import kickdyn as kd
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import (
+    ACROSS,
     DOUBT,
     LOST,
     MOBILITY,
     MOMENTUM,
     NORMAL,
     RESTITUTION,
+    ROWS,
+    TANGENT,
     USE,
     WORST,
     Kernel,
@@ -162,6 +167,43 @@ def test_what_cannot_be_vouched_for_is_marked():
     axes = {"hip": np.radians([90.0]), "knee": np.zeros(1), "ankle": np.radians([40.0, 90.0])}
     assert answers(LEG, Kick(attack=0.0), axes)[1][DOUBT].tolist() == [0, 1]
     assert answers(LEG, Kick(), axes, planar=False)[1][DOUBT].all()  # it cannot move across
+
+
+powers = st.integers(-8, 8)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+@given(seed=st.integers(0, 10**6), metre=powers, half=powers, second=powers)
+@settings(max_examples=15, derandomize=True, deadline=None)
+def test_powers_of_two_of_the_units_change_no_bit(planar, seed, metre, half, second):
+    """Of the kilogram powers of four, for roots of masses are taken.
+
+    The residual of momentum of hinges and slides together is relative to a norm of both.
+    """
+    rng = np.random.default_rng(seed)
+    leg = LEG if planar else random_leg(rng, joints=int(rng.integers(3, 7)))
+    axes = {name: rng.uniform(-1.5, 1.5, 2) for name in leg.joint_names[:4]}
+    limits, speed = rng.uniform(2.0, 20.0, leg.nv), rng.uniform(0.5, 9.0)
+    contact = {"attack": 0.4, "restitution": 0.6, "friction": rng.choice([0.0, 0.1, 0.5])}
+    m, kg, s, sliding = 2.0**metre, 4.0**half, 2.0**second, slides(leg)
+
+    def found(metre, kilogram, second):
+        model = in_units(leg, metre, kilogram).model
+        model.velocityLimit = limits * metre**sliding / second
+        ball = kd.Ball(0.43 * kilogram, 0.11 * metre)
+        kick = Kick(speed=speed * metre / second, ball=ball, **contact)
+        joints = dict(zip(leg.joint_names, metre**sliding, strict=True))
+        values = {name: joints[name] * each for name, each in axes.items()}
+        return answers(kd.Leg.from_model(model, leg.frame), kick, values)
+
+    model, one = found(1.0, 1.0, 1.0)
+    assert model.planar is planar
+    assert np.isfinite(one).all()
+    units = np.ones(ROWS)
+    units[[TANGENT, ACROSS, NORMAL, WORST]] = kg * m / s
+    units[MOBILITY], units[LOST] = 1 / kg, kg * m**2 / s**2
+    same = slice(MOMENTUM) if sliding.any() else slice(ROWS)
+    assert found(m, kg, s)[1][same].tolist() == (one * units[:, None])[same].tolist()
 
 
 def test_a_range_of_postures_is_a_part_of_the_whole():

@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.core.plot_style import save_figure
 from kickdyn.sweeps import summary as summaries
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.summary import summarize
-from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
+from kickdyn.sweeps.sweep_plot import sweep_figure
 from kickdyn.sweeps.sweep_report import extreme_lines
 
 LEG, KICK = kd.Leg.human(), kd.Kick()

@@ -38,7 +38,7 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
     `nathan` (baseballs) 0.26.
     """
     drop = (_PLATEAU - _without_spin(reynolds)) * _PER_DROP
-    return min(max(drop, 0.0), 1.0) * 0.47 * spin_parameter / (0.135 + spin_parameter)
+    return drop * 0.47 * spin_parameter / (0.135 + spin_parameter)
 
 
 def wang(reynolds: float, spin_parameter: float) -> float:

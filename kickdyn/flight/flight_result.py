@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +23,8 @@ from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
-_ROUNDING = 4 * float(np.finfo(float).eps)
+ROUNDING = 4 * float(np.finfo(float).eps)
+"""Of a position, relative to its size."""
 
 
 class FlightStatus(StrEnum):
@@ -111,23 +113,18 @@ class Flight(ReprMixin):
         crosses a peak of C_D, counts.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
-        rounding = _ROUNDING * float(np.abs(self.launch.position).max())
+        rounding = ROUNDING * float(np.abs(self.launch.position).max())
         if self.evaluations == 0:
             grazing = 1.0
             if self.status is FlightStatus.AT_PLANE and self.plane is not None:
                 speed = math.hypot(*self.landing.velocity)
                 across = abs(float(self.plane.normal @ self.landing.velocity))
                 grazing = speed / max(across, 1e-300)
-            return (rounding + _ROUNDING * length) * grazing
-        others = [{"tol": max(1e-4 * self.tol, 1e-13)}]
-        if has_own_function(self.air):
-            others[0]["max_step"] = self.duration / 500
-        if self.tol < 1e-9:
-            others.append({"tol": 100 * self.tol})
+            return (rounding + ROUNDING * length) * grazing
         speed, moved = math.hypot(*self.landing.velocity), 0.0
-        for how in others:
+        for tol, longest in refinements(self.tol, self.duration, self.air):
             try:
-                other = self._fly_again(**how).landing
+                other = self._fly_again(tol=tol, max_step=longest).landing
             except KickdynError:
                 return math.inf
             late = speed * abs(self.duration - float(other.time))
@@ -220,6 +217,15 @@ def has_own_function(air: Air | None) -> bool:
         return False
     models = [model for model in (air.drag, air.lift, air.torque) if model is not None]
     return callable(air.wind) or not all(is_known(model) for model in models)
+
+
+def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float, Any]]:
+    """Return tolerance and longest step [s] of the flights that show the error of one at `tol`.
+
+    The duration is that of one flight, or of n, shape `(n,)` [s].
+    """
+    finer = (max(1e-4 * tol, 1e-13), duration / 500 if has_own_function(air) else None)
+    return [finer, (100 * tol, None)] if tol < 1e-9 else [finer]
 
 
 def outside_ranges(

@@ -100,33 +100,47 @@ def fly_until(
         KickdynError: the integrator gave up.
     """
     began, state = start
-    if not np.isfinite(rates(began, state)).all():  # the step size would become NaN
+    rate = np.array(rates(began, state))
+    if not np.isfinite(rate).all():  # the step size would become NaN
         raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
     crest = None if climb is None else Event(lambda states: float(states[climb]))
     pieces: list[DenseOutput] = []
     crests: list[tuple[float, Array]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
         solver_from = partial(DOP853, rates, max_step=longest, rtol=rtol, atol=atol)
-        solver = solver_from(began, state, time_limit)
+        first = min(_first_step(state, rate, rtol, atol), time_limit - began)
+        solver = solver_from(began, state, time_limit, first_step=first)
         while solver.status == "running":
             before = state
             state, piece = _step(solver)
-            times = [_when(event, piece, before, state) for event in events]
+            times = [_when(each, piece, before, state) for each in events]
             top = math.inf if crest is None else _when(crest, piece, before, state)
             if (end := min(times)) == math.inf:
                 pieces.append(piece)
                 if top < math.inf:
                     crests.append((top, piece(top)))
                 continue
-            first, node = events[times.index(end)], (float(piece.t_old), before)
+            event, node = events[times.index(end)], (float(piece.t_old), before)
             end = max(end, math.nextafter(node[0], math.inf))
-            reached, final, calls = _first_of(events, first, solver_from, node, end)
+            reached, final, calls = _first_of(events, event, solver_from, node, end)
             last = final[-1]
             if top <= last.t:
                 crests.append((top, piece(top)))
             total = solver.nfev + calls
             return FlightArc(last.t, last(last.t), [*pieces, *final], total, reached, crests)
     return FlightArc(time_limit, state, pieces, solver.nfev, None, crests)
+
+
+def _first_step(state: Array, rate: Array, rtol: float, atol: Array) -> float:
+    r"""Return the first step :math:`\tau (0.01 / d_0)^{1/8}` with :math:`\tau = d_0 / d_1` [s].
+
+    The norms d of state and rate are relative to the tolerances. As in Hairer, Norsett & Wanner,
+    II.4, the step is to miss about a hundredth of what is tolerated, but in any unit of time.
+    """
+    scale = atol + rtol * np.abs(state)
+    size, change = (math.sqrt(float(np.mean((part / scale) ** 2))) for part in (state, rate))
+    size = max(size, 1.0)
+    return size / change * (0.01 / size) ** 0.125 if change > 0.0 else math.inf
 
 
 def _step(solver: DOP853) -> tuple[Array, DenseOutput]:

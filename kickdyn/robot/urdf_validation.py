@@ -114,6 +114,8 @@ def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
                 valid += ", 0 or more"
                 sound = sound and values[0] >= 0.0
             elif part.tag == "axis":
+                if element.get("type") == "fixed":  # it turns about nothing
+                    continue
                 valid += ", not all 0"
                 sound = sound and 1e-100 < max(map(abs, values)) < 1e100  # its square is needed
             if not sound:
@@ -131,7 +133,7 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     if joint.find("mimic") is not None:
         faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
     axis, limit = joint.find("axis"), joint.find("limit")
-    if axis is not None and "xyz" not in axis.attrib:
+    if axis is not None and "xyz" not in axis.attrib and kind != "fixed":
         faults.append(f"{where} axis has no xyz: it must be 3 finite numbers, not all 0")
     for key in ("lower", "upper"):
         if kind in ("revolute", "prismatic") and limit is not None and key not in limit.attrib:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,14 +12,9 @@ from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient, is_regis
 from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.gravity import GRAVITY
-from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
 from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus
-from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
 from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
-from kickdyn.flight.ground_motion import bounce, slide
-from kickdyn.ground import Surface
 from kickdyn.scene.scene import FlightEnvironment
 
 STAGE_DIFFERENCE = 0.05
@@ -32,70 +27,40 @@ Rates = Callable[[State], State]
 
 
 class CoarseEnd(NamedTuple):
-    """Where a ball's path ends in large steps.
+    """Where a flight ends in large steps.
 
     Attributes:
         state: there; None where large steps do not suffice.
-        status: as of `Flight` or `Course`.
+        status: as of `Flight`.
         evaluations: of the acceleration.
+        nodes: up to the end: displacement [m], velocity [m/s], and spin over that of the launch.
     """
 
     state: BallState | None
     status: str
     evaluations: int
+    nodes: Sequence[State] = ()
 
 
 def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) -> CoarseEnd:
-    """Find where the ball's path ends, in large steps.
+    """Find where a flight ends, in large steps.
 
-    Flights are integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the
-    time that a flight would take in a vacuum; rolling is a quadrature. The error shows when the
-    number of steps is doubled. A ball that rolls in the wind, or that reaches a plane sliding or
-    rolling, is left to the exact integrators.
+    It is integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the time
+    that it would take in a vacuum. The error shows when the number of steps is doubled. A ball that
+    bounces is left to the exact integrators.
     """
-    ball, _, ground, _ = environment
-    surface = None if ground is None else ground.surface
-    if surface is None:
-        return coarse_path(launch, environment, steps)[0]
-    assert isinstance(surface, Surface)
-    if surface.friction == 0.0:
-        return CoarseEnd(None, "", 0)
-    state, evaluations, clock = launch, 0, 0.0
-    for _ in range(MOST_BOUNCES):
-        (landed, status, more), _ = coarse_path(state, environment, steps)
-        evaluations += more
-        if landed is None:
-            break
-        clock += float(landed.time)
-        if status == FlightStatus.AT_PLANE:
-            end = BallState(landed.position, landed.velocity, landed.spin, clock)
-            return CoarseEnd(end, status, evaluations)
-        state = bounce(landed, ball, surface)
-        if state.velocity[2] < LEAST_REBOUND:
-            rest, more = _roll_out(state, environment, surface, steps, clock)
-            return CoarseEnd(rest, FlightStatus.AT_REST, evaluations + more)
-    return CoarseEnd(None, "", evaluations)
-
-
-def coarse_path(
-    launch: BallState, environment: FlightEnvironment, steps: int
-) -> tuple[CoarseEnd, list[State]]:
-    """Return the end of one flight, and the nodes up to it; arguments as for `coarse_end`.
-
-    A node is displacement [m], velocity [m/s], and spin over that of the launch.
-    """
-    ball, air, _, plane = environment
+    ball, air, ground, plane = environment
     drop, rise = drop_below(launch, environment), float(launch.velocity[2])
     nodes: list[State] = [(0.0, 0.0, 0.0, *launch.velocity.tolist(), 1.0)]
     fastest = math.hypot(*nodes[0][3:6])
-    if _is_left_to_fly(air):
-        return CoarseEnd(None, "", 0), nodes
+    if _is_left_to_fly(air) or (ground is not None and ground.surface is not None):
+        return CoarseEnd(None, "", 0)
     inside = drop < -1e-9 * ball.radius and drop < -1e-9 * abs(float(launch.position[2]))
     if inside or not fastest <= MAX_SPEED:  # refused by the exact integrators
-        return CoarseEnd(None, "", 0), nodes
+        return CoarseEnd(None, "", 0)
     if drop <= 0.0 and rise <= 0.0:
         end = BallState(launch.position, launch.velocity, launch.spin)
-        return CoarseEnd(end, FlightStatus.LANDED, 0), nodes
+        return CoarseEnd(end, FlightStatus.LANDED, 0)
     drop, g = max(drop, 0.0), downward(ball, air)
     heights = [_height((0.0, 0.0, 1.0), drop)]
     longest = time_to_fall(rise, drop, g)
@@ -105,7 +70,7 @@ def coarse_path(
         closing = -float(plane.normal @ launch.velocity)
         longest = min(longest, gap / closing) if closing > 0.0 else longest
     if not 0.0 < longest < math.inf:
-        return CoarseEnd(None, "", 0), nodes
+        return CoarseEnd(None, "", 0)
     rates, step, evaluations = _rates(environment, launch), longest / steps, 0
     fastest = max(fastest, math.sqrt(2.0 * g * drop) if g > 0.0 else 0.0)
     # given up after 8 durations in a vacuum, or 1000 s, as by the exact integrators
@@ -132,8 +97,8 @@ def coarse_path(
         velocity, spin = np.array(node[3:6]), node[6] * launch.spin
         end = BallState(position, velocity, spin, number * step + late)
         status = (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which]
-        return CoarseEnd(end, status, evaluations), nodes
-    return CoarseEnd(None, "", evaluations), nodes
+        return CoarseEnd(end, status, evaluations, nodes)
+    return CoarseEnd(None, "", evaluations)
 
 
 def drop_below(launch: BallState, environment: FlightEnvironment) -> float:
@@ -223,53 +188,3 @@ def _crossing(
     if not abs(more) <= 0.1 * step:
         return None
     return high * step + more, _along(node, slope, more)
-
-
-def _roll_out(
-    state: BallState, environment: FlightEnvironment, surface: Surface, steps: int, clock: float
-) -> tuple[BallState | None, int]:
-    """Return the ball at rest, after it slid and rolled in still air, and the evaluations.
-
-    None where there is wind, or where it may reach a plane.
-    """
-    ball, air, _, plane = environment
-    if air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any()):
-        return None, 0
-    sliding = slide(state, ball, air, surface)
-    if sliding is not None:
-        state, clock = sliding.end, clock + sliding.duration
-    place, duration, evaluations = _straight_roll(state, environment, surface, steps)
-    if plane is not None:
-        try:
-            if plane.gap(ball, place) <= 0.5 * ball.radius:  # reaches it, or nearly
-                return None, evaluations
-        except InvalidInput:  # the ball came to rest beyond it
-            return None, evaluations
-    return BallState(place, (0, 0, 0), (0, 0, 0), clock + duration), evaluations
-
-
-def _straight_roll(
-    state: BallState, environment: FlightEnvironment, surface: Surface, steps: int
-) -> tuple[Array, float, int]:
-    r"""Return where a ball that rolls in still air comes to rest, after how long, and evaluations.
-
-    :math:`x = \int v\,dv/a(v)` and :math:`t = \int dv/a(v)`, by Gauss-Legendre quadrature.
-    """
-    ball, air = environment.ball, environment.air
-    vx, vy, _ = state.velocity.tolist()
-    speed = math.hypot(vx, vy)
-    if speed == 0.0:
-        return state.position, 0.0, 0
-    along = np.array([vx, vy, 0.0]) / speed
-    nodes, weights = np.polynomial.legendre.leggauss(max(steps, 4))  # on -1 to 1
-    speeds, weights, evaluations = 0.5 * speed * (nodes + 1.0), 0.5 * weights, 0
-    slowing = np.full(len(nodes), surface.rolling_deceleration)
-    if air is not None and air.density > 0.0:
-        evaluations = len(nodes)
-        acceleration, height = acceleration_function(ball, air), float(state.position[2])
-        share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of a rolling ball
-        for i, v in enumerate(speeds.tolist()):
-            ax, ay, _, _ = acceleration(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
-            slowing[i] -= share * (ax * along[0] + ay * along[1])
-    place = state.position + speed * float(weights @ (speeds / slowing)) * along
-    return place, speed * float(weights @ (1.0 / slowing)), evaluations

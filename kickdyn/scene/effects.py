@@ -190,11 +190,14 @@ EFFECTS = (
     _of_air("drag", lambda air: air.drag is not None, lambda air, *_: replace(air, drag=None)),
     _of_air("drag crisis", lambda air: air.drag is not None, _constant_drag, ("drag",)),
     _of_air("lift", lambda air: air.lift is not None, lambda air, *_: replace(air, lift=None)),
-    _of_air(
-        "spin decay",
-        lambda air: air.torque is not None,
-        lambda air, *_: replace(air, torque=None),
-        ("drag", "lift"),
+    replace(
+        _of_air(
+            "spin decay",
+            lambda air: air.torque is not None,
+            lambda air, *_: replace(air, torque=None),
+            ("drag", "lift"),
+        ),
+        change=lambda envelope: (envelope.spin_decay(), EXACT),
     ),
     _of_air(
         "wind",

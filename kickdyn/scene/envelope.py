@@ -13,7 +13,7 @@ from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.flight.forces import acceleration_function
-from kickdyn.scene.coarse_flight import State, coarse_path
+from kickdyn.scene.coarse_flight import State, coarse_end
 from kickdyn.scene.scene import FlightEnvironment
 
 STEPS = 4
@@ -70,14 +70,12 @@ class Envelope:
         launch_error: LaunchError = EXACT,
     ) -> None:
         self.launch, self.environment, self.launch_error = launch, environment, launch_error
-        self.time, self.evaluations, self._nodes = math.inf, 0, list[State]()
-        self.end: BallState | None = None
-        _, air, ground, _ = environment
-        bounces = ground is not None and ground.surface is not None
-        if bounces or not launch_error.velocity < math.inf:
+        self.time, found = math.inf, coarse_end(launch, environment, STEPS)
+        self.end, _, self.evaluations, self._nodes = found
+        air, known = environment.air, launch_error.velocity < math.inf
+        if not known or self.end is None or (air is not None and callable(air.wind)):
             return
-        (self.end, _, self.evaluations), self._nodes = coarse_path(launch, environment, STEPS)
-        if self.end is not None and self.end.time > 0.0 and not (air and callable(air.wind)):
+        if self.end.time > 0.0:
             self.time = float(self.end.time)
 
     def difference(self, air: Air | None) -> float:
@@ -85,6 +83,13 @@ class Envelope:
         if not math.isfinite(self.time):
             return math.inf
         return MARGIN * max(map(math.dist, self._accelerations(air), self._own_accelerations))
+
+    def spin_decay(self) -> float:
+        """Return how far the acceleration differs at most where the spin does not decay [m/s2]."""
+        if not math.isfinite(self.time):
+            return math.inf
+        lost = 1.0 - min(node[6] for node in self._nodes)
+        return self._by_spin * lost * math.hypot(*self.launch.spin.tolist())
 
     def shift(self, acceleration: float = 0.0, launch_error: LaunchError = EXACT) -> float:
         """Return how far the end can move [m]; inf where that is not known.
@@ -131,8 +136,7 @@ class Envelope:
         )
         height, found = float(self.launch.position[2]), []
         for _, _, z, vx, vy, vz, left in self._nodes:
-            share = 1.0 if air.torque is None else left  # of the launch's spin
-            found.append(acting(height + z, vx, vy, vz, share * wx, share * wy, share * wz)[:3])
+            found.append(acting(height + z, vx, vy, vz, left * wx, left * wy, left * wz)[:3])
         self.evaluations += len(found)
         return found
 

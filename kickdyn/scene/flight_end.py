@@ -71,9 +71,9 @@ def approximate_end(
     """Find where the ball's path ends, in as few large steps as the accuracy allows.
 
     The error is estimated as three times what doubling the steps moves the end by. This may be
-    little by accident, so the changes of velocity and time count, too, and the estimate falls to
-    1/16 at most when the steps are doubled, as they are of fourth order. Where 64 steps do not
-    suffice, the exact integrators are used.
+    little by accident, so the change of the velocity counts, too, and the estimate falls to 1/16 at
+    most when the steps are doubled, as they are of fourth order. Where 64 steps do not suffice, or
+    the ball bounces, the exact integrators are used.
 
     Args:
         launch: the ball at the start.
@@ -90,30 +90,20 @@ def approximate_end(
         return exact_end(launch, environment, FINEST)
     last, evaluations, error = four_steps, 0, 0.0
     for steps in STEPS if last is None else STEPS[1:]:
-        state, status, more = coarse_end(launch, environment, steps)
+        state, status, more, _ = coarse_end(launch, environment, steps)
         evaluations += more
         if state is None:
             break
         if last is not None:
-            error = max(3.0 * _difference(launch, state, last), error / 16.0)
+            apart = math.dist(state.position, last.position)
+            apart = max(apart, math.dist(state.velocity, last.velocity) * float(state.time) / 8.0)
+            error = max(3.0 * apart, error / 16.0)
             if error <= accuracy:
                 method = f"{steps} Runge-Kutta steps a flight"
                 return FlightEnd(state, status, None, method, evaluations, partial(float, error))
         last = state
     exact = exact_end(launch, environment, FINEST)
     return exact._replace(evaluations=exact.evaluations + evaluations)
-
-
-def _difference(launch: BallState, end: BallState, other: BallState) -> float:
-    """Return how far apart two ends are [m]: the largest by position, velocity and time."""
-    time = float(end.time)
-    if time == 0.0:
-        return math.dist(end.position, other.position)
-    return max(
-        math.dist(end.position, other.position),
-        math.dist(end.velocity, other.velocity) * time / 8.0,
-        abs(time - float(other.time)) * math.dist(end.position, launch.position) / time,
-    )
 
 
 def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> FlightEnd:
@@ -223,14 +213,14 @@ def _differences(
     launch: BallState, radius: float, find_end: Callable[[BallState], CoarseEnd]
 ) -> tuple[Array | None, int]:
     """Return the slopes by velocity and spin, None where an end is not known, and evaluations."""
-    base, _, evaluations = find_end(launch)
+    base, _, evaluations, _ = find_end(launch)
     if base is None:
         return None, evaluations
     slopes, speed = np.zeros((2, 3, 3)), float(launch.speed)
     for i, size in enumerate((speed, speed / radius)):
         for k, axis in enumerate(DIFFERENCE * size * np.eye(3)):
             velocity, spin = launch.velocity + axis * (i == 0), launch.spin + axis * (i == 1)
-            moved, _, more = find_end(BallState(launch.position, velocity, spin))
+            moved, _, more, _ = find_end(BallState(launch.position, velocity, spin))
             evaluations += more
             if moved is None:
                 return None, evaluations

@@ -40,12 +40,6 @@ class Camera:
         """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
 
-    def project(self, point: Array) -> Array:
-        """Return where the picture shows a point: right and up, over its depth, shape `(2,)`."""
-        into = self.target - self.position
-        seen = _axes(into / np.linalg.norm(into)) @ (point - self.position)
-        return np.asarray(seen[:2] / seen[2])
-
 
 def camera_for(
     near: Array, far: Array, forward: Array, *, marks: Array | None = None, behind: bool = False

@@ -172,12 +172,14 @@ def jump(reynolds, spin_parameter):
 
 @pytest.mark.parametrize("drag", [peak, dip, jump, drag_models.MODELS["brazuca"].function])
 def test_the_error_counts_narrow_features_of_a_coefficient_of_ones_own(drag):
-    start, air = launch((20, 0, 6)), kd.Air(drag=drag)
-    path = kd.fly(start, BALL, air, tol=1e-6)
-    exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 2000)
-    true = np.linalg.norm(path.landing.position - exact.landing.position)
-    assert true <= path.error < 10 * true + 1e-6
-    assert true > 1e-3 or drag is not peak
+    air, worst = kd.Air(drag=drag), 0.0
+    for start in (launch((18, 0, 6)), launch((20, 0, 6))):
+        path = kd.fly(start, BALL, air, tol=1e-6)
+        exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 1000)
+        true = np.linalg.norm(path.landing.position - exact.landing.position)
+        assert true <= path.error < 10 * true + 1e-5
+        worst = max(true, worst)
+    assert worst > 1e-3 or drag is not peak
 
 
 def test_the_error_is_infinite_where_no_finer_flight_can_be_computed(monkeypatch):

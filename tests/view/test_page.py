@@ -134,6 +134,66 @@ def test_the_page_plays_for_ever(page, chromium, tmp_path):
     assert fetched == 0
 
 
+LABELS = """<script>setTimeout(() => {
+  document.title = JSON.stringify([innerWidth, innerHeight,
+    [...document.querySelectorAll(".label")].map(each => {
+      const {left, top, width, height} = each.getBoundingClientRect();
+      return [each.innerText, each.style.visibility, left, top, width, height];
+    })]);
+}, 1500);</script></body>"""
+
+
+def labels_in(chromium, page, file, at):
+    file.write_text(page.replace("</body>", LABELS))
+    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom")
+    return json.loads(html.unescape(re.search("<title>(.*?)</title>", dom)[1]))
+
+
+def overlaps(labels):
+    """Return the pairs of labels, (text, visibility, left, top, width, height), that overlap."""
+    return [
+        (one, two)
+        for number, one in enumerate(labels)
+        for two in labels[:number]
+        if one[2] < two[2] + two[4] and two[2] < one[2] + one[4] and abs(one[3] - two[3]) < 20
+    ]
+
+
+def test_labels_stand_beside_their_arrows_and_not_over_each_other(
+    page, kick, chromium, tmp_path, commands_of
+):
+    wide, high, shown = labels_in(chromium, page, tmp_path / "kick.html", 2.5)
+    sizes = [kick[0].impulse, *kick[0].joint_impulses[:, :3]]
+    assert sorted(each[0] for each in shown) == sorted(
+        f"{np.linalg.norm(size):.3g} N s" for size in sizes
+    )
+    assert {visibility for _, visibility, *_ in shown} == {"visible"}
+    assert overlaps(shown) == []
+    said = commands_of(page)
+    moved = {c["path"]: np.array(c["matrix"][12:15]) for c in said if c["type"] == "set_transform"}
+    (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
+                     and "Cameras" in c["path"])  # fmt: skip
+    eye = np.array([x, -z, y])  # the scene is moved so that the camera looks at the origin
+    into = -eye / np.linalg.norm(eye)
+    right = np.cross(into, (0, 0, 1)) / np.linalg.norm(np.cross(into, (0, 0, 1)))
+    away = moved["/meshcat"] + moved["/meshcat/arrow"] + moved["/meshcat/arrow/label"] - eye
+    across, up = (away @ axis / (away @ into) for axis in (right, np.cross(right, into)))
+    _, _, x, y, _, h = shown[0]  # of the ball's impulse, which points to the right
+    assert x == pytest.approx(wide / 2 + high / 2 * across / UP + 6, abs=1.0)
+    assert y + h / 2 == pytest.approx(high / 2 - high / 2 * up / UP, abs=1.0)
+
+
+def test_labels_are_hidden_before_the_impact_and_move_on_along_their_arrows(
+    kick, chromium, tmp_path
+):
+    far = kd.page(kick[0], kd.fly(kd.BallState(velocity=(3e3, 0, 3e3)), kick[1])).html
+    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 2.5)
+    assert overlaps(shown) == []
+    assert len(overlaps([[*each[:3], shown[0][3], *each[4:]] for each in shown])) > 0  # in a row
+    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 0.0)
+    assert {visibility for _, visibility, *_ in shown} == {"hidden"}
+
+
 def test_in_a_narrow_window_the_numbers_stand_below(page, chromium, tmp_path):
     look = """<script>setTimeout(() => {
       const box = name => document.querySelector(name).getBoundingClientRect();

@@ -65,7 +65,9 @@ def test_prose_fits_a_screen(lines):
 def test_residuals_are_rounded_up_with_a_digit_to_spare(lines, residual, power):
     summary = swept("hip=0:10:10")[1]
     summary.residual = residual
-    assert text(summary, lines).endswith(f"\nRestitution and momentum hold to 1e{power} in every one.")
+    assert text(summary, lines).endswith(
+        f"\nRestitution and momentum hold to 1e{power} in every one."
+    )
 
 
 def test_a_pipe_has_80_columns(lines, capsys, monkeypatch):

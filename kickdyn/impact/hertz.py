@@ -48,7 +48,8 @@ class HertzContact:
 
     def spring(self, deflection: float) -> float:
         """Return the elastic part of the force [N], 0 or more, at an unchecked deflection [m]."""
-        return float(self.stiffness * max(deflection, 0.0) ** 1.5)
+        size = max(deflection, 0.0)  # its power as a product, which may be inf but raises nothing
+        return float(self.stiffness * size * math.sqrt(size))
 
 
 def matched_damping(restitution: float) -> float:

@@ -53,13 +53,6 @@ def test_mujoco_approaches_the_instant(rows, kick):
     assert stiff < soft / 4
 
 
-def test_the_front_is_what_nothing_of_the_same_kick_beats(rows):
-    for row in rows:
-        same = [other for other in rows if other.scene == row.scene]
-        beaten = any(o.seconds < row.seconds and o.error < row.error for o in same)
-        assert row.pareto is not beaten
-
-
 def test_the_kick_with_friction_sticks_and_turns_the_impulse():
     with_friction, without = impact.kick(0.4), impact.kick(0.0)
     assert with_friction.sticking

@@ -71,11 +71,10 @@ def strike(
     law = validation.choice("impact law", law, ImpactLaw)
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    if engine == "closed-form":
+    if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
         solution = solve_contact(approach.contact_problem(), law)
         impact = Impact(approach, law, solution, ball_after(approach, solution))
     else:
-        validation.choice("engine", engine, ImpactEngine)
         solution, ball_state, response = solve_by_pinocchio(approach, law)
         impact = Impact(approach, law, solution, ball_state, response=response)
     check_energy(impact, strict)

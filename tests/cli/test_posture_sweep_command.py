@@ -17,8 +17,11 @@ import pytest
 import xarray as xr
 
 import kickdyn
+from kickdyn.air import AIRS
 from kickdyn.cli.command import run
+from kickdyn.cli.named_legs import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
+from kickdyn.sweeps.sweep_kick import kick_from
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
 
@@ -79,6 +82,26 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
         assert words in ended.stderr
+
+
+def test_every_option_of_the_kick_counts():
+    options = ("--speed", "3", "--attack", "10", "--restitution", "0.5", "--friction", "0.05")
+    ended = door(*SMALL, *options, "--air", "paper", "--frame", "foot", "--json", "-")
+    report = json.loads(ended.stdout)
+    leg, air = load_leg("human", "foot"), AIRS["paper"]
+    kick = kickdyn.Kick(speed=3.0, attack=np.radians(10), restitution=0.5, friction=0.05, air=air)
+    for line in report["lines"]:
+        q = leg.configuration({k: np.radians(v) for k, v in line["angles"].items()})
+        outcome = kick_from(leg.posture(q), kick)
+        assert line["impulse_vector"] == pytest.approx(outcome.impact.impulse.tolist(), rel=1e-12)
+        assert line["carry"] == pytest.approx(outcome.carry, rel=1e-9)
+
+
+def test_the_tolerance_of_carries_counts(tmp_path):
+    grid = ("--joint", "hip=0:40:2", "--joint", "knee=0:60:2", "--joint", "ankle=0:20:4")
+    door(*grid, "--tolerance", "1e-3", "--out", "s.nc", cwd=tmp_path)
+    with xr.open_dataset(tmp_path / "s.nc") as data:
+        assert data.attrs["carry_tolerance_m"] == 1e-3
 
 
 def test_conditions_choose_best_and_worst(tmp_path):

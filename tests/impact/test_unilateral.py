@@ -108,6 +108,14 @@ def test_where_the_ground_would_hold_it_nothing_changes():
     assert loose.support_impulses[FOOT] == pytest.approx(held.support_impulses[FOOT], abs=1e-9)
 
 
+def test_the_effective_mass_is_that_of_the_leg_without_supports():
+    held, loose = both("instep")
+    contact = KICKS["instep"][3]
+    free = ROBOT.posture(held.posture.q).with_contact_offset(contact.offset)
+    assert loose.effective_mass == free.effective_mass(contact.normal)
+    assert loose.effective_mass < 0.9999 * held.effective_mass
+
+
 def test_a_foot_that_only_turns_on_the_spot_slips():
     held, loose = both("down")
     assert held.footing == {FOOT: "stands"}  # friction's moment is not judged there

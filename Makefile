@@ -15,8 +15,7 @@ sweep: $(VENV)/.run
 	$(BIN)/python -m kickdyn.posture_sweep --out build/sweep.nc --plot build/sweep.png --view build/kick.html
 
 ## extremes: kickdyn against 50 digits where numbers get difficult
-extremes: $(VENV)/.run
-	$(PIP) --editable ".[accuracy]"
+extremes: $(VENV)/.dev
 	$(BIN)/python tests/extremes
 
 ## test: the whole suite

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 from chains import random_inertia, random_leg, random_rotation
+from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
-from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 
 def random_chain(rng, joints, axes=None, sizes=1.0, angles=False):

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
 from kickdyn.accuracy.impact_methods import kick
-from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.cli.posture_sweep_command import posture_sweep
 from kickdyn.paper import tables_4_5
 from kickdyn.paper.reproduce import SECTIONS
@@ -104,7 +104,7 @@ def row_of(start):
 
 def test_the_rows_on_mujoco():
     pytest.importorskip("mujoco")
-    from kickdyn.accuracy.references.mujoco_kick import mujoco_kick
+    from kickdyn.accuracy.mujoco_kick import mujoco_kick
 
     impact = kick(0.0)
     exact = exact_impact(*given(impact))["impulse"]

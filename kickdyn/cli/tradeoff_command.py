@@ -63,7 +63,7 @@ def tradeoff(
 
 def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: str | None) -> None:
     """Measure the methods, and write and print what was asked for."""
-    from kickdyn.accuracy.flight_methods import measure_flights  # need mpmath
+    from kickdyn.accuracy.flight_methods import measure_flights
     from kickdyn.accuracy.impact_methods import measure_impacts
 
     with busy("measuring") as show:

@@ -1,5 +1,7 @@
 import pytest
+from references.exact_flight import landing
 
+import kickdyn as kd
 from kickdyn.accuracy import flight_methods as flight
 from kickdyn.accuracy.flight_methods import kicks, measure_flights
 
@@ -41,3 +43,11 @@ def test_flights_land_within_the_tolerance_of_their_length(rows, scene, method):
     coarse, fine = (row for row in scene_rows(rows, scene) if row.method == method)
     assert 1e-7 < coarse.error < 1e-4 * longest  # one compared with itself has no error
     assert 1e-11 < fine.error < 1e-8 * longest
+
+
+@pytest.mark.parametrize("scene", flight.LANDINGS)
+def test_the_reference_is_the_landing_with_20_digits(scene):
+    for state, stored in zip(kicks(), flight.LANDINGS[scene], strict=True):
+        launch = kd.BallState(velocity=state.velocity) if scene == "drag only" else state
+        exact = landing(launch, kd.Ball(), kd.Air())
+        assert exact[:2] == pytest.approx(stored, rel=1e-15)

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from references.exact_leg import DIGITS, mp
 
-from kickdyn.accuracy.references.exact_leg import DIGITS, mp
 from kickdyn.aerodynamics import drag, lift, spin_decay
 
 NUDGE = 10.0 ** -(DIGITS // 2)

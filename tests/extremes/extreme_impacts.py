@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from references.exact_impact import Quantity, exact_impact, given
+from references.exact_leg import DIGITS, Exact, length, mapped, mp
 
 from extremes.extreme_case import FULL, ExtremeCase, compare, expect_refusal
-from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, given
-from kickdyn.accuracy.references.exact_leg import DIGITS, Exact, length, mapped, mp
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from references.exact_impact import Quantity, exact_impact, given
+from references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 
 from extremes.extreme_impacts import BENT, USUAL, chain, grazes, sizes, usual
-from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, given
-from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.contact import Contact
 from kickdyn.core.gravity import GRAVITY

@@ -7,9 +7,9 @@ import pytest
 from chains import by_pinocchio, in_units
 from extremes import extreme_impacts
 from extremes.extreme_impacts import BENT, SPEEDS, USUAL, chain
+from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
-from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 LEG = kd.Leg.human()
 Q = np.radians([5.0, 10.0, -5.0])

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.accuracy.references.exact_leg import (
+from kickdyn.impact.impact_result import Impact
+from references.exact_leg import (
     Exact,
     ExactPosture,
     leg_numbers,
@@ -17,7 +18,6 @@ from kickdyn.accuracy.references.exact_leg import (
     mp,
     numbers,
 )
-from kickdyn.impact.impact_result import Impact
 
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny
 

@@ -10,27 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.errors import InvalidInput
+
 from kickdyn.robot.leg import Leg
 
 DIGITS = 50
 
 
 def context(digits: int) -> Any:
-    """Return mpmath's arithmetic with so many digits, apart from mpmath's own state.
-
-    Raises:
-        InvalidInput: mpmath is not installed.
-    """
-    try:
-        import mpmath
-    except ImportError:
-        raise InvalidInput(
-            'references need the package mpmath: install it with pip install "kickdyn[accuracy]"'
-        ) from None
+    """Return mpmath's arithmetic with so many digits, apart from mpmath's own state."""
     found = mpmath.MPContext()
     found.dps = digits
     return found

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.scene.flight_end import EndSlopes, approximate_end, exact_end
+from kickdyn.scene.flight_end import EndSlopes, approximate_end, end_slopes, exact_end
 from kickdyn.scene.scene import FlightEnvironment
 
 CASES = {
@@ -52,3 +52,9 @@ def test_the_error_of_a_contact_is_that_of_the_formula():
     size = 2 * 5 + 0.3 * max(6, 5 / 0.5)
     error = 20 * 1e-4 * (size + 0.5)
     assert slopes.contact_error(launch, 0.5, 1e-4) == pytest.approx(error, rel=1e-12)
+
+
+def test_a_ball_that_leaves_at_rest_has_no_slopes():
+    still = kd.BallState((0, 0, 1))
+    slopes = end_slopes(still, FlightEnvironment(kd.Ball(), None, kd.Ground(), None))
+    assert slopes.contact_error(still, 0.1, 1e-3) == np.inf

@@ -120,8 +120,7 @@ def unilateral_strike(
     contacts = _contacts(approach, feet, supports)
     impulses, residual = _solve(contacts, approach)
     impact = _result(approach, supports, feet, contacts, impulses, residual)
-    if strict:
-        check_energy(impact)
+    check_energy(impact, strict)
     return impact
 
 

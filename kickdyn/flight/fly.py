@@ -41,7 +41,6 @@ def fly(
     plane: Plane | None = None,
     time_limit: float = 1000.0,
     max_step: float | None = None,
-    strict: bool = False,
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the ground, or to a plane before.
 
@@ -62,12 +61,11 @@ def fly(
         max_step: longest step of the integration [s], or None. A step does not see what a function
             of your own does between its 12 evaluations, such as a narrow peak of C_D;
             `Flight.error` does.
-        strict: whether a coefficient outside its range is an error; else it is one of `warnings`.
 
     Raises:
         InvalidInput: an array of states, a ball that starts inside the ground, beyond the plane or
-            faster than `MAX_SPEED`, a bad tolerance, or a coefficient outside its range where that
-            is an error.
+            faster than `MAX_SPEED`, a bad tolerance, or a coefficient outside its range whose model
+            refuses that; others give one of `Flight.warnings`.
         KickdynError: the integrator gave up.
     """
     check_single(state)
@@ -76,26 +74,29 @@ def fly(
     longest = math.inf
     if max_step is not None:
         longest = validation.number("max_step", max_step, above=0, unit="s")
-    ends = _Ends(
-        float(drops(state.position, ball, ground)), wall_of(plane, ball, state), time_limit
-    )
+    drop, wall = float(drops(state.position, ball, ground)), wall_of(plane, ball, state)
+    limits = _Limits(drop, wall, time_limit, longest)
     again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
                     max_step=max_step)  # fmt: skip
     flown = partial(Flight, ball, air, ground, plane, tol, again)
-    if air is None or _has_closed_form(state, ball, air, ends.drop):
-        path = _closed_form(flown, state, downward(ball, air), ends)
+    if air is None or _has_closed_form(state, ball, air, drop):
+        path = _closed_form(flown, state, downward(ball, air), limits)
     else:
-        path = _integrated(flown, state, ball, air, ends, tol, longest)
-    _refuse_outside(path, strict)
+        path = _integrated(flown, state, ball, air, limits, tol)
+    _refuse_outside(path)
     return path
 
 
-class _Ends(NamedTuple):
-    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s]."""
+class _Limits(NamedTuple):
+    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s].
+
+    And the longest step of its integration [s].
+    """
 
     drop: float
     wall: tuple[Array, float] | None
     time_limit: float
+    longest_step: float
 
 
 def check_single(state: BallState) -> None:
@@ -146,7 +147,7 @@ def _has_closed_form(state: BallState, ball: Ball, air: Air, drop: float) -> boo
     return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
 
 
-def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends: _Ends) -> Flight:
+def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends: _Limits) -> Flight:
     """Return the flight of a ball that only its weight acts on."""
     rise = float(state.velocity[2])
     fall, reach = time_to_fall(rise, ends.drop, g), math.inf
@@ -165,13 +166,7 @@ def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends:
 
 
 def _integrated(
-    flown: Callable[..., Flight],
-    state: BallState,
-    ball: Ball,
-    air: Air,
-    ends: _Ends,
-    tol: float,
-    longest: float,
+    flown: Callable[..., Flight], state: BallState, ball: Ball, air: Air, ends: _Limits, tol: float
 ) -> Flight:
     """Return the flight of a ball through the air, integrated to its end."""
     speed = math.hypot(*state.velocity)
@@ -188,7 +183,7 @@ def _integrated(
     rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tight)
     atol = np.array([*3 * [near], *3 * [slow], tight])
     try:
-        arcs, status = _arcs(equations, ends, rtol, atol, longest)
+        arcs, status = _arcs(equations, ends, rtol, atol)
     except KickdynError as error:
         if equations.fault is None:
             raise
@@ -218,7 +213,7 @@ def _integrated(
 
 
 def _arcs(
-    equations: FlightEquations, ends: _Ends, rtol: float, atol: Array, longest: float
+    equations: FlightEquations, ends: _Limits, rtol: float, atol: Array
 ) -> tuple[list[FlightArc], FlightStatus]:
     """Return the arcs up to the apex and on to the end, and which end it is.
 
@@ -239,7 +234,7 @@ def _arcs(
     at, state = 0.0, begin
     for target in [apex, floor] if rises else [floor]:
         events = [target, *walls]
-        limits = ends.time_limit, rtol, atol, longest
+        limits = ends.time_limit, rtol, atol, ends.longest_step
         arc = fly_until(events, 5, equations.rates, (at, state), *limits)
         arcs.append(arc)
         at, state = arc.end, arc.state
@@ -278,14 +273,11 @@ def _at(launch: BallState, time: float, moved: Array) -> BallState:
     return BallState(launch.position + moved[:3], moved[3:6], moved[6] * launch.spin, time)
 
 
-def _refuse_outside(path: Flight, strict: bool) -> None:
-    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that.
-
-    If `strict`, every model does.
-    """
+def _refuse_outside(path: Flight) -> None:
+    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that."""
     models = () if path.air is None else (path.air.drag, path.air.lift)
-    if strict or any(getattr(model, "refuses", False) for model in models):
+    if any(getattr(model, "refuses", False) for model in models):
         for model, share in path.outside():
-            if share > 0 and (strict or model.refuses):
+            if share > 0 and model.refuses:
                 warning = warning_of(model, share)
                 raise InvalidInput(f"the flight leaves a coefficient's range: {warning}")

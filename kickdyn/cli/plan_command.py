@@ -11,18 +11,17 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import busy
+from kickdyn.cli.command import busy, read_ball
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
-from kickdyn.planning.free_kick import OVER, Wall
 from kickdyn.planning.goal import Arc, Goal
 from kickdyn.planning.kick import plan_kick
-from kickdyn.planning.kick_cost import KickObjective
+from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.plan_report import PlanReport, unreachable_json
+from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
 from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
 
@@ -51,7 +50,7 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
     return read
 
 
-def _spread(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
+def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
     """Return the standard deviations that an option names, by source."""
     if text is None:
         return None
@@ -114,8 +113,11 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 )
 @click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Of the air [m/s].")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="20 degC at sea level, the paper's, or none.")  # fmt: skip
-@click.option("--robust", "spread", callback=_spread, metavar="ERRORS",
+              help="20 degC at sea level; density and viscosity of the paper's "
+              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
+              show_default=True, help="In kg and m, or by name.")  # fmt: skip
+@click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
               help="Make the scatter of the landing least, for standard deviations such as "
               "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
@@ -148,7 +150,8 @@ def plan(
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
-    spread: dict[str, float] | None,
+    ball: Ball,
+    uncertainty: dict[str, float] | None,
     json_file: str | None,
     view: str | None,
     swing: bool,
@@ -171,9 +174,9 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg, ball = load_leg(leg_name, frame), Ball()
+    leg = load_leg(leg_name, frame)
     _check_files(swing, view, plot, json_file)
-    if spread is not None and objective is not None:
+    if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
     if ball_height is None and ball_at is None:
         ball_height = _lying_height(leg, ball, offset)
@@ -184,8 +187,10 @@ def plan(
                 goal,
                 ball,
                 _windy(AIRS[air], wind),
-                objective=(objective or KickObjective.JOINT_SPEED) if spread is None else "scatter",
-                spread=spread,
+                objective=(objective or KickObjective.JOINT_SPEED)
+                if uncertainty is None
+                else "scatter",
+                uncertainty=uncertainty,
                 restitution=restitution,
                 friction=friction,
                 spin=spin or (0.0, 0.0, 0.0),
@@ -204,7 +209,7 @@ def plan(
         if json_file is not None:
             write_json(json_file, unreachable_json(goal, error))
         raise
-    report = PlanReport(planned, swung, wall, goal_mouth, spread, not no_limits)
+    report = PlanReport(planned, swung, wall, goal_mouth, uncertainty, not no_limits)
     _write(report, json_file, view, plot)
 
 

@@ -21,18 +21,24 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.casadi_chain import CasadiChain
-from kickdyn.planning.kick_cost import KickObjective
-from kickdyn.planning.kick_program import FEASIBLE, KickProgram, KickSolution
+from kickdyn.planning.kick_program import FEASIBLE, KickObjective, KickProgram, KickSolution
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
 from kickdyn.robot.leg import Posture
 
-GRIDS = ((12, 0.03), (24, 0.01))
-"""Intervals of each stop, and share of the torque limits left over for torques between so many.
+NODES = 24
+"""Intervals of each stop, as many as `plan_swing` takes; half as many with five joints or more, for
+which building the problem alone would take 5 s."""
 
-The second is used where the first falls short of the goal, or of the limits between its nodes. It
-has as many as `plan_swing` takes, and contains the nodes of the first.
-"""
+SLACK = 0.02
+"""Share of the torque limits left over at first, for torques between the solver's points."""
+
+STARTS = 3
+"""Postures to start from: that of the kick without a swing, and others near it."""
+
+BUDGET = 60_000
+"""Iterations of Ipopt for a leg of one joint, after which none are started; for n joints, n^3 times
+fewer. An iteration takes 0.017 s of a processor with six joints, 0.003 s with three."""
 
 LEFT = 0.006
 """Share of the torque limits left over on the fine grid: more than `plan_swing` leaves at first."""
@@ -65,50 +71,42 @@ def solve_with_swing(
     Raises:
         InvalidInput: the solver finds none at all, or a joint has no limit.
     """
-    coarse = _SwingKickProblem(program, found, objective, *GRIDS[0])
-    best: SwingKick | None = None
-    draw = np.random.default_rng(0)
-    for number in range(3):
+    problem = _SwingKickProblem(program, found, objective)
+    draw, best = np.random.default_rng(0), None
+    for number in range(STARTS):
         q = found.posture.q[program.qs]
         if number:
             q = q + draw.normal(0.0, 0.3, len(q))
-        one = coarse.solve(coarse.guess(q), coarse.slack)
+        one = problem.solve(problem.guess(q), SLACK)
         if one is not None and (best is None or one.kick.share > best.kick.share + 1e-6):
             best = one
         if best is not None and best.kick.share == 1.0:
             break
+    best = best and problem.keep_limits(best)
     if best is None:
-        raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to")
-    if best.kick.share == 1.0 and best.excess <= 0.0:
-        return best.kick, best.phases
-    kept = []
-    for nodes, slack in reversed(GRIDS):
-        problem = _SwingKickProblem(program, found, objective, nodes, slack)
-        one = problem.solve_tighter(best)
-        kept += [] if one is None else [one]
-        if one is not None and one.kick.share >= best.kick.share - 1e-6:
-            break
-    if not kept:
-        raise InvalidInput(f"{program.leg.name} finds no swing that keeps its torque limits")
-    best = max(kept, key=lambda one: one.kick.share)
+        spent = " within the iterations that the solver has" if problem.left <= 0 else ""
+        raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to{spent}")
     return best.kick, best.phases
 
 
 class _SwingKickProblem:
-    """The problem of a kick and both stops on a grid, scaled by the kick `found`."""
+    """The problem of a kick and both stops, scaled by the kick `found`.
+
+    Attributes:
+        left: iterations that the solver may still take.
+    """
 
     def __init__(
         self,
         program: KickProgram,
         found: KickSolution,
         objective: KickObjective,
-        nodes: int,
-        slack: float,
     ) -> None:
-        self._program, self.slack = program, slack
+        self._program = program
         self._chain = chain = swing_chain(program.leg)
         self._symbols = symbols = CasadiChain(chain.model, found.posture.contact_lever)
         n, speed = symbols.n, ca.DM(chain.velocity_limit)
+        self.left, nodes = BUDGET // n**3, NODES if n < 5 else NODES // 2
         q, before, after = (ca.MX.sym(name, n) for name in ("q", "vb", "va"))
         share = ca.MX.sym("share")
         v, w = before * speed, after * speed
@@ -159,18 +157,18 @@ class _SwingKickProblem:
             equal.append(ca.DM(program.position_rows) @ off / ball.radius)
         return ca.vertcat(*equal)
 
-    def solve_tighter(self, near: SwingKick) -> SwingKick | None:
+    def keep_limits(self, near: SwingKick) -> SwingKick | None:
         """Return a kick near one, whose torques keep their limits between the nodes too.
 
-        Where they do not, it is solved again with so much more slack.
+        As long as they do not, it is solved again with so much more slack.
         """
-        slack = self.slack
-        while slack < 0.5:
-            one = self.solve(self._unknowns(near), slack)
-            if one is None or one.excess <= 0.0:
-                return one
-            near, slack = one, slack + min(one.excess + LEFT / 2, 0.1)
-        return None
+        slack, found = SLACK, near
+        while found.excess > 0.0 and slack < 0.5:
+            slack += min(found.excess + LEFT / 2, 0.1)
+            found = self.solve(self._unknowns(found), slack) or found
+            if self.left <= 0:
+                break
+        return found if found.excess <= 0.0 else None
 
     def guess(self, q: Array) -> Array:
         """Return unknowns to start from, with even decelerations to a posture and from it."""
@@ -204,7 +202,12 @@ class _SwingKickProblem:
         return np.asarray(jump[self._program.vs])
 
     def solve(self, x: Array, slack: float) -> SwingKick | None:
-        """Return the kick from unknowns to start from; None where the solver fails."""
+        """Return the kick from unknowns to start from.
+
+        None where the solver fails, or has no iterations left.
+        """
+        if self.left <= 0:
+            return None
         chain = self._chain
         most = np.full(len(chain.names), 1.0 - FEASIBLE)
         inside = FEASIBLE * (chain.upper - chain.lower)
@@ -217,7 +220,9 @@ class _SwingKickProblem:
             lbg=np.concatenate([*lowest, self._equal, -most, self._facing]),
             ubg=np.concatenate([*highest, self._equal, most, self._facing + math.inf]),
         )
-        if not self._solver.stats()["success"]:
+        state = self._solver.stats()
+        self.left -= int(state["iter_count"])
+        if not state["success"]:
             return None
         return self._read(np.asarray(found["x"]).ravel())
 

@@ -266,3 +266,48 @@ def test_where_the_ground_is_in_the_way_of_every_launch_none_is_given():
 def test_bad_input(arguments, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_launch(*arguments, BALL, **options)
+
+
+def test_the_spin_limit_leaves_out_what_turns_faster():
+    goal = kd.Goal((22, 3, 2.2), time=1.1, beside=(9.15, 0.8))
+    free = kd.plan_launch(goal, BALL, AIR)
+    needed = float(np.linalg.norm(free.spin))
+    assert 5 < needed < 100
+    assert kd.plan_launch(goal, BALL, AIR, spin_limit=1.01 * needed).status == "met"
+    short = kd.plan_launch(goal, BALL, AIR, spin_limit=0.8 * needed)
+    assert (short.status, short.limit) == ("unreachable", "spin-limit")
+    assert np.linalg.norm(short.spin) == pytest.approx(0.8 * needed)
+    assert 0 < short.reached.beside[1] < 0.8
+
+
+@pytest.mark.parametrize(("kg", "half"), [(7, 0), (-9, 0), (0, 1), (3, -1)])
+@pytest.mark.parametrize("named", [{"time": 1.3}, {"over": (7.0, 3.0)}, {"beside": (8.0, 0.2)}])
+def test_a_launch_does_not_depend_on_the_units(named, kg, half):
+    """Powers of two change no digit; m as the square of s, for that leaves gravity's number."""
+    mass, metre, second = 2.0**kg, 4.0**half, 2.0**half
+    size = {"time": second, "over": metre, "beside": metre}
+    named = {"time": 1.1, **named} if "beside" in named else named
+    ball, air = kd.Ball(), kd.Air(wind=(1, -2, 0))
+    thick = {
+        "density": air.density * mass / metre**3,
+        "viscosity": air.viscosity * mass / metre / second,
+    }
+    launches = [
+        kd.plan_launch(kd.Goal((18, 2, 1), **named), ball, air, spin=(3, -20, 5), spin_limit=900),
+        kd.plan_launch(
+            kd.Goal(
+                metre * np.array([18, 2, 1]),
+                **{name: np.multiply(size[name], value) for name, value in named.items()},
+            ),
+            kd.Ball(mass * ball.mass, metre * ball.radius),
+            kd.Air(wind=metre / second * np.array([1, -2, 0]), **thick),
+            spin=np.array([3, -20, 5]) / second,
+            spin_limit=900 / second,
+        ),
+    ]
+    plain, scaled = launches
+    assert plain.status == scaled.status == "met"
+    assert scaled.iterations == plain.iterations
+    assert scaled.velocity.tolist() == (metre / second * plain.velocity).tolist()
+    assert scaled.spin.tolist() == (plain.spin / second).tolist()
+    assert scaled.time == second * plain.time

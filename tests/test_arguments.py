@@ -38,7 +38,8 @@ GOOD = {
     "point": (0.0, 0.0, 0.0), "model": LEG.model, "frame": "toe", "postures": {"hip": [0.1]},
     "kick": kd.Kick(), "joint": "hip", "joints": {"knee": 0.1}, "rotors": {"knee": 0.1},
     "name": "bolt", "friction": 0.4, "rolling_deceleration": 0.5, "t": 0.0, "x": 1.0,
-    "result": "speed", "position": (0.0, 0.0, 1.0), "point_velocity": (1.0, 0.0, 0.0),
+    "result": "speed", "what": "a flight",
+    "position": (0.0, 0.0, 1.0), "point_velocity": (1.0, 0.0, 0.0),
     "unit": (1.0, 0.0, 0.0), "wish": (1.0, 0.0, 0.0), "joint_impulse": V, "offset": (0.0, 0.0, 0.0),
     "path": "no/such/file", "subject": kd.fly(IMPACT.ball_after, BALL),
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
@@ -50,6 +51,7 @@ STILL = SimpleNamespace(q=Q), 1.0, "", "", 0.0, *(
     for sign in (-1, 1)
 )  # fmt: skip
 INSTANCES = {
+    "Ball": BALL,
     "Leg": LEG,
     "Posture": POSTURE,
     "Goal": GOAL,
@@ -90,9 +92,9 @@ def public_calls():
             static = inspect.getattr_static(value, method)
             if method[0] == "_" or not (inspect.isfunction(static) or type(static) is classmethod):
                 continue
-            owner = value if type(static) is classmethod else INSTANCES.get(name)
             parameters = inspect.signature(getattr(value, method)).parameters
             if parameters.keys() - {"self"}:
+                owner = value if type(static) is classmethod else INSTANCES[name]
                 found[f"{name}.{method}"] = getattr(owner, method)
     return {name: call for name, call in found.items() if name not in UNCHECKED}
 

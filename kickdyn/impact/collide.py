@@ -18,6 +18,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, Torque
@@ -101,6 +102,7 @@ class Collision(ReprMixin):
     _again: partial[Collision] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "contact time", 1e3 * self.contact_time, "ms"
         yield "peak force", self.peak_force, "N"
         yield "deflection", 1e3 * self.deflection, "mm"
@@ -205,11 +207,15 @@ def collide(
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")
+    far = max(largest(posture.contact_point), largest(posture.contact_lever))
+    validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass
     hertz = _hertz_contact(approach, mass, contact_time, stiffness)
-    motion = CompliantContact(approach, hertz, torque)
+    expected = expected_contact_time(hertz.stiffness, mass, approach.speed, contact.restitution)
+    validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
+    motion = CompliantContact(approach, hertz, torque, expected)
     solution = _integrate(motion, approach, mass, tol)
     return _result(motion, approach, mass, solution, tol)
 
@@ -247,13 +253,8 @@ def _hertz_contact(
 
 def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
     """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
-    speed = approach.speed
-    expected = expected_contact_time(
-        motion.hertz.stiffness, mass, speed, approach.contact.restitution
-    )
-    validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
-    start, limit = motion.start(), MAX_CONTACT_TIMES * expected
-    atol = tol * motion.scales(start, expected, speed, mass)
+    expected, start = motion.expected, motion.start()
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(start, mass)
     with np.errstate(over="ignore", invalid="ignore"):  # reported below
         solution = integrate_until(
             motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0

@@ -35,6 +35,7 @@ class HertzContact:
     damping: float
 
     def __post_init__(self) -> None:
+        """Check the values and store them as floats."""
         stiffness = validation.number("stiffness", self.stiffness, at_least=0, unit="N/m^1.5")
         object.__setattr__(self, "stiffness", stiffness)
         damping = validation.number("damping", self.damping, at_least=0, unit="s/m")
@@ -48,7 +49,8 @@ class HertzContact:
 
     def spring(self, deflection: float) -> float:
         """Return the elastic part of the force [N], 0 or more, at an unchecked deflection [m]."""
-        return float(self.stiffness * max(deflection, 0.0) ** 1.5)
+        size = max(deflection, 0.0)  # its power as a product, which may be inf but raises nothing
+        return float(self.stiffness * size * math.sqrt(size))
 
 
 def matched_damping(restitution: float) -> float:

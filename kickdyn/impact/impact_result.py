@@ -213,7 +213,7 @@ class Impact(ReprMixin):
         surface_speed = self.ball.radius * np.abs(self.ball_before.spin).max()
         speeds = (self.foot_velocity, self.ball_before.velocity, surface_speed)
         fastest = max(float(np.abs(speed).max()) for speed in speeds)
-        return self.energy_lost < -1e-12 * float(np.abs(self.impulse).max()) * fastest
+        return bool(self.energy_lost < -1e-12 * float(np.abs(self.impulse).max()) * fastest)
 
     @property
     def speed_ratio(self) -> float:
@@ -297,6 +297,7 @@ class Impact(ReprMixin):
         return self.__dict__
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         yield "impulse on the ball", self.impulse, "N s"

@@ -13,7 +13,7 @@ import pinocchio as pin
 from kickdyn.ball import BallState
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_derivatives import (
@@ -98,6 +98,7 @@ class Sensitivity(ReprMixin):
     at_boundary: bool
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
@@ -137,6 +138,7 @@ def sensitivity(
     Raises:
         InvalidInput: a support moves after the impact, or the axes of a joint depend on its own
             angles.
+        KickdynError: a derivative leaves double precision.
     """
     _check_supports(approach, response)
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
@@ -162,6 +164,8 @@ def sensitivity(
     v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
     sliding = fixed.after + delassus @ impulse
     branch, margin, slope, scale = _margin(approach, solution, fixed, impulse, sliding, tangent, at)
+    if not all(np.isfinite(rows).all() for rows in (impulse, velocity, spin, v_after, slope)):
+        raise KickdynError("derivatives of this impact leave double precision: it is too fast")
 
     def named(rows: Array) -> Jacobians:
         rows.setflags(write=False)
@@ -238,7 +242,7 @@ def _at_fixed_impulse(
     normal[:, at["normal"]] = projector
 
     velocity[:, at["ball_velocity"]] = np.eye(3)
-    velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass**2
+    velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass / ball.mass
     moment = gain * (cross_n @ p)[:, None]
     spin[:, at["ball_spin"]] = np.eye(3)
     spin[:, at["ball_mass"]] = moment / ball.mass

@@ -102,7 +102,10 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def testbed(cls) -> Leg:
-        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe."""
+        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe.
+
+        The paper names motors at hip and knee only. The ankle is free; `locked` fixes it.
+        """
         return cls.from_urdf(shipped_urdf("leg_testbed.urdf"))
 
     @classmethod

@@ -17,8 +17,11 @@ import pytest
 import xarray as xr
 
 import kickdyn
+from kickdyn.air import AIRS
 from kickdyn.cli.command import run
+from kickdyn.cli.named_legs import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
+from kickdyn.sweeps.sweep_kick import kick_from
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
 
@@ -79,6 +82,26 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
         assert words in ended.stderr
+
+
+def test_every_option_of_the_kick_counts():
+    options = ("--speed", "3", "--attack", "10", "--restitution", "0.5", "--friction", "0.05")
+    ended = door(*SMALL, *options, "--air", "paper", "--frame", "foot", "--json", "-")
+    report = json.loads(ended.stdout)
+    leg, air = load_leg("human", "foot"), AIRS["paper"]
+    kick = kickdyn.Kick(speed=3.0, attack=np.radians(10), restitution=0.5, friction=0.05, air=air)
+    for line in report["lines"]:
+        q = leg.configuration({k: np.radians(v) for k, v in line["angles"].items()})
+        outcome = kick_from(leg.posture(q), kick)
+        assert line["impulse_vector"] == pytest.approx(outcome.impact.impulse.tolist(), rel=1e-12)
+        assert line["carry"] == pytest.approx(outcome.carry, rel=1e-9)
+
+
+def test_the_tolerance_of_carries_counts(tmp_path):
+    grid = ("--joint", "hip=0:40:2", "--joint", "knee=0:60:2", "--joint", "ankle=0:20:4")
+    door(*grid, "--tolerance", "1e-3", "--out", "s.nc", cwd=tmp_path)
+    with xr.open_dataset(tmp_path / "s.nc") as data:
+        assert data.attrs["carry_tolerance_m"] == 1e-3
 
 
 def test_conditions_choose_best_and_worst(tmp_path):
@@ -337,3 +360,31 @@ def test_a_robot_is_swept_by_name():
     ended = door(*sweep, "--frame", "nose")
     assert ended.returncode == 2
     assert "frame 'nose' is unknown: g1 has" in ended.stderr
+
+
+def test_ball_and_law():
+    ended = door(*SMALL, "--ball", "0.3:0.09", "--law", "stronge", "--json", "-")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    found = json.loads(ended.stdout)
+    assert found["impact_law"] == "stronge"
+    assert (found["ball_mass_kg"], found["ball_radius_m"]) == (0.3, 0.09)
+    assert "law stronge, e 0.8, mu 0.4, ball 0.45 kg, radius 0.1 m" in " ".join(
+        door(*SMALL, "--ball", "paper", "--law", "stronge").stdout.split()
+    )
+
+
+@pytest.mark.parametrize(
+    ("ball", "words"),
+    [
+        ("obstacle", "ball mass is inf, an obstacle that cannot move: a sweep needs a finite mass"),
+        ("tennis", "ball is 'tennis': it must be size-5, paper, obstacle or MASS:RADIUS"),
+        ("1:2:3", "ball is '1:2:3': it must be"),
+        ("0:1", "ball mass is 0.0"),
+        ("nan:1", "ball mass is nan"),
+    ],
+)
+def test_what_is_no_ball_for_a_sweep(ball, words):
+    ended = door(*SMALL, "--ball", ball)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(f"posture-sweep: {words}")
+    assert ended.stderr.count("\n") == 1

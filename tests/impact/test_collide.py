@@ -13,16 +13,18 @@ import pytest
 from chains import floating_kick, in_units, random_kick, random_leg, slides
 
 import kickdyn as kd
+from kickdyn.impact import compliant_contact
 from kickdyn.impact.hertz import matched_damping
 
 LEG = kd.Leg.human()
 Q = np.radians([5, 10, -5])
 TOUCH = kd.Contact((1, 0, 0.3), 0.5)
 
+KICK = LEG.posture(Q), LEG.posture(Q).joint_velocity((14.0, 0.0, 4.0))
+
 
 def human(contact=TOUCH, **options):
-    v = LEG.posture(Q).joint_velocity((14.0, 0.0, 4.0))
-    return kd.collide(LEG.posture(Q), v, kd.Ball(), contact, **options)
+    return kd.collide(*KICK, kd.Ball(), contact, **options)
 
 
 def slider(mass=2.0, gravity=False):
@@ -138,6 +140,17 @@ def test_energy_is_accounted_for(seed):
     assert hit.v_after.shape == (leg.nv,)
     foot = leg.posture(hit.q_after).contact_point - leg.posture(hit.q_before).contact_point
     assert hit.foot_displacement == pytest.approx(foot)
+
+
+def test_the_energy_residual_is_what_is_missing():
+    """At a tolerance so loose that it is far above rounding; for the spring is slack at the end."""
+    ball = kd.Ball()
+    hit = kd.collide(slider().posture([0.0]), [9.0], ball, kd.Contact((1, 0, 0), 0.5), tol=1e-3)
+    after = 0.5 * (2.0 * hit.v_after[0] ** 2 + ball.mass * hit.ball_after.speed**2)
+    missing = abs(0.5 * 2.0 * 9.0**2 - hit.energy_lost - after)
+    relative = 0.5 / (1 / 2.0 + 1 / ball.mass) * 9.0**2
+    assert hit.energy_residual == pytest.approx(missing / relative, rel=1e-3)
+    assert hit.energy_residual > 1e-10
 
 
 def test_rotors_carry_energy_too():
@@ -367,9 +380,40 @@ def test_pickled_it_runs_again():
     assert (again.impulse == hit.impulse).all()
 
 
-def test_torques_beyond_reason_are_said():
-    with pytest.raises(kd.KickdynError):
-        human(torque=[1e300] * 3)
+def test_another_run_has_the_balls_motion_too():
+    hit = human(
+        kd.Contact((1, 0, 0.3), 0.5, 0.3),
+        ball_velocity=(-2, 1, 0),
+        ball_spin=(0, 300, 50),
+        tol=1e-6,
+    )
+    again = pickle.loads(pickle.dumps(hit))
+    assert again.impulse.tolist() == hit.impulse.tolist()
+    assert again.ball_before == hit.ball_before
+    assert hit.error < 1e-3 * np.linalg.norm(hit.impulse)
+
+
+@pytest.mark.parametrize("torque", [[1e300] * 3, [1e308] * 3, lambda t, q, v: [1e308] * 3])
+def test_torques_beyond_reason_are_refused_at_once(torque, monkeypatch):
+    monkeypatch.setattr(compliant_contact, "MAX_EVALUATIONS", 100)
+    with pytest.raises(kd.KickdynError, match=r"integrator (left double precision|failed at 0 s)"):
+        human(torque=torque)
+
+
+def test_a_ball_within_the_rounding_of_the_leg_is_refused():
+    with pytest.raises(
+        kd.InvalidInput, match=r"^ball radius is 1e-145: .* at least 8\.\d+e-13 \[m"
+    ):
+        kd.collide(*KICK, kd.Ball(0.4, 1e-145), TOUCH)
+
+
+def test_what_is_too_stiff_is_given_up_by_its_pace():
+    """A ball that hardly resists turning: 5,000 evaluations take it 0.5 % of the way."""
+    ball = kd.Ball(inertia_factor=1e-6)
+    with pytest.raises(
+        kd.KickdynError, match=r"not ended after [5-7]\d{3} evaluations.*friction 70"
+    ):
+        kd.collide(*KICK, ball, kd.Contact((1, 0, 0.3), 0.5, 70.0))
 
 
 def test_the_callers_array_may_change():

@@ -61,6 +61,15 @@ def test_prose_fits_a_screen(lines):
         assert "5 postures: 4 ok, 1 out-of-reach." in said
 
 
+@pytest.mark.parametrize(("residual", "power"), [(3e-15, "-13"), (2e-16, "-14"), (0.0, "-16")])
+def test_residuals_are_rounded_up_with_a_digit_to_spare(lines, residual, power):
+    summary = swept("hip=0:10:10")[1]
+    summary.residual = residual
+    assert text(summary, lines).endswith(
+        f"\nRestitution and momentum hold to 1e{power} in every one."
+    )
+
+
 def test_a_pipe_has_80_columns(lines, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     show(LEG, KICK, swept("hip=0:10:10")[1], lines)
@@ -75,8 +84,12 @@ def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
     possible = data.ball_speed.values[data.status.values == 0]
     assert best.values["ball_speed"] == possible.max()
     assert worst.values["ball_speed"] == possible.min()
-    mass = f"{best.values['effective_mass']:.3g} kg"
-    assert f"effective mass of the leg is {mass}" in best.explanation
+    mass, ratio = best.values["effective_mass"], best.values["speed_ratio"]
+    assert best.explanation == (
+        f"the effective mass of the leg is {mass:.3g} kg, {mass / 0.43:.3g} times that of the ball,"
+        f" which leaves at {ratio:.3g} times the foot's speed (1 + e = 1.8 for an infinitely heavy "
+        f"leg); its joints need {100 * best.values['speed_use']:.0f}% of their speed limits"
+    )
     assert best.outcome.status == worst.outcome.status == "ok"
     at = data.sel({n: np.radians(best.angles[n]) for n in ("hip", "knee")}, method="nearest")
     assert float(at.ball_speed) == best.values["ball_speed"]

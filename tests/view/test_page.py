@@ -148,7 +148,7 @@ LABELS = """<script>setTimeout(() => {
 
 def labels_in(chromium, page, file, at):
     file.write_text(page.replace("</body>", LABELS))
-    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom")
+    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom", "--window-size=1280,850")
     return json.loads(html.unescape(re.search("<title>(.*?)</title>", dom)[1]))
 
 

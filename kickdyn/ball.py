@@ -42,6 +42,7 @@ class Ball(ReprMixin):
     inertia_factor: float = 2.0 / 3.0
 
     def __post_init__(self) -> None:
+        """Check the values and store them as floats."""
         immovable = isinstance(self.mass, float) and self.mass == math.inf
         if not immovable:
             mass = validation.number("ball mass", self.mass, above=0, unit="kg")

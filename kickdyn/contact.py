@@ -62,6 +62,7 @@ class Contact(ValueEquality, ReprMixin):
         return f"Contact(normal={normal}, {values})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "normal", self.normal, ""
         yield "restitution", self.restitution, ""
         yield "friction", self.friction, ""

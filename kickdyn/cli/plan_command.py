@@ -11,6 +11,7 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
+from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.core import validation
@@ -113,7 +114,10 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 )
 @click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Of the air [m/s].")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="20 degC at sea level, the paper's, or none.")  # fmt: skip
+              help="20 degC at sea level; density and viscosity of the paper's "
+              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
+              show_default=True, help="In kg and m, or by name.")  # fmt: skip
 @click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
               help="Make the scatter of the landing least, for standard deviations such as "
               "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
@@ -147,6 +151,7 @@ def plan(
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
+    ball: Ball,
     uncertainty: dict[str, float] | None,
     json_file: str | None,
     view: str | None,
@@ -170,7 +175,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg, ball = load_leg(leg_name, frame), Ball()
+    leg = load_leg(leg_name, frame)
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")

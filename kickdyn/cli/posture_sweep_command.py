@@ -16,11 +16,14 @@ from rich import progress as bars
 from rich.console import Console
 
 from kickdyn.air import AIRS
+from kickdyn.ball import Ball
+from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
@@ -54,7 +57,15 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="For the flight: 20 degC at sea level, the paper's, or none.")  # fmt: skip
+              help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
+              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
+              show_default=True, help="In kg and m, or by name. The impulse on an obstacle that "
+              "cannot move is always listed, as immovable_impulse.")  # fmt: skip
+@click.option("--law", default="newton", show_default=True,
+              type=click.Choice([*map(str, ImpactLaw)]),
+              help="Of the impact; all but newton compute each posture on its own, a thousand "
+              "times slower.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
               "number, which can be resumed. Without it, no posture is kept but the best and the "
@@ -83,6 +94,8 @@ def posture_sweep(
     restitution: float,
     friction: float,
     air: str,
+    ball: Ball,
+    law: str,
     out: str | None,
     resume: bool,
     threads: int | None,
@@ -103,8 +116,9 @@ def posture_sweep(
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(
-        speed=speed, attack=angle, restitution=restitution, friction=friction, air=AIRS[air]
-    )
+        speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
+        ball=ball, air=AIRS[air],
+    )  # fmt: skip
     postures = read_postures(leg, joints or (KICKING if leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
     store = out if out is not None and Path(out).suffix == ".zarr" else None

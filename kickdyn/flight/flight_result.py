@@ -113,15 +113,13 @@ class Flight(ReprMixin):
         crosses a peak of C_D, counts.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
-        rounding = ROUNDING * float(np.abs(self.launch.position).max())
+        speed, grazing, moved = math.hypot(*self.landing.velocity), 1.0, 0.0
+        if self.status is FlightStatus.AT_PLANE and self.plane is not None:
+            across = abs(float(self.plane.normal @ self.landing.velocity))
+            grazing = speed / max(across, 1e-300)
+        rounding = ROUNDING * float(np.abs(self.launch.position).max()) * grazing
         if self.evaluations == 0:
-            grazing = 1.0
-            if self.status is FlightStatus.AT_PLANE and self.plane is not None:
-                speed = math.hypot(*self.landing.velocity)
-                across = abs(float(self.plane.normal @ self.landing.velocity))
-                grazing = speed / max(across, 1e-300)
-            return (rounding + ROUNDING * length) * grazing
-        speed, moved = math.hypot(*self.landing.velocity), 0.0
+            return rounding + ROUNDING * length * grazing
         for tol, longest in refinements(self.tol, self.duration, self.air):
             try:
                 other = self._fly_again(tol=tol, max_step=longest).landing

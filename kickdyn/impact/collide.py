@@ -102,6 +102,7 @@ class Collision(ReprMixin):
     _again: partial[Collision] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "contact time", 1e3 * self.contact_time, "ms"
         yield "peak force", self.peak_force, "N"
         yield "deflection", 1e3 * self.deflection, "mm"

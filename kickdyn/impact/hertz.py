@@ -35,6 +35,7 @@ class HertzContact:
     damping: float
 
     def __post_init__(self) -> None:
+        """Check the values and store them as floats."""
         stiffness = validation.number("stiffness", self.stiffness, at_least=0, unit="N/m^1.5")
         object.__setattr__(self, "stiffness", stiffness)
         damping = validation.number("damping", self.damping, at_least=0, unit="s/m")

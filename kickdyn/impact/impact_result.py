@@ -297,6 +297,7 @@ class Impact(ReprMixin):
         return self.__dict__
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         yield "impulse on the ball", self.impulse, "N s"

@@ -43,6 +43,7 @@ class JointLoad(ReprMixin):
         return f"JointLoad({self.joint}: {format_value(structure)} N s{axis}{peak})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "joint", self.joint, ""
         rounding = ROUNDING * float(np.linalg.norm(self.structure + self.axis))
         for name, part in (("structure", self.structure), ("axis", self.axis)):

@@ -16,7 +16,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array, length
 from kickdyn.impact.approach import EPS, Approach
 from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes
-from kickdyn.impact.leg_response import foot_wrench, free_response, joint_impulses
+from kickdyn.impact.leg_response import foot_wrench, leg_response
 from kickdyn.robot.leg import Posture
 
 ROUNDINGS = 4.0
@@ -52,11 +52,15 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     posture, problem, before = approach.posture, approach.contact_problem(), approach.ball_before
     axes = contact_axes(problem.normal, problem.velocity)
     matrix = problem.delassus_in(axes)
-    leg = _responses(posture, axes)
-    roots = np.sqrt(matrix.diagonal())
-    matrix_error = np.hypot(
-        np.outer(roots, roots) + leg.by_inertia, leg.spread[:, None] + leg.spread
-    )
+    still = np.zeros(posture.leg.nv)
+    responses = [leg_response(posture, still, axis) for axis in axes.T]
+    jumps = np.column_stack([one.v_after for one in responses])
+    sums, roots = np.zeros(3), np.sqrt(matrix.diagonal())
+    if posture.constraint_projector is not None or not posture.is_ill_conditioned:  # M is used
+        sums = np.sqrt(posture.inertia.diagonal()) @ abs(jumps)
+    spread = _spread(posture, jumps)
+    by_matrices = np.outer(roots, roots) + np.outer(sums, sums)
+    matrix_error = np.hypot(by_matrices, spread[:, None] + spread)
     terms = abs(posture.jacobian).dot(abs(approach.v)) + abs(before.velocity)
     error = abs(axes.T).dot(terms) + _spread(posture, approach.v[:, None])
     error[:2] += problem.ball.radius * float(length(before.spin))
@@ -66,7 +70,8 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     slope = _derivative(problem, matrix, sliding, p)
     change = ROUNDINGS * EPS * length(slope * error)
     whole = max(float(length(p)), np.finfo(float).tiny)  # below, float64 has fewer digits
-    lost = leg.transmitted @ change + _of_joints(posture, solution.impulse, joints)
+    transmitted = np.column_stack([length(one.joint_impulses[:, :3]) for one in responses])
+    lost = transmitted @ change + _of_joints(posture, solution.impulse, joints)
     sizes = np.maximum(length(joints[:, :3]), np.finfo(float).tiny)
     return Rounding(float(length(change)) / whole, lost / sizes)
 
@@ -116,39 +121,6 @@ def _derivative(problem: ContactProblem, matrix: Array, sliding: Array | None, p
     system = rows @ matrix @ moves
     system[1, 1] += min(stiff, 1e300)
     return np.asarray(moves @ np.linalg.solve(system, rows))
-
-
-class _Responses(NamedTuple):
-    """What unit impulses on the foot along contact axes do, and how much of it is rounding.
-
-    Attributes:
-        spread: of the foot's velocity, by errors of the kinematics, shape `(3,)` [1/kg].
-        by_inertia: of the Delassus matrix, by errors of M, shape `(3, 3)` [1/kg].
-        transmitted: size of each joint's linear impulse, shape `(njoints, 3)`.
-    """
-
-    spread: Array
-    by_inertia: Array
-    transmitted: Array
-
-
-def _responses(posture: Posture, axes: Array) -> _Responses:
-    """Return the responses of a leg to unit impulses along contact axes."""
-    jumps, transmitted = [], []
-    for axis in axes.T:
-        if posture.constraint_projector is None:
-            jump, wrenches, _ = free_response(posture, axis)
-        else:
-            jump, impulses = posture.respond(axis @ posture.jacobian)
-            wrenches, _ = joint_impulses(posture, jump, axis, impulses)
-        jumps.append(jump)
-        transmitted.append(length(wrenches[:, :3]))
-    columns = np.array(jumps).T
-    by_inertia = np.zeros((3, 3))
-    if posture.constraint_projector is not None or not posture.is_ill_conditioned:
-        sums = np.sqrt(posture.inertia.diagonal()) @ abs(columns)
-        by_inertia = np.outer(sums, sums)
-    return _Responses(_spread(posture, columns), by_inertia, np.array(transmitted).T)
 
 
 def _spread(posture: Posture, velocities: Array) -> Array:

@@ -77,14 +77,13 @@ def strike(
     else:
         solution, ball_state, response = solve_by_pinocchio(approach, law)
         impact = Impact(approach, law, solution, ball_state, response=response)
-    if strict:
-        check_energy(impact)
+    check_energy(impact, strict)
     return impact
 
 
-def check_energy(impact: Impact) -> None:
-    """Raise `EnergyCreated` if the law created energy."""
-    if impact.creates_energy:
+def check_energy(impact: Impact, strict: bool) -> None:
+    """Raise `EnergyCreated` if the law created energy and `strict` is true."""
+    if strict and impact.creates_energy:
         contact = impact.contact
         raise EnergyCreated(
             f"law {impact.law.value!r} creates {-impact.energy_lost:.3g} J in {impact.posture!r} "

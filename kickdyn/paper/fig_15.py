@@ -37,15 +37,11 @@ class Round:
     """One flight on the way to a launch.
 
     Attributes:
-        speed: of the launch [m/s].
-        angle: of the launch above the horizontal [rad].
         distance_error: distance of the target less the one reached [m].
         time_error: time of the target less the one taken [s].
         flight: the flight.
     """
 
-    speed: float
-    angle: float
     distance_error: float
     time_error: float
     flight: Flight
@@ -98,82 +94,54 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
 
 
 def _round(path: Flight, distance: float, time: float) -> Round:
-    """Return a flight's launch and errors."""
-    launch, missed = path.launch, distance - float(path.landing.position[0])
-    return Round(float(launch.speed), float(launch.elevation), missed, time - path.duration, path)
+    """Return a flight with its errors."""
+    return Round(distance - float(path.landing.position[0]), time - path.duration, path)
 
 
 def items() -> list[Item]:
-    """Return rounds and errors of both methods."""
-    result, air = _learned(DEFAULT), DEFAULT.air(lift=False)
+    """Return the rounds of the learning loop and the steps of the planner."""
+    result, air = varying(DEFAULT), DEFAULT.air(lift=False)
     source = f"Newton on the flight's derivatives, from Eqs. (24)-(25), {DEFAULT.name}, no lift"
     for distance, time, _ in GOALS:
         launch = plan_launch(Goal(distance, time=time), BALL, air)
         last = newton_rounds(launch)[-1]
         why = (
             f"ours, beside the learning loop: {launch.speed:.4f} m/s at "
-            f"{math.degrees(launch.angle):.4f} deg after {launch.iterations} steps, errors "
-            f"{last.distance_error:.0e} m, {last.time_error:.0e} s"
+            f"{math.degrees(launch.angle):.4f} deg, errors {last.distance_error:.0e} m, "
+            f"{last.time_error:.0e} s"
         )
         verdict = Verdict.OURS if launch.status == "met" else Verdict.NOT_REACHABLE
-        steps = ("planner", "steps", None, launch.iterations)
-        result += _goal_items(distance, time, steps, last, verdict, why, source)
+        name, steps = f"{NAME} {distance:g} m, {time:g} s planner steps", launch.iterations
+        notes = warnings_of(last.flight)
+        result.append(Item(name, None, steps, "1", verdict, why, source, notes=notes))
     return result
 
 
 def varying(choice: Coefficients) -> list[Item]:
     """Return the learning loop's rounds with a choice of coefficients; lift takes no part."""
-    same = choice.drag == DEFAULT.drag and choice != DEFAULT
-    return [] if same else [item for item in _learned(choice) if item.item.endswith("rounds")]
-
-
-def _learned(choice: Coefficients) -> list[Item]:
-    """Return rounds and errors of the learning loop, with drag only."""
+    if choice.drag == DEFAULT.drag and choice != DEFAULT:
+        return []
     air = choice.air(lift=False)
     found = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
     counts = [len(rounds) - 1 for rounds in found]
-    harder = counts == sorted(counts)
+    harder, result = counts == sorted(counts), list[Item]()
     source = (
         f"Figs. 13-14 in their simplest reading, command += error, from Eqs. (24)-(25), "
         f"{choice.name}, no lift; the paper prints no update rule"
     )
-    result = []
     for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
         first, last = rounds[0], rounds[-1]
         why = (
-            f"met to {DISTANCE_ACCURACY:g} m and {TIME_ACCURACY:g} s, "
-            f"{'more' if harder else 'not more'} rounds for farther goals; the paper's number of "
-            f"rounds is read off its figure; first errors {first.distance_error:.2f} m, "
-            f"{first.time_error:.3f} s"
+            f"{'met' if last.is_met else 'not met'} to {DISTANCE_ACCURACY:g} m and "
+            f"{TIME_ACCURACY:g} s, {'more' if harder else 'not more'} rounds for farther goals; "
+            "the paper's number of rounds is read off its figure; first errors "
+            f"{first.distance_error:.2f} m, {first.time_error:.3f} s"
         )
-        count = ("learning loop", "rounds", printed, len(rounds) - 1)
+        name = f"{NAME} {distance:g} m, {time:g} s learning loop rounds"
         verdict = shape(last.is_met and harder)
-        result += _goal_items(distance, time, count, last, verdict, why, source)
+        count, notes = len(rounds) - 1, warnings_of(last.flight)
+        result.append(Item(name, printed, count, "1", verdict, why, source, notes=notes))
     return result
-
-
-def _goal_items(
-    distance: float,
-    time: float,
-    count: tuple[str, str, float | None, int],
-    last: Round,
-    verdict: Verdict,
-    why: str,
-    source: str,
-) -> list[Item]:
-    """Return a method's count of rounds, and distance and time of its last one."""
-    method, what, printed, number = count
-    goal = f"{NAME} {distance:g} m, {time:g} s {method}"
-    reached = distance - last.distance_error, time - last.time_error
-    notes = warnings_of(last.flight)
-    return [
-        Item(f"{goal} {name}", paper, ours, unit, verdict, why, source, notes=notes)
-        for name, paper, ours, unit in (
-            (what, printed, number, "1"),
-            ("distance", distance, reached[0], "m"),
-            ("time", time, reached[1], "s"),
-        )
-    ]
 
 
 def draw(figure: Figure) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from matplotlib.figure import Figure
 
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.flight_result import Flight
 from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, inputs, table_2, tables_4_5
 from kickdyn.paper.assumptions import ALTERNATIVES, Coefficients
 from kickdyn.paper.item import Item, judged
@@ -24,7 +23,6 @@ class Section:
         items: with the default coefficients.
         varying: those that may change with a choice of coefficients; None where none matters.
         draw: onto an empty figure; None where there is nothing to draw.
-        flights: those of the figure by name, to be looked at in space.
         also: another table or figure that it answers to, such as the one that it draws.
     """
 
@@ -32,7 +30,6 @@ class Section:
     items: Callable[[], list[Item]]
     varying: Callable[[Coefficients], list[Item]] | None = None
     draw: Callable[[Figure], None] | None = None
-    flights: Callable[[], Mapping[str, Flight]] | None = None
     also: str = ""
 
     def compare(self) -> tuple[list[Item], list[Item]]:
@@ -51,9 +48,9 @@ class Section:
 SECTIONS = (
     Section("Fig. 1", fig_1.items, draw=fig_1.draw),
     Section("Table 2", table_2.items, draw=table_2.draw, also="Fig. 7"),
-    Section("Fig. 8", fig_8.items, fig_8.varying, fig_8.draw, fig_8.flights),
+    Section("Fig. 8", fig_8.items, fig_8.varying, fig_8.draw),
     Section("Fig. 9", fig_9.items, fig_9.varying, fig_9.draw),
-    Section("Fig. 10/11", fig_10.items, fig_10.varying, fig_10.draw, fig_10.flights),
+    Section("Fig. 10/11", fig_10.items, fig_10.varying, fig_10.draw),
     Section("Fig. 13-15", fig_15.items, fig_15.varying, fig_15.draw),
     Section("Tables 4-5", tables_4_5.items, tables_4_5.varying),
     Section("Tables 1, 3, 6", inputs.items),

@@ -166,9 +166,12 @@ def fit(choice: Coefficients) -> Fit:
         return np.asarray(masses([leg.posture(q)])[0])
 
     q, free, locked = grid()
-    fits = crossings(np.concatenate([q, free], axis=-1), misfit(free))
+    error, values = misfit(free), np.concatenate([q, free], axis=-1)
+    crossed = error[..., :-1] * error[..., 1:] < 0  # from one ankle angle to the next
+    before, after = error[..., :-1][crossed], error[..., 1:][crossed]
+    part = (before / (before - after))[:, None]
+    fits = (1 - part) * values[..., :-1, :][crossed] + part * values[..., 1:, :][crossed]
     gains, middle = high / fits[:, 5], high * fits[:, 4] / fits[:, 5]
-    likely = middle[gains < 2 * gains.min()]
     best = minimize(
         lambda x: high / at(x)[2],
         fits[np.argmin(gains), :3],
@@ -177,28 +180,17 @@ def fit(choice: Coefficients) -> Fit:
         constraints={"type": "eq", "fun": lambda x: misfit(at(x))},
         tol=1e-10,
     ).x
+    mass = at(best)
+    gain, middle = float(high / mass[2]), np.append(middle, high * mass[1] / mass[2])
+    likely = middle[np.append(gains, gain) < 2 * gain]
     return Fit(
         leg.posture(best),
-        float(high / at(best)[2]),
+        gain,
         gains.max(),
         (distance(1, middle.min()), distance(1, middle.max())),
         (distance(1, likely.min()), distance(1, likely.max())),
         distance(0, high * np.nanmin(locked[..., 0] / locked[..., 2])),
     )
-
-
-def crossings(values: Array, level: Array) -> Array:
-    """Return values on a grid, interpolated to where a level changes its sign between neighbours.
-
-    Values of shape `(i, j, k, n)` and a level of shape `(i, j, k)` give shape `(number, n)`.
-    """
-    found = []
-    for axis in range(level.ndim):
-        here, there = (np.moveaxis(array, axis, 0) for array in (level, values))
-        crossed = here[:-1] * here[1:] < 0  # NaN has no sign
-        part = (here[:-1][crossed] / (here[:-1][crossed] - here[1:][crossed]))[:, None]
-        found.append((1 - part) * there[:-1][crossed] + part * there[1:][crossed])
-    return np.concatenate(found)
 
 
 def items() -> list[Item]:
@@ -253,8 +245,8 @@ def varying(choice: Coefficients) -> list[Item]:
         f"with the smallest (1 + e) s, {found.gain:.2g}; the largest is {found.largest_gain:.2g}",
         HIGH: "(1 + e) s is fitted; Table 5 prints this kick again",
         MIDDLE: "predicted; all postures that fit the rows of 30 and 50 deg give "
-        f"{found.middle[0]:.2g} to {found.middle[1]:.2g} m, those with less than twice the "
-        f"smallest (1 + e) s {found.likely[0]:.2g} to {found.likely[1]:.2g} m",
+        f"{found.middle[0]:.1f} to {found.middle[1]:.1f} m, those with less than twice the "
+        f"smallest (1 + e) s {found.likely[0]:.1f} to {found.likely[1]:.1f} m",
     }
     source = f"Eqs. (10), (15)-(21), Table 6, {choice.name}"
     for row in ROWS:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
@@ -36,8 +37,8 @@ class ChunkSolver:
     """Computes all variables of ranges of postures; safe to call from several threads.
 
     A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
-    (a floating base, supports, loops, wind that changes with height), and where the kernel marks a
-    posture as doubtful, it is one `kick_from`, a thousand times slower.
+    (a floating base, supports, loops, wind that changes with height, a law other than `newton`),
+    and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
 
     `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
     flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
@@ -52,7 +53,8 @@ class ChunkSolver:
         self._leg, self._grid, self._kick = leg, grid, kick
         windy = kick.air is not None and callable(kick.air.wind)
         few = grid.size < KERNEL_FROM
-        self._model = None if few or windy else KernelModel.of(leg, kick)
+        slow = few or windy or kick.law != ImpactLaw.NEWTON
+        self._model = None if slow else KernelModel.of(leg, kick)
         self.chunk = SLOW_CHUNK if self._model is None else CHUNK
         planar = self._model is not None and self._model.planar
         self.carry_tolerance = tolerance if planar and kick.air is not None else 0.0

@@ -129,7 +129,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "attack_rad": kick.attack,
         "restitution": kick.restitution,
         "friction": kick.friction,
-        "impact_law": "newton",
+        "impact_law": str(kick.law),
         "ball_mass_kg": kick.ball.mass,
         "ball_radius_m": kick.ball.radius,
         "ball_inertia_factor": kick.ball.inertia_factor,

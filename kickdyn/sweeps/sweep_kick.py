@@ -17,6 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 
@@ -39,7 +40,8 @@ class Kick:
         attack: :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
             :math:`[-\pi/2, \pi/2]`.
         restitution: coefficient e; 0.8 reproduces the paper's Table 2.
-        friction: Coulomb's coefficient mu; 0.4 is the paper's.
+        friction: Coulomb's coefficient mu, at most 1e9; 0.4 is the paper's.
+        law: impact law, as for `strike`.
         ball: the ball, at rest before the impact.
         air: air of the flight; None is the vacuum.
 
@@ -51,11 +53,14 @@ class Kick:
     attack: float = math.radians(30)
     restitution: float = 0.8
     friction: float = 0.4
+    law: str = ImpactLaw.NEWTON
     ball: Ball = field(default_factory=Ball)
     air: Air | None = field(default_factory=Air)
 
     def __post_init__(self) -> None:
         validation.number("foot speed", self.speed, above=0, at_most=1e6, unit="m/s")
+        validation.number("friction", self.friction, at_least=0, at_most=1e9)
+        object.__setattr__(self, "law", validation.choice("impact law", self.law, ImpactLaw))
         limit = math.pi / 2
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
         validation.check_type(Ball, ball=self.ball)
@@ -129,7 +134,7 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     use = least_speed_use(posture, foot_velocity)
     if use <= 1 < speed_use(posture, v):
         v = slowest_joint_velocity(posture, foot_velocity)
-    impact = strike(posture, v, kick.ball, kick.contact)
+    impact = strike(posture, v, kick.ball, kick.contact, kick.law)
     path = fly(impact.ball_after, kick.ball, kick.air)
     status = PostureStatus.OK if use <= 1 else PostureStatus.TOO_FAST
     return PostureOutcome(posture, status, use, impact, path.range)

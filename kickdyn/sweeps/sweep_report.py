@@ -13,6 +13,7 @@ from rich.table import Table
 
 from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
 from kickdyn.core.validation import Array
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
@@ -108,9 +109,10 @@ def _explanation(values: Mapping[str, float], kick: Kick) -> str:
 def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) -> None:
     """Print the kick, the table and the text as wide as the screen is; no number is cut off."""
     flight = "vacuum" if kick.air is None else f"air {kick.air.density:.4g} kg/m3"
+    law = "" if kick.law == ImpactLaw.NEWTON else f"law {kick.law}, "
     title = (
         f"{leg.name}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
-        f"e {kick.restitution:g}, mu {kick.friction:g}, "
+        f"{law}e {kick.restitution:g}, mu {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
     width = min(PROSE, screen_width())

@@ -76,14 +76,3 @@ def test_outputs_never_meet(tmp_path):
 def test_no_folder_where_nothing_is_drawn(tmp_path):
     assert door("--only", "table 3", "--figures", "new", cwd=tmp_path).returncode == 0
     assert not (tmp_path / "new").exists()
-
-
-def test_page_of_the_flights(tmp_path):
-    ended = door("--only", "fig 8", "--view", "fig8.html", cwd=tmp_path)
-    assert ended.returncode == 0
-    page = (tmp_path / "fig8.html").read_text()
-    for name in ("vacuum", "drag", "back spin", "top spin", "79.45 m"):
-        assert name in page
-    ended = door("--view", "x.html", cwd=tmp_path)
-    assert (ended.returncode, ended.stdout) == (2, "")
-    assert "add --only" in ended.stderr

@@ -257,6 +257,18 @@ def test_it_fits_the_screen(monkeypatch):
     assert narrow.split() == wide.split()
 
 
+def test_the_ball_of_a_plan():
+    options = ["--distance", "10", "--time", "1", "--json", "-", "--ball"]
+    impulses = {}
+    for ball in ("paper", "size-5"):
+        ended = CliRunner().invoke(plan, [*options, ball])
+        assert ended.exit_code == 0, ended.output
+        impulses[ball] = json.loads(ended.stdout)["impact"]["impulse"]
+    assert impulses["paper"] != impulses["size-5"]
+    refused = CliRunner().invoke(plan, [*options, "obstacle"])
+    assert "needs a finite mass" in str(refused.exception)
+
+
 def test_arc_wind_and_offset_are_those_of_the_plan(tmp_path):
     file = tmp_path / "kick.json"
     options = ["--arc", "high", "--wind", "2,-1,0", "--offset", "0.02,0,0.01"]

@@ -362,3 +362,31 @@ def test_a_robot_is_swept_by_name():
     ended = door(*sweep, "--frame", "nose")
     assert ended.returncode == 2
     assert "frame 'nose' is unknown: g1 has" in ended.stderr
+
+
+def test_ball_and_law():
+    ended = door(*SMALL, "--ball", "0.3:0.09", "--law", "stronge", "--json", "-")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    found = json.loads(ended.stdout)
+    assert found["impact_law"] == "stronge"
+    assert (found["ball_mass_kg"], found["ball_radius_m"]) == (0.3, 0.09)
+    assert "law stronge, e 0.8, mu 0.4, ball 0.45 kg, radius 0.1 m" in " ".join(
+        door(*SMALL, "--ball", "paper", "--law", "stronge").stdout.split()
+    )
+
+
+@pytest.mark.parametrize(
+    ("ball", "words"),
+    [
+        ("obstacle", "ball mass is inf, an obstacle that cannot move: a sweep needs a finite mass"),
+        ("tennis", "ball is 'tennis': it must be size-5, paper, obstacle or MASS:RADIUS"),
+        ("1:2:3", "ball is '1:2:3': it must be"),
+        ("0:1", "ball mass is 0.0"),
+        ("nan:1", "ball mass is nan"),
+    ],
+)
+def test_what_is_no_ball_for_a_sweep(ball, words):
+    ended = door(*SMALL, "--ball", ball)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(f"posture-sweep: {words}")
+    assert ended.stderr.count("\n") == 1

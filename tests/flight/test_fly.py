@@ -410,12 +410,15 @@ def test_thin_air_that_is_too_slow_for_a_force_still_brakes_the_spin():
     assert path.landing.spin[1] == pytest.approx(30 * left, rel=1e-9)
 
 
-def test_the_rounding_at_a_wall_that_a_ball_grazes_is_counted():
+@pytest.mark.parametrize(
+    "air", [None, kd.Air(drag=constant(0.0), lift=None, torque=None, buoyancy=False)]
+)
+def test_the_rounding_at_a_wall_that_a_ball_grazes_is_counted(air):
     """20 m/s along a wall 1 km away from the origin and 1 um/s towards it, in exact fractions."""
     plane = kd.Plane((0, 0, 0), (0.6, 0.8, 0), "centre")
     nx, ny, _ = plane.normal.tolist()
     start = kd.BallState((800.0 + 0.6e-6, -600.0 + 0.8e-6, 3), (16 - 0.6e-6, -12 - 0.8e-6, 5))
-    path = kd.fly(start, BALL, plane=plane)
+    path = kd.fly(start, BALL, air, kd.Ground(-9), plane=plane)
     (px, py, _), (vx, vy, _) = ([Fraction(part) for part in row.tolist()]
                                 for row in (start.position, start.velocity))  # fmt: skip
     end = -(Fraction(nx) * px + Fraction(ny) * py) / (Fraction(nx) * vx + Fraction(ny) * vy)

@@ -120,13 +120,11 @@ def test_the_warnings_of_the_flights_are_notes(items):
 def test_fig_15_goals_are_met_by_both(items):
     for distance, time, _ in fig_15.GOALS:
         goal = f"Fig. 13-15 {distance:g} m, {time:g} s"
-        for method, within, verdict in (
-            ("planner", (1e-6, 1e-6), "ours"),
-            ("learning loop", (0.05, 0.005), "shape-reproduced"),
-        ):
-            assert items[f"{goal} {method} distance"].ours == pytest.approx(distance, abs=within[0])
-            assert items[f"{goal} {method} time"].ours == pytest.approx(time, abs=within[1])
-            assert items[f"{goal} {method} time"].verdict == verdict
+        loop, planner = items[f"{goal} learning loop rounds"], items[f"{goal} planner steps"]
+        assert loop.why.startswith("met to 0.05 m and 0.005 s, more rounds for farther goals")
+        assert loop.verdict == "depends-on-coefficient"
+        assert (planner.verdict, planner.paper) == ("ours", None)
+        assert planner.ours in (3, 4)
     rounds = [
         items[f"Fig. 13-15 {d:g} m, {t:g} s learning loop rounds"] for d, t, _ in fig_15.GOALS
     ]
@@ -190,6 +188,9 @@ def test_no_posture_that_fits_has_a_smaller_scale_or_another_distance():
         gains += list(found.gain * best[2] / masses[1:][fits][:, 2])
         middles += list(masses[1:][fits][:, 1] / masses[1:][fits][:, 2] / (best[1] / best[2]))
     assert len(gains) > 50
+    assert found.likely == pytest.approx((5.96, found.middle[1]), abs=0.02)
+    assert found.middle == pytest.approx((4.89, 6.52), abs=0.02)
+    assert found.locked == pytest.approx(4.953, abs=0.001)
     assert min(gains) > 0.97 * found.gain
     assert max(gains) < 1.05 * found.largest_gain
     least = (found.middle[0] / tables_4_5.kick(tables_4_5.MIDDLE, found, DEFAULT).range) ** 0.5

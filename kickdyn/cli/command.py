@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,7 +10,6 @@ from typing import NoReturn
 
 import click
 
-from kickdyn.ball import Ball
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
 
 
@@ -29,19 +27,6 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(activity) as status:
         yield status.update
-
-
-def read_ball(_: click.Context, __: click.Option, text: str) -> Ball:
-    """Return the ball of an option: `size-5`, `paper`, `obstacle`, or mass [kg] and radius [m]."""
-    named = {"size-5": Ball(), "paper": Ball.paper(), "obstacle": Ball(mass=math.inf)}
-    if text in named:
-        return named[text]
-    try:
-        mass, radius = map(float, text.split(":"))
-    except ValueError:
-        choices = ", ".join(named)
-        raise InvalidInput(f"ball is {text!r}: it must be {choices} or MASS:RADIUS") from None
-    return Ball(mass=mass, radius=radius)
 
 
 def run(command: click.Command) -> NoReturn:

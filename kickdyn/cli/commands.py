@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 from importlib import import_module
 from typing import NoReturn
 
@@ -64,6 +65,15 @@ class _Commands(click.Group):
             if param.type is click.STRING and re.search("FILE|DIR|SCENE", param.metavar or ""):
                 param.type = _FileOrName()
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is named first; an unknown one is refused with a suggestion."""
+        near = get_close_matches(args[0][:100], self.list_commands(ctx), 1)
+        if near and near[0] != args[0] and not args[0].startswith("-"):
+            ctx.fail(f"No such command '{args[0]}'. Did you mean '{near[0]}'?")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a line of help for each command."""

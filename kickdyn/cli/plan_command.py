@@ -11,7 +11,8 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
-from kickdyn.cli.command import busy, read_ball
+from kickdyn.cli.ball_option import read_ball
+from kickdyn.cli.command import busy
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json

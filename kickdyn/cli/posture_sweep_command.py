@@ -17,7 +17,7 @@ from rich.console import Console
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
-from kickdyn.cli.command import read_ball
+from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json

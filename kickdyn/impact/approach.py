@@ -72,7 +72,6 @@ class Approach(NamedTuple):
         return EPS * float(abs(self.contact.normal).dot(terms))
 
 
-@validation.check_arguments
 def find_approach(
     posture: Posture,
     v: ArrayLike,
@@ -92,6 +91,11 @@ def find_approach(
         InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
             speeds whose energies leave double precision.
     """
+    is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
+    if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
+        validation.check_type(Posture, posture=posture)
+        validation.check_type(Ball, ball=ball)
+        validation.check_type(Contact, contact=contact)
     v = validation.vector("v", v, posture.leg.nv)
     posture.check_velocity(v)
     posture = posture.with_contact_offset(contact.offset)

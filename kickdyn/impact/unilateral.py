@@ -22,6 +22,7 @@ from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.leg_response import as_response, joint_impulses
+from kickdyn.impact.rounding import Rounding
 from kickdyn.impact.strike import ball_after, check_energy
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg, Posture
@@ -61,6 +62,12 @@ class UnilateralImpact(Impact):
     def effective_mass(self) -> float:
         """Mass of the leg along the normal without its supports [kg]."""
         return _without_supports(self.approach).effective_mass(self.contact.normal)
+
+    @cached_property
+    def rounding(self) -> Rounding:
+        """Shares that may be rounding, with what the solver leaves of the contact laws."""
+        found, left = super().rounding, self.cone_residual
+        return Rounding(found.impulse + left, found.joints + left)
 
     @property
     def footing(self) -> dict[str, Footing]:

@@ -102,7 +102,10 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def testbed(cls) -> Leg:
-        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe."""
+        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe.
+
+        The paper names motors at hip and knee only. The ankle is free; `locked` fixes it.
+        """
         return cls.from_urdf(shipped_urdf("leg_testbed.urdf"))
 
     @classmethod
@@ -329,8 +332,9 @@ class Posture(ReprMixin):
         constraint_projector: supports and loops at this configuration; None without any.
     """
 
-    @validation.check_arguments
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
+        if not isinstance(leg, Leg):  # a posture takes ten microseconds
+            validation.check_type(Leg, leg=leg)
         workspace = leg.workspace
         model, data = workspace.model, workspace.data
         self.leg = leg

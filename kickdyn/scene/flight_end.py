@@ -214,9 +214,9 @@ def _differences(
 ) -> tuple[Array | None, int]:
     """Return the slopes by velocity and spin, None where an end is not known, and evaluations."""
     base, _, evaluations, _ = find_end(launch)
-    if base is None:
-        return None, evaluations
     slopes, speed = np.zeros((2, 3, 3)), float(launch.speed)
+    if base is None or speed == 0.0:
+        return None, evaluations
     for i, size in enumerate((speed, speed / radius)):
         for k, axis in enumerate(DIFFERENCE * size * np.eye(3)):
             velocity, spin = launch.velocity + axis * (i == 0), launch.spin + axis * (i == 1)

@@ -19,6 +19,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg, Posture
 
@@ -129,7 +130,7 @@ class Scene(ReprMixin):
             air=air,
             ground=ground,
             plane=plane,
-            uncertainty=validation.mapping("uncertainty", uncertainty),
+            uncertainty=_checked_uncertainty(uncertainty),
             name=name,
             posture=posture.with_contact_offset(contact.offset),
             **arrays,
@@ -191,6 +192,18 @@ class Scene(ReprMixin):
             if part is not None:
                 kind = type(part).__name__
                 yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""
+
+
+def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
+    """Return a mapping whose names are those of `Impact.uncertainty`, or raise `InvalidInput`."""
+    checked = validation.mapping("uncertainty", value)
+    for name in checked:
+        if name not in UNITS:
+            known = ", ".join(UNITS)
+            raise InvalidInput(
+                f"uncertainty of {validation.brief(name)} is unknown: choose {known}"
+            )
+    return checked
 
 
 def compliant_contact_faults(law: ImpactLaw, restitution: float) -> list[str]:

@@ -40,7 +40,7 @@ class Kick:
         attack: :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
             :math:`[-\pi/2, \pi/2]`.
         restitution: coefficient e; 0.8 reproduces the paper's Table 2.
-        friction: Coulomb's coefficient mu; 0.4 is the paper's.
+        friction: Coulomb's coefficient mu, at most 1e9; 0.4 is the paper's.
         law: impact law, as for `strike`.
         ball: the ball, at rest before the impact.
         air: air of the flight; None is the vacuum.
@@ -59,6 +59,7 @@ class Kick:
 
     def __post_init__(self) -> None:
         validation.number("foot speed", self.speed, above=0, at_most=1e6, unit="m/s")
+        validation.number("friction", self.friction, at_least=0, at_most=1e9)
         object.__setattr__(self, "law", validation.choice("impact law", self.law, ImpactLaw))
         limit = math.pi / 2
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")

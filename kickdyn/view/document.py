@@ -27,7 +27,7 @@ _POLICY = (
 
 _STYLE = """
 body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
-#meshcat-pane { width: 100vw; height: 100vh; overflow: hidden; }
+#meshcat-pane { position: relative; width: 100vw; height: 100vh; overflow: hidden; }
 .dg.main { display: none; }
 #controls:target ~ .dg.main { display: block; }
 #caption {
@@ -47,8 +47,8 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption details td { white-space: nowrap; }
 #caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
 .label {
-  position: absolute; padding: 0 6px; border: 2px solid; border-radius: 5px; font-size: 13px;
-  white-space: nowrap; pointer-events: none; visibility: hidden;
+  position: absolute; left: 0; top: 0; padding: 0 6px; border: 2px solid; border-radius: 5px;
+  font-size: 13px; white-space: nowrap; pointer-events: none; visibility: hidden;
   background: rgba(255, 255, 255, 0.88); color: #1d2733;
 }
 @media (max-width: 1000px) {  /* a notebook's frame or a telephone has no space beside the leg */
@@ -80,8 +80,9 @@ _PAGE = """<!DOCTYPE html>
 </head>
 <body>
 <i id="controls"></i>
-<div id="meshcat-pane"></div>
+<div id="meshcat-pane">
 {labels}
+</div>
 {panel}
 <script>{engine}</script>
 <script>
@@ -104,6 +105,7 @@ for (const command of [
   viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
 }}
 const seen = node => node.getWorldPosition(node.position.clone()).project(viewer.camera);
+const caption = document.getElementById("caption");
 const place = () => {{  // each label beside its point, ahead of an arrow that ends there
   const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
   const placed = [];
@@ -114,8 +116,11 @@ const place = () => {{  // each label beside its point, ahead of an arrow that e
     const shown = node.matrixWorld.getMaxScaleOnAxis() > 0.5 && end.z < 1;  // grown, and in front
     label.style.visibility = shown ? "visible" : "hidden";
     if (!shown) continue;
-    const x = (1 + end.x) / 2 * width + (end.x < start.x ? -w - 6 : 6);
+    const right = (1 + end.x) / 2 * width + 6, left = right - w - 12;
     let y = (1 - end.y) / 2 * height - h / 2, other;
+    const covered = !below.matches && left < caption.offsetLeft + caption.offsetWidth
+      && y < caption.offsetTop + caption.offsetHeight;
+    const x = right + w > width || (end.x < start.x && !covered) ? left : right;
     while (other = placed.find(p => x < p.x + p.w && p.x < x + w && Math.abs(y - p.y) < h))
       y = other.y + (end.y < start.y ? h : -h);
     placed.push({{x, y, w}});

@@ -151,16 +151,18 @@ def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
     assert "name a store, --out DIR.zarr" in ended.stderr
 
 
-def test_ctrl_c_says_how_to_go_on(tmp_path):
-    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:0.1"]
-    large += ["--tolerance", "0"]  # some minutes, were it not stopped
-    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
+@pytest.mark.parametrize("by", [(), ("--workers", "2")], ids=["threads", "workers"])
+def test_ctrl_c_says_how_to_go_on(tmp_path, by):
+    """A terminal sends it to all processes of the command."""
+    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.05", "--joint", "ankle=0:20:0.05"]
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, *by, "--out", "my s.zarr"]
     colours = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=colours,
-                          stdout=subprocess.PIPE, preexec_fn=interruptible) as stopped:  # fmt: skip
+                          stdout=subprocess.PIPE, preexec_fn=interruptible,
+                          start_new_session=True) as stopped:  # fmt: skip
         while not list(tmp_path.glob("*/status/c/*")) and stopped.poll() is None:
             time.sleep(0.05)
-        stopped.send_signal(signal.SIGINT)
+        os.killpg(stopped.pid, signal.SIGINT)
         out, said = stopped.communicate()
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1

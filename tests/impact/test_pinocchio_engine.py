@@ -1,4 +1,4 @@
-"""Closed form against Pinocchio's impulseDynamics, and against what replaces it."""
+"""Closed form against Pinocchio's impulseDynamics, and against its constraint solver."""
 
 import numpy as np
 import pinocchio as pin
@@ -96,8 +96,8 @@ def test_separating_bodies_are_not_pulled():
 def by_constraint(posture, v, ball, contact, ball_velocity, ball_spin):
     """The same impact by a point contact without friction and Pinocchio's PGS solver.
 
-    Pinocchio 4 calls `impulseDynamics` with a Jacobian unsupported; these are its successors. Of a
-    `RigidConstraintModel` the successor takes the velocity of the first body only.
+    Pinocchio 4 calls `impulseDynamics` with a Jacobian unsupported and names `RigidConstraintModel`
+    instead, of which it takes the velocity of the first body only: wrong for a ball that moves.
     """
     leg, n = posture.leg, contact.normal
     model, joint = leg.model, leg.contact_joint
@@ -141,7 +141,7 @@ def by_constraint(posture, v, ball, contact, ball_velocity, ball_spin):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_constraint_solver_that_replaces_it_agrees(seed):
+def test_the_constraint_solver_agrees(seed):
     rng = np.random.default_rng(seed)
     kick, options = random_kick(rng, random_leg(rng) if seed % 2 else LEGS["human"])
     engine = by_pinocchio(*kick, **options)

@@ -1,5 +1,7 @@
 """Feet that may leave the ground: the laws themselves, and the held foot where it would stand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from chains import in_units, slides
@@ -114,6 +116,26 @@ def test_the_effective_mass_is_that_of_the_leg_without_supports():
     free = ROBOT.posture(held.posture.q).with_contact_offset(contact.offset)
     assert loose.effective_mass == free.effective_mass(contact.normal)
     assert loose.effective_mass < 0.9999 * held.effective_mass
+
+
+@pytest.mark.parametrize("name", ["forward", "down", "slippery"])
+def test_an_obstacle_is_the_limit_of_heavy_balls(name):
+    posture, v, _, contact = KICKS[name]
+    heavy, hit = (
+        kd.unilateral_strike(posture, v, kd.Ball(mass), contact) for mass in (1e12, np.inf)
+    )
+    size = np.linalg.norm(hit.impulse)
+    assert hit.impulse == pytest.approx(heavy.impulse, abs=1e-8 * size)
+    assert hit.joint_impulses == pytest.approx(heavy.joint_impulses, abs=1e-8 * size)
+    assert not hit.ball_after.velocity.any()
+
+
+def test_digits_are_no_more_than_the_solver_leaves():
+    _, loose = both("forward")
+    rough = dataclasses.replace(loose, cone_residual=1e-6)
+    assert loose.digits > 10
+    assert rough.digits == pytest.approx(6.0, abs=1e-3)
+    assert rough.joint_digits.max() < 6.0 + 1e-9
 
 
 def test_a_foot_that_only_turns_on_the_spot_slips():

@@ -188,6 +188,9 @@ def test_no_posture_that_fits_has_a_smaller_scale_or_another_distance():
         gains += list(found.gain * best[2] / masses[1:][fits][:, 2])
         middles += list(masses[1:][fits][:, 1] / masses[1:][fits][:, 2] / (best[1] / best[2]))
     assert len(gains) > 50
+    assert found.likely == pytest.approx((5.96, found.middle[1]), abs=0.02)
+    assert found.middle == pytest.approx((4.89, 6.52), abs=0.02)
+    assert found.locked == pytest.approx(4.953, abs=0.001)
     assert min(gains) > 0.97 * found.gain
     assert max(gains) < 1.05 * found.largest_gain
     least = (found.middle[0] / tables_4_5.kick(tables_4_5.MIDDLE, found, DEFAULT).range) ** 0.5

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.planning.goal import nominal_velocity
 from kickdyn.planning.launch import OutOfReach
+from kickdyn.planning.launch_solver import LaunchFamily
 from kickdyn.planning.shooting import ShootingProblem
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -311,3 +312,12 @@ def test_a_launch_does_not_depend_on_the_units(named, kg, half):
     assert scaled.velocity.tolist() == (metre / second * plain.velocity).tolist()
     assert scaled.spin.tolist() == (plain.spin / second).tolist()
     assert scaled.time == second * plain.time
+
+
+def test_two_launches_nearer_to_each_other_than_a_walk_steps_are_both_found():
+    least = kd.plan_launch(kd.Goal((25, 0, 1), speed=12), BALL, AIR).speed
+    goal = kd.Goal((25, 0, 1), speed=least * (1 + 1e-6))
+    family = LaunchFamily(ShootingProblem(BALL, AIR, np.zeros(3)), goal, 40.0, 100.0)
+    low, high = family.solutions(family.curves([]))
+    assert [low.speed, high.speed] == pytest.approx([goal.speed] * 2, rel=1e-10)
+    assert low.time * (1 + 1e-4) < high.time < low.time * 1.02

@@ -4,22 +4,29 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.scene.flight_end import EndSlopes, approximate_end, exact_end
+from kickdyn.scene.flight_end import EndSlopes, approximate_end, end_slopes, exact_end
 from kickdyn.scene.scene import FlightEnvironment
 
-LIGHT = (
-    FlightEnvironment(
+CASES = {
+    "little before the last steps": (
         kd.Ball(0.1, 0.2),
         kd.Air(drag="sphere", lift="nathan", torque=None),
+        kd.BallState((0, 0, -0.6771), (0.6173, 0.5986, 2.818), (53.91, 7.491, -10.47)),
         kd.Ground(-0.877144),
-        None,
     ),
-    kd.BallState((-0.03316, 0.007378, -0.6771), (0.6173, 0.5986, 2.818), (53.91, 7.491, -10.47)),
-)
+    "in position, not in velocity": (
+        kd.Ball(0.43, 0.11),
+        kd.Air(drag="goff-carre", lift=None, torque=None),
+        kd.BallState((0, 0, 0), (0.1, -0.2, 10.7), (-40, 57, 12)),
+        kd.Ground(-1),
+    ),
+}
 
 
-def test_an_end_that_two_numbers_of_steps_share_by_accident_has_an_error():
-    environment, launch = LIGHT
+@pytest.mark.parametrize("name", CASES)
+def test_ends_that_agree_by_accident_have_an_error(name):
+    ball, air, launch, ground = CASES[name]
+    environment = FlightEnvironment(ball, air, ground, None)
     end = approximate_end(launch, environment, 0.01)
     assert end.path is None
     moved = np.linalg.norm(end.state.position - exact_end(launch, environment, 1e-9).state.position)
@@ -45,3 +52,9 @@ def test_the_error_of_a_contact_is_that_of_the_formula():
     size = 2 * 5 + 0.3 * max(6, 5 / 0.5)
     error = 20 * 1e-4 * (size + 0.5)
     assert slopes.contact_error(launch, 0.5, 1e-4) == pytest.approx(error, rel=1e-12)
+
+
+def test_a_ball_that_leaves_at_rest_has_no_slopes():
+    still = kd.BallState((0, 0, 1))
+    slopes = end_slopes(still, FlightEnvironment(kd.Ball(), None, kd.Ground(), None))
+    assert slopes.contact_error(still, 0.1, 1e-3) == np.inf

@@ -35,7 +35,7 @@ def by_chunks(where=None):
     return found
 
 
-@pytest.mark.parametrize("where", [None, WHERE])
+@pytest.mark.parametrize("where", [None, WHERE, "hip > 20"])
 def test_chunks_give_what_the_whole_dataset_gives(data, where):
     for found in (by_chunks(where), summarize(data, where)):
         chosen = possible(data) if where is None else possible(data) & condition(data, where)

@@ -27,6 +27,7 @@ def test_it_is_strike_and_fly():
     impact = kd.strike(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
     assert outcome.status == "ok"
     assert outcome.impact.impulse == pytest.approx(impact.impulse, rel=1e-13)
+    assert outcome.impact.v_before == pytest.approx(v, rel=1e-13)
     assert outcome.carry == pytest.approx(
         kd.fly(impact.ball_after, kd.Ball(), kd.Air()).range, rel=1e-9
     )

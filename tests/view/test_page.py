@@ -86,7 +86,7 @@ def test_a_page_that_cannot_be_written(tmp_path, name, kick):
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")
-    chromium(file.as_uri(), f"--screenshot={picture}")
+    chromium(f"{file.as_uri()}#at=0", f"--screenshot={picture}")  # when labels are hidden
     pixels = 255 * matplotlib.image.imread(picture)[:, 330:, :3].astype(float)  # beside the caption
     red, green, blue = np.moveaxis(pixels, -1, 0)
 
@@ -135,7 +135,10 @@ def test_the_page_plays_for_ever(page, chromium, tmp_path):
 
 
 LABELS = """<script>setTimeout(() => {
+  const {right, bottom} = document.querySelector("#caption").getBoundingClientRect();
+  const {scrollWidth, scrollHeight} = document.documentElement;
   document.title = JSON.stringify([innerWidth, innerHeight,
+    right, bottom, scrollWidth, scrollHeight,
     [...document.querySelectorAll(".label")].map(each => {
       const {left, top, width, height} = each.getBoundingClientRect();
       return [each.innerText, each.style.visibility, left, top, width, height];
@@ -145,7 +148,7 @@ LABELS = """<script>setTimeout(() => {
 
 def labels_in(chromium, page, file, at):
     file.write_text(page.replace("</body>", LABELS))
-    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom")
+    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom", "--window-size=1280,850")
     return json.loads(html.unescape(re.search("<title>(.*?)</title>", dom)[1]))
 
 
@@ -162,7 +165,14 @@ def overlaps(labels):
 def test_labels_stand_beside_their_arrows_and_not_over_each_other(
     page, kick, chromium, tmp_path, commands_of
 ):
-    wide, high, shown = labels_in(chromium, page, tmp_path / "kick.html", 2.5)
+    wide, high, right, bottom, *scrolled, shown = labels_in(
+        chromium, page, tmp_path / "kick.html", 2.5
+    )
+    assert scrolled == [wide, high]  # so that there are no scroll bars
+    for _, _, x, y, w, h in shown:
+        assert x > right or y > bottom  # not under the caption
+        assert x + w < wide
+        assert 0 < y < high - h
     sizes = [kick[0].impulse, *kick[0].joint_impulses[:, :3]]
     assert sorted(each[0] for each in shown) == sorted(
         f"{np.linalg.norm(size):.3g} N s" for size in sizes

@@ -1,12 +1,9 @@
 """The reference stands on its own feet: energies, closed forms, Pinocchio to float64."""
 
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from chains import random_leg
-
-import kickdyn as kd
 from references.exact_leg import (
     ExactPosture,
     leg_numbers,
@@ -14,6 +11,8 @@ from references.exact_leg import (
     mp,
     numbers,
 )
+
+import kickdyn as kd
 
 
 def posture_of(leg, q):

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.errors import InvalidInput
-
 from kickdyn.robot.leg import Leg
 
 DIGITS = 50

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep extremes test test-all docs package lint browser clean
+.PHONY: sweep extremes mutants test test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them
 PYTHONS ?= 3.11 3.12 3.13
@@ -17,6 +17,11 @@ sweep: $(VENV)/.run
 ## extremes: kickdyn against 50 digits where numbers get difficult
 extremes: $(VENV)/.dev
 	$(BIN)/python tests/extremes
+
+## mutants: changes the code on purpose, a hundred times, and counts how often a test notices
+mutants: $(VENV)/.dev
+	mkdir -p build
+	$(BIN)/python tests/mutants.py --json build/mutants.json
 
 ## test: the whole suite
 test: $(VENV)/.dev browser

@@ -34,7 +34,7 @@ from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.scatter import checked_spread, landing_slopes, landing_covariances
+from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 

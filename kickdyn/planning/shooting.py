@@ -19,7 +19,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import acceleration_function, downward, is_ballistic
+from kickdyn.flight.forces import acceleration_function, ballistic, downward, is_ballistic
 
 NUDGE = 1e-6
 """Change of an unknown of the launch, over `ShootingProblem.sizes`."""
@@ -107,7 +107,6 @@ class ShootingProblem:
         self.tol = tol
         self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
         self._acting = None if air is None else acceleration_function(ball, air)
-        self._gravity = np.array([0.0, 0.0, -downward(ball, air)])
 
     def with_tolerance(self, tol: float) -> ShootingProblem:
         """Return the same problem with another relative tolerance of the integration."""
@@ -127,17 +126,19 @@ class ShootingProblem:
         """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails."""
         spin = self.spin_of(size)
         if is_ballistic(self.air, spin) and not self.seeks_spin:
-            return self._fall(velocity, time)
+            g = downward(self.ball, self.air)
+
+            def fall(at: float) -> tuple[Array, Array]:
+                place = ballistic(velocity, g, np.array([at]))[0]
+                return place[:3], place[3:6]
+
+            return Trajectory(fall, lambda at: at * np.eye(3), time)
         sizes = self.sizes(np.array([*velocity, time, size]))
-        speed, nudges = float(sizes[0]), NUDGE * sizes[:3]
-        lanes = [velocity, *(velocity + np.diag(nudges))]
-        spins = [spin] * 4
-        if self.seeks_spin:
-            nudges = np.append(nudges, NUDGE * sizes[4])
-            lanes.append(velocity)
-            spins.append(self.spin_of(size + nudges[3]))
-        begin = np.array([[0, 0, 0, *lane, 1.0] for lane in lanes], dtype=float)
-        turning = [tuple(one.tolist()) for one in spins]
+        nudges = NUDGE * sizes[[0, 1, 2, 4]]
+        unknowns = 4 if self.seeks_spin else 3
+        lanes = np.array([*velocity, size]) + np.vstack([np.zeros(4), np.diag(nudges)[:unknowns]])
+        begin = np.array([[0, 0, 0, *lane[:3], 1.0] for lane in lanes])
+        turning = [tuple(self.spin_of(lane[3]).tolist()) for lane in lanes]
         acting = self._acting
         assert acting is not None
 
@@ -156,7 +157,7 @@ class ShootingProblem:
                 result += (vx, vy, vz, ax, ay, az, -k * left)
             return result
 
-        scale = np.tile([*3 * [speed * time], *3 * [speed], 1.0], len(lanes))
+        scale = np.tile([*sizes[:3] * time, *sizes[:3], 1.0], len(lanes))
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # of launches without measure
                 found = solve_ivp(
@@ -178,15 +179,6 @@ class ShootingProblem:
 
         def slope(at: float) -> Array:
             where = states(at)[:, :3]
-            return np.asarray(((where[1:] - where[0]) / nudges[:, None]).T)
+            return np.asarray(((where[1:] - where[0]) / nudges[:unknowns, None]).T)
 
         return Trajectory(state, slope, time)
-
-    def _fall(self, velocity: Array, time: float) -> Trajectory:
-        """Return the parabola of a ball on which only gravity acts."""
-        g = self._gravity
-
-        def state(at: float) -> tuple[Array, Array]:
-            return velocity * at + 0.5 * g * at * at, velocity + g * at
-
-        return Trajectory(state, lambda at: at * np.eye(3), time)

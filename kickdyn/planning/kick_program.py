@@ -34,7 +34,7 @@ from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.scatter import checked_spread, landing_slopes, launch_covariances
+from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -134,7 +134,7 @@ def scatter_cost(
             impact = strike(posture, v, target.ball, plain)
         except NoImpact:  # far from feasible
             return 1e6
-        covariances = launch_covariances(impact, slopes, sizes)
+        covariances = landing_covariances(impact, slopes, sizes)
         return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
 
     return Cost(radius)

@@ -132,7 +132,7 @@ def fly_until(
 
 
 def _first_step(state: Array, rate: Array, rtol: float, atol: Array) -> float:
-    r"""Return the first step :math:`\tau (3\cdot 10^{-5} / d_0)^{1/8}`, :math:`\tau = d_0 / d_1` [s].
+    r"""Return the first step [s], :math:`(3 \cdot 10^{-5} / d_0)^{1/8}\, d_0 / d_1`.
 
     The norms d of state and rate are relative to the tolerances. It is the step of Hairer, Norsett
     & Wanner, II.4, in any unit of time; with their 0.01, which they use with the larger of two

@@ -34,7 +34,7 @@ from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
-from kickdyn.planning.scatter import checked_spread, landing_slopes, launch_covariances
+from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -87,13 +87,11 @@ class Cost:
     Attributes:
         value: the function.
         slope: its derivatives by q and by v, shape `(nv,)` each; None leaves them to differences.
-        by_velocity: whether it depends on the joint velocity.
         sign: -1 for what shall be most.
     """
 
     value: Callable[[Posture, Array], float]
     slope: Callable[[Posture, Array], tuple[Array, Array]] | None = None
-    by_velocity: bool = True
     sign: float = 1.0
 
     def __call__(self, posture: Posture, v: Array) -> float:
@@ -134,7 +132,7 @@ def scatter_cost(
             impact = strike(posture, v, target.ball, plain)
         except NoImpact:  # far from feasible
             return 1e6
-        covariances = launch_covariances(impact, slopes, sizes)
+        covariances = landing_covariances(impact, slopes, sizes)
         return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
 
     return Cost(radius)
@@ -173,7 +171,7 @@ def _joint_impulse(impulse: Array) -> Cost:
         # the norm of power 12 is the largest within 10 % for six joints
         return top * math.pow(float(np.sum((sizes / top) ** 12)), 1 / 12)
 
-    return Cost(largest, by_velocity=False)
+    return Cost(largest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,14 +307,11 @@ class KickProgram:
 
     def with_exact_velocity(self, posture: Posture, v: Array, share: float) -> Array:
         """Return v with the last digits of the foot's velocity put right."""
-        wanted = share * self.target.foot_velocity(posture)
-        rows = posture.jacobian[:, self.vs]
-        missed = wanted - rows @ v[self.vs]
-        if self.target.contact.friction == 0.0:
-            normal = self.target.contact.normal
-            rows, missed = (normal @ rows)[None], np.array([normal @ missed])
         scale = self.velocity_scale
-        return v + self.whole_velocity(np.linalg.pinv(rows * scale, rcond=1e-9) @ missed * scale)
+        missed = share * self.target.foot_velocity(posture) - posture.jacobian @ v
+        rows = self.velocity_rows @ posture.jacobian[:, self.vs] * scale
+        change = np.linalg.pinv(rows, rcond=1e-9) @ self.velocity_rows @ missed
+        return v + self.whole_velocity(change * scale)
 
     @property
     def velocity_rows(self) -> Array:
@@ -535,7 +530,7 @@ class ProgramPoint:
             both = [by_q[program.vs], by_v[program.vs] * program.velocity_scale]
             slope[: 2 * n] = self.cost.sign / self.scale * np.concatenate(both)
         else:
-            for i in range(2 * n if self.cost.by_velocity else n):
+            for i in range(2 * n):
                 there = self.x.copy()
                 there[i] += STEP
                 posture = program.posture(there[:n]) if i < n else self.posture

@@ -254,7 +254,7 @@ def _hertz_contact(
 def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
     """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
     expected, start = motion.expected, motion.start()
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(start, mass)
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(mass)
     with np.errstate(over="ignore", invalid="ignore"):  # reported below
         solution = integrate_until(
             motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0

@@ -254,7 +254,7 @@ def plan_kick(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=cost(solution.posture, solution.v),
+        value=abs(cost(solution.posture, solution.v)),
         share=solution.share,
         impact_target=target,
         impact=impact,

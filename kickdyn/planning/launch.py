@@ -253,7 +253,7 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
     for time in goal.nominal_times():
         start = np.array([*nominal_velocity(goal.target, time), time, *spin])
         one = solve_launch(problem, goal, start)
-        if one.converged and one.trajectory is not None:
+        if one is not None:
             falls = one.trajectory.state(one.time)[1][2] <= 1e-9 * one.speed
             found += [one] if goal.apex is None or falls else []
     return distinct(found, problem)
@@ -285,26 +285,30 @@ def _farthest(family: LaunchFamily) -> Launch:
     slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
     most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
 
-    def crossing(angle: float) -> tuple[Array, float, Array]:
-        """Return position and time at which a flight comes down to the line, and its launch."""
+    def crossing(angle: float) -> LaunchSolution | None:
+        """Return the launch at an angle, to where it comes down to the line; None without such."""
         velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
         flown = family.problem.shoot(velocity, most)
-        when = flown and flown.when(
+        time = flown and flown.when(
             lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
         )
-        if flown is None or when is None:
-            return np.zeros(3), 0.0, velocity
-        return flown.state(when)[0], when, velocity
+        if flown is None or time is None:
+            return None
+        return LaunchSolution(np.array([*velocity, time]), np.zeros(4), velocity[None], flown)
 
-    best = minimize_scalar(
-        lambda angle: -float(goal.ahead @ crossing(angle)[0]),
-        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
-        method="bounded",
-        options={"xatol": 1e-5},
-    )
-    position, time, velocity = crossing(float(best.x))
-    solution = LaunchSolution(np.array([*velocity, time]), np.zeros(4), True, velocity[None], None)
-    return _launch(family, Goal(position, time=time), LaunchLimit.SPEED, solution)
+    def shortness(angle: float) -> float:
+        """Return how far short of the target the launch at an angle comes [m]."""
+        found = crossing(angle)
+        there = found.trajectory.state(found.time)[0] if found else np.zeros(3)
+        return float(goal.ahead @ (goal.target - there))
+
+    bounds = math.atan(slope) + 1e-3, math.pi / 2 - 1e-3
+    best = minimize_scalar(shortness, bounds=bounds, method="bounded", options={"xatol": 1e-5})
+    found = crossing(float(best.x))
+    if found is None:
+        raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
+    reached = Goal(found.trajectory.state(found.time)[0], time=found.time)
+    return _launch(family, reached, LaunchLimit.SPEED, found)
 
 
 def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:

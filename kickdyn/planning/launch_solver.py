@@ -52,16 +52,14 @@ class LaunchSolution:
         unknowns: launch velocity [m/s, world frame], time of flight [s] and, for `beside`, the size
             of the spin along its axis [rad/s]; shape `(4,)` or `(5,)`.
         errors: of the target (3 components), of the condition beside it, and of `beside`.
-        converged: whether all errors are small enough.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
-        trajectory: the flight from there; None where there is none.
+        trajectory: the flight from there.
     """
 
     unknowns: Array
     errors: Array
-    converged: bool
     history: Array
-    trajectory: Trajectory | None
+    trajectory: Trajectory
 
     @property
     def velocity(self) -> Array:
@@ -85,7 +83,6 @@ class LaunchSolution:
 
     def condition(self, goal: Goal) -> tuple[float, Array]:
         """Return the error of the condition beside the target, and its slopes by the unknowns."""
-        assert self.trajectory is not None
         return goal_condition(goal, self.unknowns, self.trajectory)
 
     def is_above_ground(self, goal: Goal) -> bool:
@@ -93,7 +90,7 @@ class LaunchSolution:
 
         A ball that lies on the ground does not start downwards.
         """
-        if self.trajectory is None or (goal.lowest == 0.0 and self.velocity[2] < 0.0):
+        if goal.lowest == 0.0 and self.velocity[2] < 0.0:
             return False
         end = float(self.trajectory.state(self.time)[0][2])
         return self.trajectory.lowest() >= min(0.0, end)
@@ -107,8 +104,8 @@ def solve_launch(
     condition: Condition | None = None,
     accuracy: float = ACCURACY,
     steps: int = 40,
-) -> LaunchSolution:
-    r"""Solve for a launch by Newton's method from a first guess.
+) -> LaunchSolution | None:
+    r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
     The unknowns are launch velocity :math:`v`, time :math:`t` and, for `beside`, the spin's size
     :math:`s`. They solve :math:`x(t; v, s) = x_{target}` together with a condition. Each step
@@ -149,8 +146,9 @@ def solve_launch(
         else:
             break
         history.append(x[:3])
-    converged = bool(np.abs(errors / scale).max() <= accuracy)
-    return LaunchSolution(x, errors, converged, np.array(history), trajectory)
+    if trajectory is None or not np.abs(errors / scale).max() <= accuracy:
+        return None
+    return LaunchSolution(x, errors, np.array(history), trajectory)
 
 
 def step_in_root(velocity: Array, step: Array) -> Array:
@@ -302,8 +300,8 @@ class LaunchFamily:
 
     def refine(self, member: LaunchSolution) -> LaunchSolution:
         """Return a member as exactly as `solve_launch` computes it."""
-        found = solve_launch(self.problem, self._goal(time=member.time), member.unknowns)
-        return found if found.converged else member
+        goal = self._goal(time=member.time)
+        return solve_launch(self.problem, goal, member.unknowns) or member
 
     def _goal(self, **condition: Any) -> Goal:
         """Return the same target and `beside` with another condition."""
@@ -322,7 +320,6 @@ class LaunchFamily:
     def _tangent(self, member: LaunchSolution) -> Array:
         """Return the direction of the curve, in `sizes` of the unknowns, as a unit vector."""
         problem, x = self._coarse, member.unknowns
-        assert member.trajectory is not None
         slope = target_equations(self.goal, x, member.trajectory)[1] * problem.sizes(x)
         return np.asarray(np.linalg.svd(slope)[2][-1])
 
@@ -337,10 +334,9 @@ class LaunchFamily:
         def condition(y: Array, _: Trajectory) -> tuple[float, Array]:
             return float(across @ (y - x)), across
 
-        found = solve_launch(
+        return solve_launch(
             self._coarse, self.goal, x, condition=condition, accuracy=100 * COARSE, steps=steps
         )
-        return found if found.converged else None
 
     def _between(self, a: LaunchSolution, b: LaunchSolution, part: float) -> LaunchSolution | None:
         """Return a member between two, by the part of the way from the first."""
@@ -415,10 +411,7 @@ class LaunchFamily:
     def _solution(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
         """Return the solution for a goal between two members whose errors differ in sign."""
         start = self._root(lambda member: member.condition(goal)[0], a, b)
-        if start is None:
-            return None
-        found = solve_launch(self.problem, goal, start.unknowns, steps=12)
-        return found if found.converged else None
+        return start and solve_launch(self.problem, goal, start.unknowns, steps=12)
 
     def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> LaunchSolution:
         """Return the last member that is clear of the ground, by bisection."""

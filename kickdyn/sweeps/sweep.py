@@ -117,9 +117,9 @@ def sweep(
         return with_variables(finished, np.hstack(rows), np.hstack(status))
     filled = SweepStore(store, described, solver.chunk, resume=resume)
     job = _StoreJob(Path(store).absolute(), leg, grid, kick, tolerance)
-    own = nullcontext(_Pool(executor, AHEAD)) if executor else _pool(threads, workers)
+    own = nullcontext((executor, AHEAD)) if executor else _pool(threads, workers)
     with _resumable(filled, store), own as pool:
-        _fill_store(filled, job, pool, progress or _ignore)
+        _fill_store(filled, job, *pool, progress or _ignore)
     return open_sweep(store)
 
 
@@ -145,12 +145,14 @@ def sweep_chunks(
         yield with_variables(described.isel(region), rows, status)
 
 
-def _fill_store(store: SweepStore, job: _StoreJob, pool: _Pool, progress: Progress) -> None:
+def _fill_store(
+    store: SweepStore, job: _StoreJob, executor: Executor, ahead: int, progress: Progress
+) -> None:
     """Compute the missing chunks of a store."""
     missing = store.missing()
     progress(job.grid.size - sum(store.chunks.span(k)[1] for k in missing), math.nan)
     if missing:
-        for count, speed in _in_order(pool, _task(job, pool), missing):
+        for count, speed in _in_order(executor, ahead, _task(job, executor), missing):
             progress(count, speed)
         store.finish()
 
@@ -161,9 +163,9 @@ def _computed(
     """Yield number, variables and status of each chunk of a grid, in order."""
     solver.prepare()
     chunks = Chunks.of(grid.shape, solver.chunk)
-    with _pool(threads) as pool:
+    with _pool(threads) as (executor, ahead):
         numbers = range(len(chunks))
-        found = _in_order(pool, lambda k: solver(*chunks.span(k)), numbers)
+        found = _in_order(executor, ahead, lambda k: solver(*chunks.span(k)), numbers)
         for k, (rows, status) in zip(numbers, found, strict=True):
             (progress or _ignore)(len(status), _highest_speed(rows, status))
             yield k, rows, status
@@ -208,22 +210,15 @@ class _StoreJob:
         return count, _highest_speed(rows, status)
 
 
-@dataclass(frozen=True)
-class _Pool:
-    """An executor, how many chunks are given to it ahead, and whether it shares this memory."""
-
-    executor: Executor
-    ahead: int
-    shares_memory: bool = False
-
-
-def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
-    """Yield what a function returns for numbers, in their order; a few are computed ahead."""
+def _in_order(
+    executor: Executor, ahead: int, function: Callable[[int], T], numbers: Iterable[int]
+) -> Iterator[T]:
+    """Yield what a function returns for numbers, in their order; some are computed ahead."""
     waiting, under_way = iter(numbers), deque[Future[T]]()
     try:
         while True:
-            for number in islice(waiting, pool.ahead - len(under_way)):
-                under_way.append(pool.executor.submit(function, number))
+            for number in islice(waiting, ahead - len(under_way)):
+                under_way.append(executor.submit(function, number))
             if not under_way:
                 return
             yield under_way.popleft().result()
@@ -233,8 +228,11 @@ def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int])
 
 
 @contextmanager
-def _pool(threads: int | None, workers: int | None = None) -> Iterator[_Pool]:
-    """Give threads or processes; on leaving, chunks under way are completed and others dropped."""
+def _pool(threads: int | None, workers: int | None = None) -> Iterator[tuple[Executor, int]]:
+    """Give threads or processes, and how many chunks are given to them ahead.
+
+    On leaving, chunks under way are completed and others dropped.
+    """
     name, size = ("threads", threads) if workers is None else ("workers", workers)
     size = int(validation.number(name, _cores() if size is None else size, at_least=1))
     executor: Executor = ThreadPoolExecutor(size)
@@ -243,14 +241,14 @@ def _pool(threads: int | None, workers: int | None = None) -> Iterator[_Pool]:
         ignore = (signal.SIGINT, signal.SIG_IGN)
         executor = ProcessPoolExecutor(size, get_context("spawn"), signal.signal, ignore)
     try:
-        yield _Pool(executor, 2 * size, shares_memory=workers is None)
+        yield executor, 2 * size
     finally:
         executor.shutdown(cancel_futures=True)
 
 
-def _task(job: _StoreJob, pool: _Pool) -> Callable[[int], tuple[int, float]]:
-    """Return a job as the pool can call it."""
-    if pool.shares_memory:
+def _task(job: _StoreJob, executor: Executor) -> Callable[[int], tuple[int, float]]:
+    """Return a job as the executor can call it."""
+    if isinstance(executor, ThreadPoolExecutor):
         job.prepare()
         return job
     try:

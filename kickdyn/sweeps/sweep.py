@@ -248,7 +248,7 @@ def _pool(threads: int | None, workers: int | None = None) -> Iterator[tuple[Exe
 
 def _task(job: _StoreJob, executor: Executor) -> Callable[[int], tuple[int, float]]:
     """Return a job as the executor can call it."""
-    if isinstance(executor, ThreadPoolExecutor):
+    if type(executor) is ThreadPoolExecutor:  # which shares our memory
         job.prepare()
         return job
     try:

@@ -42,10 +42,12 @@ class UrdfError(FaultyFile):
 
 
 class SceneError(FaultyFile):
-    """A scene file that is refused; each of its faults has a line of its own."""
+    """A scene file that is refused; of several faults, each has a line of its own."""
 
     def __str__(self) -> str:
-        """Return the file's name and a line per fault."""
+        """Return the file's name and its fault in one line, or a line per fault."""
+        if len(self.faults) == 1:
+            return f"{self.source}: {self.faults[0]}"
         return "\n".join([f"{self.source}:", *self.faults])
 
 

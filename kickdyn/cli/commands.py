@@ -22,7 +22,10 @@ COMMANDS = {
     "simulate": "Simulate a scene file to a tolerance.",
     "view": "Show a scene file as a 3-D page or a picture.",
 }
-"""Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`."""
+"""Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`.
+
+Tests require an example and the option `--json` in its help, and its row in `docs/commands.md`.
+"""
 
 
 class _FileOrName(click.types.StringParamType):

@@ -43,13 +43,14 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
               show_default=True,
-              help="The leg: one of ours, a URDF file, or the leg of a robot of kickdyn[robots] on "
+              help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
               "its fixed base (g1, talos, ...).")  # fmt: skip
 @click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
               "robot, its right foot]")  # fmt: skip
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
-              "Default of ours: a kick's range of hip, knee and ankle, each 5 deg.")  # fmt: skip
+              "Default of human and testbed: a range of hip, knee and ankle, "
+              "in steps of 5 deg.")  # fmt: skip
 @click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "

@@ -76,6 +76,7 @@ def fly(
         longest = validation.number("max_step", max_step, above=0, unit="s")
     drop, wall = float(drops(state.position, ball, ground)), wall_of(plane, ball, state)
     limits = _Limits(drop, wall, time_limit, longest)
+    # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
     again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
                     max_step=max_step)  # fmt: skip
     flown = partial(Flight, ball, air, ground, plane, tol, again)

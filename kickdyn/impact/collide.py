@@ -119,14 +119,6 @@ class Collision(ReprMixin):
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
         return (partial(self._again, tol=self.tol), ())
 
-    def __copy__(self) -> Collision:
-        """Return itself, because it does not change."""
-        return self
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Collision:
-        """Return itself."""
-        return self
-
     @cached_property
     def error(self) -> float:
         """Estimate of the impulse's error [N s]: twice what a 100 times tighter run changes.
@@ -254,7 +246,7 @@ def _hertz_contact(
 def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
     """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
     expected, start = motion.expected, motion.start()
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(start, mass)
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(mass)
     with np.errstate(over="ignore", invalid="ignore"):  # reported below
         solution = integrate_until(
             motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0

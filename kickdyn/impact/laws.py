@@ -1,7 +1,7 @@
 """The registry of impact laws: each maps a contact problem to the impulse on the ball.
 
 A new law is a module like `newton_law.py` with one function, a member of `ImpactLaw` and a line in
-`LAWS`.
+`LAWS`. `pinocchio_engine.py` and `unilateral.py` must refuse it where it does not apply.
 """
 
 from __future__ import annotations

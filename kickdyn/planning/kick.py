@@ -237,7 +237,7 @@ def plan_kick(
     else:
         cost = scatter_cost(target, launch, air, uncertainty)
         solution = _solve_scatter(program, cost)
-    static_share, phases = solution.share, None
+    static_share, phases = solution.share, None  # the share without regard to a swing
     if swing:
         from kickdyn.planning.swing_kick import solve_with_swing
 
@@ -254,7 +254,7 @@ def plan_kick(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=cost(solution.posture, solution.v),
+        value=abs(cost(solution.posture, solution.v)),
         share=solution.share,
         impact_target=target,
         impact=impact,

@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -26,7 +28,6 @@ from kickdyn.planning.launch_solver import (
     LaunchFamily,
     LaunchSolution,
     distinct,
-    farthest_launch,
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
@@ -147,7 +148,7 @@ class Launch(ReprMixin):
         problem = _shooting_problem(self.goal, self.ball, self.air, self.spin)
         direct = _solutions_from_vacuum(problem, self.goal)
         family = LaunchFamily(problem, self.goal, *self.limits)
-        found = _all_solutions(family, direct, family.curves(direct))
+        found = family.solutions(direct, family.curves(direct))
         apart = [
             one
             for one in found
@@ -219,22 +220,21 @@ def plan_launch(
     family = LaunchFamily(problem, goal, limit, most_spin)
 
     direct = _solutions_from_vacuum(problem, goal)
-    solutions = [one for one in direct if one.is_within(limit, most_spin)]
+    solutions = [one for one in direct if family.is_inside(one)]
     clear = [one for one in solutions if one.is_above_ground(goal)]
     if arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
     curves = family.curves(direct)
-    solutions = _all_solutions(family, direct, curves)
+    solutions = family.solutions(direct, curves)
     clear = [one for one in solutions if one.is_above_ground(goal)]
     if clear:
         return _launch(family, goal, None, clear[0 if arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
         return _nearest_curve(family, direct)
-    parts = family.within_limits(curves)
-    if not parts:
+    if not any(family.is_inside(member) for curve in curves for member in curve):
         return _farthest(family)
-    return _nearest(family, parts, buried=bool(solutions))
+    return _nearest(family, curves, buried=bool(solutions))
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) -> ShootingProblem:
@@ -253,19 +253,10 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
     for time in goal.nominal_times():
         start = np.array([*nominal_velocity(goal.target, time), time, *spin])
         one = solve_launch(problem, goal, start)
-        if one.converged and one.trajectory is not None:
+        if one is not None:
             falls = one.trajectory.state(one.time)[1][2] <= 1e-9 * one.speed
             found += [one] if goal.apex is None or falls else []
     return distinct(found, problem)
-
-
-def _all_solutions(
-    family: LaunchFamily, direct: list[LaunchSolution], curves: list[list[LaunchSolution]]
-) -> list[LaunchSolution]:
-    """Return the solutions within the limits by time of flight: those known, and on the curves."""
-    found = [*direct, *family.solutions(curves)]
-    inside = [one for one in found if one.is_within(family.speed_limit, family.spin_limit)]
-    return distinct(inside, family.problem)
 
 
 def _launch(
@@ -289,11 +280,35 @@ def _launch(
 
 
 def _farthest(family: LaunchFamily) -> Launch:
-    """Return the launch at the speed limit that comes farthest towards the target."""
-    reached, velocity = farthest_launch(family.problem, family.goal.target, family.speed_limit)
-    unknowns = np.array([*velocity, reached.time])
-    solution = LaunchSolution(unknowns, np.zeros(4), True, velocity[None], None)
-    return _launch(family, reached, LaunchLimit.SPEED, solution)
+    """Return the launch at the speed limit that comes farthest on the line to the target."""
+    goal, speed = family.goal, family.speed_limit
+    slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
+    most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
+
+    def crossing(angle: float) -> LaunchSolution | None:
+        """Return the launch at an angle, to where it comes down to the line; None without such."""
+        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
+        flown = family.problem.shoot(velocity, most)
+        time = flown and flown.when(
+            lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
+        )
+        if flown is None or time is None:
+            return None
+        return LaunchSolution(np.array([*velocity, time]), np.zeros(4), velocity[None], flown)
+
+    def shortness(angle: float) -> float:
+        """Return how far short of the target the launch at an angle comes [m]."""
+        found = crossing(angle)
+        there = found.trajectory.state(found.time)[0] if found else np.zeros(3)
+        return float(goal.ahead @ (goal.target - there))
+
+    bounds = math.atan(slope) + 1e-3, math.pi / 2 - 1e-3
+    best = minimize_scalar(shortness, bounds=bounds, method="bounded", options={"xatol": 1e-5})
+    found = crossing(float(best.x))
+    if found is None:
+        raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
+    reached = Goal(found.trajectory.state(found.time)[0], time=found.time)
+    return _launch(family, reached, LaunchLimit.SPEED, found)
 
 
 def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:
@@ -326,16 +341,16 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
     )
 
 
-def _nearest(family: LaunchFamily, parts: list[list[LaunchSolution]], *, buried: bool) -> Launch:
+def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried: bool) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
     `buried` says that solutions exist and the ground is in the way of all.
     """
     goal = family.goal
-    members = [member for part in parts for member in part]
+    members = [member for curve in curves for member in curve if family.is_inside(member)]
     best = min(members, key=lambda member: abs(member.condition(goal)[0]))
     if buried or not best.is_above_ground(goal):
-        buried, clear = True, family.above_ground(parts)
+        buried, clear = True, family.above_ground(curves)
         if not clear:
             raise OutOfReach(
                 f"{goal} is out of reach: the ground is in the way of every launch",

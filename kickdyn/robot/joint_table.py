@@ -1,4 +1,4 @@
-"""Joints by name: their ranges and units, and the configuration that their values make."""
+"""Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     envelope = Envelope(instant.ball_after, scene.environment, launch_error)
     verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
     contact = _ComputedContact(instant, 0.0, envelope.evaluations)
-    if scene.contact_time is not None and verdicts[0].modelled:
+    if scene.contact_time is not None and verdicts[0].modelled:  # the first effect: compliance
         speed = float(instant.ball_after.speed)
         contact = _collide_to(scene, speed, CONTACT_SHARE * tolerance)
         evaluations = envelope.evaluations + contact.evaluations
@@ -78,6 +78,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         contact = contact._replace(evaluations=evaluations + envelope.evaluations)
     launch = contact.impact.ball_after
     reduced = without_neglected(scene, verdicts, launch)
+    # the envelope has integrated the whole scene in four steps, which need not be repeated
     four_steps = envelope.end if reduced is scene else None
     end = approximate_end(launch, reduced.environment, FLIGHT_SHARE * tolerance, four_steps)
     return _result(scene, tolerance, contact, end, verdicts, lambda: contact.error + end.error())

@@ -35,7 +35,11 @@ VARIABLES = {
     "restitution_residual": ("1", "relative error of Newton's restitution"),
     "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),
 }
-"""Name of every float64 variable of a dataset, with its unit and meaning."""
+"""Name of every float64 variable of a dataset, with its unit and meaning.
+
+A new one comes last. `variables_of` computes it for one posture, and `_fill` in `kernels.py` for
+large grids, by its number here; a row that is not filled there stays nan.
+"""
 
 STATUS_ATTRIBUTES: dict[str, Any] = {
     "long_name": "whether the leg can kick so",

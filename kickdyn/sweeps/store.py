@@ -158,7 +158,9 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
 def check_netcdf_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends in `.nc`."""
     if Path(path).suffix != ".nc":
-        raise InvalidInput(f"{path} has no known ending: datasets are written as .nc (netCDF 4)")
+        raise InvalidInput(
+            f"{path} has no known ending: a sweep is written as .nc (netCDF 4) or .zarr (a store)"
+        )
 
 
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:

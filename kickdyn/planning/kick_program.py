@@ -116,14 +116,7 @@ def _largest_impulse(impulse: Array, posture: Posture) -> float:
 
 @dataclass(frozen=True, eq=False)
 class KickSolution:
-    """A feasible point of the program.
-
-    Attributes:
-        posture: at the impact.
-        v: joint velocity, shape `(nv,)` [rad/s].
-        share: of the foot velocity that is reached, 1 where the target is met.
-        value: of the cost.
-    """
+    """A feasible point of the program, its cost, and the share of the foot velocity it reaches."""
 
     posture: Posture
     v: Array
@@ -402,11 +395,8 @@ class KickProgram:
 class ProgramPoint:
     """The program's functions at one value of its unknowns, computed when they are needed.
 
-    Args:
-        program: that is solved.
-        x: unknowns: q, v over its scale, and the share; shape `(2n + 1,)`.
-        cost: to be least; None makes the share largest.
-        scale: of the cost.
+    The unknowns are q, v over its scale, and the share: shape `(2n + 1,)`. Without a cost, the
+    share is made largest.
     """
 
     def __init__(self, program: KickProgram, x: Array, cost: Cost | None, scale: float) -> None:

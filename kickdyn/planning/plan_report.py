@@ -161,16 +161,7 @@ def score(plan: KickPlan) -> Score:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with all that was asked about it.
-
-    Args:
-        plan: the kick.
-        swing: to it, if one was planned.
-        wall: that the ball passes, if there is one.
-        goal_mouth: whether there is a goal.
-        uncertainty: of the errors its scatter was made least for, by source.
-        limits: whether the leg's limits matter.
-    """
+    """A planned kick with the swing, the wall, the goal and the errors that were asked about."""
 
     plan: KickPlan
     swing: Swing | None = None

@@ -121,9 +121,7 @@ def _registered(kind: str, name: str) -> CoefficientModel:
 
 def is_known(model: Coefficient) -> bool:
     """Return whether a coefficient is constant or one of the registries."""
-    if isinstance(model, CoefficientModel):
-        return _REGISTERED.get((model.kind, model.name)) is model
-    return isinstance(model, ConstantCoefficient)
+    return is_registered(model) or isinstance(model, ConstantCoefficient)
 
 
 def find_model(

@@ -83,21 +83,11 @@ def fly_until(
     atol: Array,
     longest: float = math.inf,
 ) -> FlightArc:
-    """Integrate until the first of `events`, or to the time limit.
+    """Integrate from a time and states until the first of `events`, or to the time limit [s].
 
-    Args:
-        events: any of them ends the integration.
-        climb: index of the upward speed, whose falling through zero marks a crest; None for no
-            crests.
-        rates: derivative of the states.
-        start: time and states to begin with.
-        time_limit: [s].
-        rtol: relative tolerance.
-        atol: absolute tolerance of each state.
-        longest: limit of a step [s].
-
-    Raises:
-        KickdynError: the integrator gave up.
+    Where the upward speed, the state number `climb`, falls through zero is a crest; None is for no
+    crests. Tolerances are relative and absolute, of each state, and `longest` limits a step [s].
+    Where the integrator gives up, `KickdynError` is raised.
     """
     began, state = start
     rate = np.array(rates(began, state))

@@ -119,14 +119,6 @@ class Collision(ReprMixin):
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
         return (partial(self._again, tol=self.tol), ())
 
-    def __copy__(self) -> Collision:
-        """Return itself, because it does not change."""
-        return self
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Collision:
-        """Return itself."""
-        return self
-
     @cached_property
     def error(self) -> float:
         """Estimate of the impulse's error [N s]: twice what a 100 times tighter run changes.

@@ -27,14 +27,9 @@ def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, 
     from rest, then from random impulses. Under strong friction there can be several solutions: the
     first found is returned, thus sticking where everything can stick.
 
-    Args:
-        delassus: G, positive semidefinite, tangential axes first and normal last,
-            shape `(3 k, 3 k)` [1/kg].
-        free: g, velocities without impulses, shape `(3 k,)` [m/s].
-        frictions: mu, shape `(k,)`.
-
-    Returns:
-        p, shape `(3 k,)` [N s], and its `cone_residual`: the best found, be it small or not.
+    G is positive semidefinite, tangential axes first and normal last, `(3 k, 3 k)` [1/kg]; g, the
+    velocities without impulses, is `(3 k,)` [m/s]. Returned are p, `(3 k,)` [N s], and its
+    `cone_residual`: the best found, be it small or not.
     """
     width = np.maximum(frictions, 1.0)
     scale = np.repeat(1.0 / np.sqrt(_mobilities(delassus).max(axis=1)), 3)
@@ -123,12 +118,8 @@ def _starts(cones: Cones) -> Iterator[Array]:
 def newton_iterations(cones: Cones, start: Array, lengths: Array) -> Array:
     """Return the best impulses along a damped Newton iteration from a start, shape `(3 k,)`.
 
-    The equations are those of `cone_residual`. Where G is singular, steps are the shortest.
-
-    Args:
-        cones: the contacts.
-        start: impulses, shape `(3 k,)`.
-        lengths: s and r of each contact, shape `(k, 2)`.
+    The equations are those of `cone_residual`, with s and r of each contact in `lengths`, `(k, 2)`.
+    Where G is singular, steps are the shortest.
     """
     p = best = start
     residual, slope = _equations(cones, p, lengths)

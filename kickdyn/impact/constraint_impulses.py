@@ -54,12 +54,7 @@ def constraint_residuals(projector: ConstraintProjector | None, v: Array) -> tup
 
 
 def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for a leg with supports or loops.
-
-    Args:
-        leg: the leg.
-        what: for the message: what is derived for legs without them.
-    """
+    """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
     if leg.constraints is not None:
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
@@ -82,14 +77,9 @@ def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> 
     """Return how a support moves that the impact takes for fixed.
 
     The impulse alone presses the foot down: an impact is too short for weight. Friction's moment
-    about the normal is not judged.
-
-    Args:
-        support: with friction and sole, or those of the two that are to be judged.
-        impulse: on the robot at the support's frame, shape `(3,)` or `(6,)` [N s, N m s, world
-            axes]; the ground's normal is z.
-        rotation: from the frame's axes to the world's, shape `(3, 3)`.
-        scale: size of the impulse on the ball [N s].
+    about the normal is not judged. The impulse on the robot is at the support's frame, `(3,)` or
+    `(6,)` [N s, N m s, world axes], z the ground's normal; the rotation is from the frame's axes to
+    the world's, and the scale is the size of the impulse on the ball [N s].
     """
     none = ROUNDING * scale
     normal = float(impulse[2])

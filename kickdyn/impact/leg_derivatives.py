@@ -49,19 +49,11 @@ class _Load(NamedTuple):
 def leg_derivatives(
     posture: Posture, v: Array, v_after: Array, impulse: Array, constraint_impulses: Array
 ) -> LegDerivatives:
-    r"""Differentiate the leg's velocities.
+    r"""Differentiate the leg's velocities before and after an impulse p on the ball, `(3,)` [N s].
 
-    From :math:`M(q)\, (v^+ - v) = -J(q)^T p + A(q)^T \lambda`, at a fixed impulse p on the ball.
-
-    Args:
-        posture: of the leg.
-        v: joint velocity before, shape `(nv,)` [rad/s].
-        v_after: and after.
-        impulse: on the ball, shape `(3,)` [N s].
-        constraint_impulses: of supports and loops, as `Impact.constraint_impulses`.
-
-    Raises:
-        InvalidInput: a joint whose axes depend on its own angles (universal, composite, Euler).
+    From :math:`M(q)\, (v^+ - v) = -J(q)^T p + A(q)^T \lambda`, at a fixed p, with the impulses
+    :math:`\lambda` of supports and loops. A joint whose axes depend on its own angles (universal,
+    composite, Euler) raises `InvalidInput`.
     """
     leg, space = posture.leg, posture.leg.workspace
     check_fixed_axes(leg)
@@ -100,12 +92,7 @@ def leg_derivatives(
 
 
 def inertia_derivatives(posture: Posture, jump: Array) -> Array:
-    """Return d(v_after)/d(links' inertias), shape `(nv, 10 * links)`.
-
-    Args:
-        posture: of the leg.
-        jump: v_after - v, shape `(nv,)` [rad/s].
-    """
+    """Return d(v_after)/d(links' inertias), `(nv, 10 * links)`, for a jump of v [rad/s]."""
     space, nv = posture.leg.workspace, posture.leg.nv
     rows = pin.computeJointTorqueRegressor(
         space.model, space.data, posture.q, space.zero_velocity, jump
@@ -144,10 +131,7 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
 
 
 def mass_to_inertia(posture: Posture) -> Array:
-    """Return d(inertias)/d(mass) of each link at fixed centre of mass and radii of gyration.
-
-    Shape `(10 * links, links)`.
-    """
+    """Return d(inertias)/d(mass) of each link at fixed shape, `(10 * links, links)`."""
     inertias = list(posture.leg.workspace.model.inertias)[1:]
     matrix = np.zeros((10 * len(inertias), len(inertias)))
     for i, inertia in enumerate(inertias):

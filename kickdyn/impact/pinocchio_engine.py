@@ -33,7 +33,7 @@ def solve_by_pinocchio(
     """
     posture, before, ball = approach.posture, approach.ball_before, approach.ball
     contact, leg = approach.contact, posture.leg
-    if contact.friction != 0.0 or law is ImpactLaw.PAPER:
+    if contact.friction != 0.0 or law not in (ImpactLaw.NEWTON, ImpactLaw.STRONGE):
         raise InvalidInput(
             f"friction is {contact.friction:g} and law {law.value!r}: engine 'pinocchio' is for "
             "friction 0 and the laws 'newton' and 'stronge', which are one then"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient, is_registered
+from kickdyn.aerodynamics.coefficient_model import is_known
 from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.gravity import GRAVITY
@@ -116,8 +116,7 @@ def _is_left_to_fly(air: Air | None) -> bool:
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
     return any(
-        getattr(model, "refuses", False)
-        or not (model is None or is_registered(model) or isinstance(model, ConstantCoefficient))
+        model is not None and (getattr(model, "refuses", False) or not is_known(model))
         for model in models
     )
 

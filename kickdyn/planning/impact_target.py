@@ -77,22 +77,11 @@ def impact_target_for(
     friction: float,
     offset: Array | None = None,
 ) -> ImpactTarget:
-    r"""Return the impact that gives a ball at rest a velocity and a spin across it.
+    r"""Return the impact that gives a ball at rest a velocity and a spin across it [m/s, rad/s].
 
     The impulse is :math:`p = m v`. The normal is turned from it by the angle :math:`\alpha` about
     the spin, with :math:`\sin\alpha = I \omega / (r p)`, no more than friction allows:
-    :math:`\tan\alpha \le \mu`.
-
-    Args:
-        velocity: of the ball after, shape `(3,)` [m/s, world frame].
-        spin: of the ball after, across the velocity, shape `(3,)` [rad/s, world frame].
-        ball: mass and radius.
-        restitution: of the contact.
-        friction: of the contact.
-        offset: of the contact point, as for `Contact`.
-
-    Raises:
-        InvalidInput: friction is too low for the spin.
+    :math:`\tan\alpha \le \mu`; a spin for which friction is too low raises `InvalidInput`.
     """
     impulse = ball.mass * velocity
     size, turn = math.hypot(*impulse), math.hypot(*spin)

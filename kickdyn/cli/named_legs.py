@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-from kickdyn.core.files import exists
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.kicking_chain import kicking_chain
@@ -31,7 +31,7 @@ def load_leg(name: str, frame: str | None = None) -> Leg:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
     if name in ROBOTS:
         return kicking_chain(Leg.from_robot(name, frame, legs_only=True)).leg
-    if not exists(name) and not Path(name).suffix:
+    if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
         return Leg.from_urdf(name, frame or "toe")

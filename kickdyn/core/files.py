@@ -71,10 +71,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
     The temporary name keeps the suffix, by which many writers choose the format. A file that was
-    there before keeps its permissions.
-
-    Raises:
-        InvalidInput: the file cannot be written.
+    there before keeps its permissions. Raises `InvalidInput` where the file cannot be written.
     """
     check_writable(path)
     file = Path(path).resolve()  # a link stays a link
@@ -114,11 +111,7 @@ def _reason(error: Exception) -> str:
 
 
 def write_json(path: str, document: object) -> None:
-    """Write a document as JSON, completely or not at all; `-` is stdout.
-
-    Raises:
-        ValueError: it contains NaN or inf, which JSON does not have.
-    """
+    """Write a document as JSON, completely or not at all; `-` is stdout, NaN a `ValueError`."""
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     if path == "-":
         sys.stdout.write(text)

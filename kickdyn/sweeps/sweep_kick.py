@@ -65,7 +65,7 @@ class Kick:
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
         validation.check_type(Ball, ball=self.ball)
         self.ball.check_movable("a sweep")
-        validation.check_type(Air, optional=True, air=self.air)
+        validation.check_type(Air, type(None), air=self.air)
         Contact(self.direction, self.restitution, self.friction)
 
     @property

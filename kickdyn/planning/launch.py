@@ -360,21 +360,18 @@ def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried
         best = min(clear, key=lambda member: abs(member.condition(goal)[0]))
     best = family.refine(best)
     error = best.condition(goal)[0]
-    bend = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
     limit, value = LaunchLimit.SPEED, dict[str, Any](time=best.time)
-    if goal.speed is not None:
-        value = {"speed": best.speed}
-        if best.speed < family.speed_limit * (1 - 1e-6):
-            limit = LaunchLimit.LEAST_SPEED
-    elif goal.over is not None:
-        limit, value = bend, {"over": (goal.over[0], goal.over[1] + error)}
-    elif goal.apex is not None:
-        limit = bend
-        if goal.apex + error != 0.0:  # an apex at the start names no one launch
-            value = {"apex": goal.apex + error}
-    reached = Goal(goal.target, **value, beside=goal.beside)
-    limit = LaunchLimit.GROUND if buried else limit
-    return _launch(family, reached, limit, best)
+    if goal.over is not None:
+        value = {"over": (goal.over[0], goal.over[1] + error)}
+    elif goal.apex != -error:  # an apex at the start names no one launch
+        value = {goal.kind: getattr(goal, goal.kind) + error}
+    if buried:
+        limit = LaunchLimit.GROUND
+    elif goal.over is not None or goal.apex is not None:
+        limit = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    elif goal.speed is not None and best.speed < family.speed_limit * (1 - 1e-6):
+        limit = LaunchLimit.LEAST_SPEED
+    return _launch(family, Goal(goal.target, **value, beside=goal.beside), limit, best)
 
 
 def fly_to_target(

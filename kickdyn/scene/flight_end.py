@@ -171,13 +171,11 @@ class EndSlopes(NamedTuple):
         )
 
 
-def end_slopes(
-    launch: BallState, environment: FlightEnvironment, *, confirm: bool = True
-) -> EndSlopes:
+def end_slopes(launch: BallState, environment: FlightEnvironment) -> EndSlopes:
     """Return how the end changes with velocity and spin of the launch, by differences.
 
-    To `confirm` slopes by four large steps a flight, those by eight must agree within a tenth;
-    otherwise the exact integrators are used, with a relative tolerance of 1e-7.
+    Slopes by four and by eight large steps a flight must agree within a tenth; otherwise the exact
+    integrators are used, with a relative tolerance of 1e-7.
     """
     evaluations, last = 0, None
     for steps in (4, 8):
@@ -190,7 +188,7 @@ def end_slopes(
             np.linalg.norm(a - b) <= 0.1 * np.linalg.norm(b)
             for a, b in zip(last, found, strict=True)
         )
-        if agree or not confirm:
+        if agree:
             return EndSlopes(found[0], found[1], evaluations)
         last = found
     find_end = partial(_known_end, environment=environment)

@@ -37,8 +37,8 @@ VARIABLES = {
 }
 """Name of every float64 variable of a dataset, with its unit and meaning.
 
-A new one comes last. `variables_of` computes it for one posture, and `_fill` in `kernels.py` for
-large grids, by its number here; a row that is not filled there stays nan.
+A new one comes last. `variables_of` computes it for one posture, and `fill_variables` in
+`kernels.py` for large grids; a sweep without it there ends in a `KeyError`.
 """
 
 STATUS_ATTRIBUTES: dict[str, Any] = {

@@ -74,10 +74,7 @@ class KernelModel:
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))
         n = model.njoints - 1
-        columns = [
-            np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))[:, model.idx_vs[k]]
-            for k in range(1, n + 1)  # of a single joint it is a vector
-        ]
+        columns = [np.ravel(data.joints[k].S) for k in range(1, n + 1)]
         slides = np.array([False, *(not column[3:].any() for column in columns)])
         if any(column[:3].any() and column[3:].any() for column in columns):
             return None  # helical
@@ -94,13 +91,14 @@ class KernelModel:
         )
         parent = np.array(list(model.parents), dtype=np.int64)
         v = [model.idx_vs[k] for k in range(1, n + 1)]
-        masses = np.array([inertia.mass for inertia in model.inertias])
-        constants[1:, MASS], constants[1:, CARRIED] = masses[1:], _carried(masses, parent)[1:]
+        pin.computeSubtreeMasses(model, data)
+        constants[1:, MASS] = [inertia.mass for inertia in list(model.inertias)[1:]]
+        constants[1:, CARRIED] = list(data.mass)[1:]
         constants[1:, ARMATURE], constants[1:, LIMIT] = model.armature[v], leg.velocity_limit[v]
+        carries = np.isin(np.arange(n + 1), list(model.supports[leg.contact_joint])[1:])
         ball = kick.ball
         return cls(
-            is_planar, contact_axes, parent, slides, _ancestors(parent, leg.contact_joint),
-            constants, leg.contact_joint, lever,
+            is_planar, contact_axes, parent, slides, carries, constants, leg.contact_joint, lever,
             (1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass),
             kick.speed, kick.restitution, kick.friction,
         )  # fmt: skip
@@ -114,22 +112,6 @@ def _contact_axes(normal: Array, across: Array | None) -> Array:
         across -= normal * (across @ normal)
         across /= np.linalg.norm(across)
     return np.column_stack([np.cross(across, normal), across, normal])
-
-
-def _ancestors(parent: NDArray[np.int64], foot: int) -> NDArray[np.bool_]:
-    """Return which joints carry the foot."""
-    carries, k = np.zeros(len(parent), bool), foot
-    while k > 0:
-        carries[k], k = True, int(parent[k])
-    return carries
-
-
-def _carried(masses: Array, parent: NDArray[np.int64]) -> Array:
-    """Return the mass of the bodies that each joint carries, its own included [kg]."""
-    carried = masses.copy()
-    for k in range(len(parent) - 1, 0, -1):
-        carried[parent[k]] += carried[k] if parent[k] else 0.0
-    return carried
 
 
 def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -> Array | None:

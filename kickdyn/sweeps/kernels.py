@@ -35,6 +35,7 @@ from kickdyn.sweeps import (
     speed_use_kernel,
     sweep_kick,
 )
+from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.impact_kernel import (
     D33,
@@ -97,16 +98,35 @@ def fill_variables(
 ) -> NDArray[np.bool_]:
     """Fill in variables and status of a sweep from a kernel's answers, all but the carry.
 
-    `answer` has shape `(ROWS, n)`; `rows` has shape `(13, n)`, in the order of `dataset.VARIABLES`.
+    `answer` has shape `(ROWS, n)`; `rows` has a row for each of `dataset.VARIABLES`.
 
     Returns:
         Which postures are doubtful: the kernel marks them, or an answer is not finite.
     """
-    doubtful = np.empty(len(status), bool)
-    ball = kick.ball
-    scalars = kick.speed, kick.restitution, ball.mass, ball.radius / ball.inertia
-    _compiled_fill()(answer, model.axes, scalars, rows, status, doubtful)
-    return doubtful
+    ball, e = kick.ball, kick.restitution
+    p = np.einsum("ij,jn->in", model.axes, answer[[TANGENT, ACROSS, NORMAL]])
+    size, spin = np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2), ball.radius / ball.inertia
+    nx, _, nz = kick.direction
+    with np.errstate(all="ignore"):  # of doubtful postures
+        found = {
+            "effective_mass": 1.0 / answer[MOBILITY],
+            "impulse": size,
+            "immovable_impulse": (1.0 + e) * kick.speed / answer[MOBILITY],
+            "ball_speed": size / ball.mass,
+            "speed_ratio": size / ball.mass / kick.speed,
+            "launch_angle": np.arctan2(p[2], np.sqrt(p[0] ** 2 + p[1] ** 2)),
+            "back_spin": 0.0 - (p[2] * nx - p[0] * nz) * spin,
+            "worst_joint_impulse": answer[WORST],
+            "energy_lost": answer[LOST],
+            "speed_use": answer[USE],
+            "restitution_residual": answer[RESTITUTION],
+            "momentum_residual": answer[MOMENTUM],
+        }
+    for row, name in zip(rows, VARIABLES, strict=True):
+        if name != "carry":
+            row[:] = found[name]
+    status[:] = answer[USE] > 1.0
+    return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer).all(axis=0))
 
 
 def _motion(values: Array, slide: bool) -> NDArray[np.float64]:
@@ -230,36 +250,3 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
         numba.int64, three, five, numba.boolean, matrix,
     )  # fmt: skip
     return compiled(variant, signature, **OPTIONS)
-
-
-def _fill(found, axes, scalars, rows, status, doubt):  # type: ignore[no-untyped-def]
-    """Fill in variables, status and doubt; scalars are v, e, m_B and r over I."""
-    speed, e, mass, turn = scalars
-    nx, ny, nz = axes[0, 2], axes[1, 2], axes[2, 2]
-    for i in range(found.shape[1]):
-        a, b, c = found[TANGENT, i], found[ACROSS, i], found[NORMAL, i]
-        px = axes[0, 0] * a + axes[0, 1] * b + nx * c
-        py = axes[1, 0] * a + axes[1, 1] * b + ny * c
-        pz = axes[2, 0] * a + axes[2, 1] * b + nz * c
-        size = math.sqrt(px * px + py * py + pz * pz)
-        effective_mass = 1.0 / found[MOBILITY, i]
-        rows[0, i], rows[1, i] = effective_mass, size
-        rows[2, i] = (1.0 + e) * speed * effective_mass
-        rows[3, i], rows[4, i] = size / mass, size / mass / speed
-        rows[5, i] = math.atan2(pz, math.sqrt(px * px + py * py))
-        rows[6, i] = 0.0 - (pz * nx - px * nz) * turn
-        rows[7, i], rows[8, i], rows[9, i] = found[WORST, i], found[LOST, i], found[USE, i]
-        rows[11, i], rows[12, i] = found[RESTITUTION, i], found[MOMENTUM, i]
-        status[i] = 1 if found[USE, i] > 1.0 else 0
-        total = 0.0
-        for k in range(found.shape[0]):
-            total += 0.0 * found[k, i]  # nan if one of them is not finite
-        doubt[i] = found[DOUBT, i] != 0.0 or total != 0.0
-
-
-@cache
-def _compiled_fill() -> Callable[..., None]:
-    """Return `_fill` in machine code."""
-    matrix, four = numba.float64[:, ::1], _tuple(numba.float64, 4)
-    flags, doubts = numba.int8[::1], numba.boolean[::1]
-    return compiled(_fill, numba.void(matrix, matrix, four, matrix, flags, doubts))

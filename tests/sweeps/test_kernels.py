@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.sweeps import kernels
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
@@ -235,3 +236,10 @@ def test_what_is_not_finite_is_doubtful():
     assert values["immovable_impulse"] == pytest.approx(1.5)
     assert values["ball_speed"] == values["speed_ratio"] == pytest.approx(3**0.5 / ball.mass)
     assert values["worst_joint_impulse"] == values["momentum_residual"] == 1.0
+
+
+def test_a_variable_that_the_kernel_does_not_fill_in_ends_the_sweep(monkeypatch):
+    monkeypatch.setattr(kernels, "VARIABLES", {**VARIABLES, "added": ("1", "added later")})
+    answer, rows = np.ones((ROWS, 2)), np.full((len(VARIABLES) + 1, 2), np.nan)
+    with pytest.raises(KeyError, match="added"):
+        fill_variables(answer, KernelModel.of(LEG, Kick()), Kick(), rows, np.zeros(2, np.int8))

@@ -12,7 +12,6 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.robot.leg import Posture
 
 
@@ -45,17 +44,10 @@ class ImpactTarget:
         the normal, Eq. (1), and no sliding just after across it. Without friction the part across
         the normal is free, and 0 here.
         """
-        contact, zero = self.contact, np.zeros(3)
-        problem = ContactProblem(
-            normal=contact.normal,
-            delassus_factor=posture.delassus_factor(),
-            ball=self.ball,
-            centre_velocity=zero,
-            spin=zero,
-            restitution=contact.restitution,
-            friction=contact.friction,
-        )
-        return np.asarray(self.foot_gain @ (problem.delassus() @ self.impulse))
+        impulse, normal, ball = self.impulse, self.contact.normal, self.ball
+        across = impulse - normal * (normal @ impulse)
+        of_ball = impulse / ball.mass + ball.turning * across
+        return np.asarray(self.foot_gain @ (posture.delassus() @ impulse + of_ball))
 
     @cached_property
     def foot_gain(self) -> Array:

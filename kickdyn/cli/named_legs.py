@@ -18,14 +18,10 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 
 
 def load_leg(name: str, frame: str | None = None) -> Leg:
-    """Return a leg by name: a shipped one, the kicking leg of a robot, or a URDF file's.
+    """Return a leg by one of the names `LEGS` (a robot's kicking leg), or that of a URDF file.
 
-    Args:
-        name: one of `LEGS`, or the path of a URDF file.
-        frame: the contact frame; by default a robot's toe, or the frame `toe` of a file.
-
-    Raises:
-        InvalidInput: no such leg, file or frame; `UrdfError` if the file is refused.
+    The contact frame is by default a robot's toe, or the frame `toe` of a file. Raises
+    `InvalidInput`, or `UrdfError` if the file is refused.
     """
     if name in SHIPPED:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")

@@ -26,17 +26,9 @@ def shipped(folder: str) -> Path:
 
 
 def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]) -> str:
-    """Return the text of a regular UTF-8 file of limited size.
+    """Return the text of a regular UTF-8 file of at most `most` bytes, or raise `error`.
 
-    Args:
-        path: the file.
-        source: its name in errors.
-        most: largest size [bytes].
-        error: what is raised.
-
-    Raises:
-        FaultyFile: as `error`: no such file, no regular file, too large, not UTF-8, or not
-            readable.
+    The error calls the file `source`.
     """
     try:
         status = os.stat(path)  # noqa: PTH116 a path of any kind
@@ -79,10 +71,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
     The temporary name keeps the suffix, by which many writers choose the format. A file that was
-    there before keeps its permissions.
-
-    Raises:
-        InvalidInput: the file cannot be written.
+    there before keeps its permissions. Raises `InvalidInput` where the file cannot be written.
     """
     check_writable(path)
     file = Path(path).resolve()  # a link stays a link
@@ -98,11 +87,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None = None) -> None:
-    """Raise `InvalidInput` unless all files can be written and are distinct; None is none.
+    """Raise `InvalidInput` unless all files can be written and are distinct.
 
-    Args:
-        files: to be written.
-        json_file: another; `-` is stdout.
+    None is no file, and a `json_file` of `-` is stdout.
     """
     named = [file for file in (None if json_file == "-" else json_file, *files) if file is not None]
     for file in named:
@@ -124,11 +111,7 @@ def _reason(error: Exception) -> str:
 
 
 def write_json(path: str, document: object) -> None:
-    """Write a document as JSON, completely or not at all; `-` is stdout.
-
-    Raises:
-        ValueError: it contains NaN or inf, which JSON does not have.
-    """
+    """Write a document as JSON, completely or not at all; `-` is stdout, NaN a `ValueError`."""
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     if path == "-":
         sys.stdout.write(text)

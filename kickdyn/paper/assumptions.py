@@ -57,9 +57,7 @@ def direction(elevation_deg: float, left_deg: float = 0.0) -> Array:
 def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
     """Return the launch of a ball at rest by Eqs. (18)-(21) and whether the contact sticks.
 
-    Args:
-        force: F, before its part across the normal is limited, shape `(3,)` [N s].
-        normal: unit vector from foot to ball, shape `(3,)`.
+    The force F is that before its part across the normal is limited, shape `(3,)` [N s].
     """
     impulse, tangential, sticking = limit_friction(force, normal, FRICTION)
     spin = -BALL.radius / BALL.inertia * np.cross(normal, tangential)

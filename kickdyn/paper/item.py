@@ -111,10 +111,6 @@ def judged(item: Item, others: Sequence[Item]) -> Item:
 
     A note then has both numbers: the other one is the farthest away, of those with another verdict
     if there are any.
-
-    Args:
-        item: with the default coefficients.
-        others: the same item with other coefficients.
     """
 
     def distance(other: Item) -> float:

@@ -61,9 +61,6 @@ def chosen(only: str | None) -> Sequence[Section]:
     """Return the sections that match a name such as `table 2`; all where it is None.
 
     `fig 10` and `figure 11` mean `Fig. 10/11`, `fig 7` means `Table 2`, which draws it.
-
-    Raises:
-        InvalidInput: none matches.
     """
     if only is None:
         return SECTIONS

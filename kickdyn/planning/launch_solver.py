@@ -151,8 +151,6 @@ def step_in_root(velocity: Array, step: Array) -> Array:
     of 50 m in 2 s takes 3 steps in place of 4. Shapes are `(n,)`.
     """
     speed = float(np.linalg.norm(velocity))
-    if speed == 0.0:
-        return np.asarray(velocity + step)
     direction = velocity / speed
     root = velocity + step - 0.5 * direction * (direction @ step)  # times sqrt(speed)
     return np.asarray(root * float(np.linalg.norm(root)) / speed)

@@ -175,7 +175,8 @@ class PlanReport:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
         found = [verdict(self.plan)]
         if self.uncertainty is not None:
-            found.append(_describe_scatter(self._scatter(self.uncertainty)))
+            landing = scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
+            found.append(_describe_scatter(landing))
         if self.wall is not None:
             found.append(self.wall.describe_passage(self.plan))
         if self.goal_mouth:
@@ -252,7 +253,7 @@ class PlanReport:
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
         if self.uncertainty is not None:
-            found = self._scatter(self.uncertainty)
+            found = scatter(impact, launch.air, **self.uncertainty)
             report["scatter"] = {
                 **_attributes(found, "mean covariance radius"),
                 "by_source": {name: part.tolist() for name, part in found.by_source.items()},
@@ -260,10 +261,6 @@ class PlanReport:
         if self.swing is not None:
             report["swing"] = _swing_json(self.swing)
         return report
-
-    def _scatter(self, uncertainty: Mapping[str, float]) -> Scatter:
-        """Return the scatter of the landing."""
-        return scatter(self.plan.impact, self.plan.launch.air, **uncertainty)
 
 
 def verdict(plan: KickPlan) -> str:

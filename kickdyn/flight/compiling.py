@@ -62,8 +62,7 @@ WRAPPED = (CoefficientModel, ConstantCoefficient)
 def compiled_rates(ball: Ball, air: Air) -> Any:
     """Return the rates of many flights side by side, `side_by_side`, as machine code.
 
-    Raises:
-        InvalidInput: wind or a coefficient is something that numba cannot compile.
+    A wind or a coefficient that numba cannot compile raises `InvalidInput`.
     """
     whole, straight, bound = copy.copy(air), copy.copy(air), 0.0
     for name in ("drag", "lift", "torque"):

@@ -115,10 +115,8 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
     """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
 
-    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame].
-
-    Raises:
-        InvalidInput: a ball starts inside the ground.
+    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
+    inside the ground raises `InvalidInput`.
     """
     if ground is None:
         return np.zeros(position.shape[:-1])

@@ -8,7 +8,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraints import ConstraintProjector, Support
+from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
 
 ROUNDING = 1e-12
@@ -32,45 +32,12 @@ class Footing(StrEnum):
     TILTED = "tilted"
 
 
-def named_impulses(
-    projector: ConstraintProjector | None, impulses: Array
-) -> tuple[dict[str, Array], dict[tuple[str, str], Array]]:
-    """Return the stacked impulses by support and by loop."""
-    if projector is None:
-        return {}, {}
-    supports, loops = projector.constraints.supports, projector.constraints.loops
-    parts = [impulses[block.rows] for block in projector.blocks]
-    by_support = zip((support.frame for support in supports), parts, strict=False)
-    return dict(by_support), dict(zip(loops, parts[len(supports) :], strict=True))
-
-
-def constraint_residuals(projector: ConstraintProjector | None, v: Array) -> tuple[float, float]:
-    """Return the largest velocity of a support [m/s, rad/s] and of a loop [m/s]."""
-    if projector is None:
-        return 0.0, 0.0
-    speeds = np.abs(projector.rows @ v)
-    split = sum(support.size for support in projector.constraints.supports)
-    return float(speeds[:split].max(initial=0.0)), float(speeds[split:].max(initial=0.0))
-
-
 def check_unconstrained(leg: Leg, what: str) -> None:
     """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
     if leg.constraints is not None:
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
         )
-
-
-def footings(
-    projector: ConstraintProjector | None, impulses: Array, scale: float
-) -> dict[str, Footing]:
-    """Return `footing` of every support by name, from the stacked constraint impulses."""
-    if projector is None:
-        return {}
-    return {
-        support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, scale)
-        for support, block in zip(projector.constraints.supports, projector.blocks, strict=False)
-    }
 
 
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:

@@ -45,9 +45,8 @@ LAWS: dict[ImpactLaw, Callable[[ContactProblem], Solution]] = {
 def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
     """Return the solution of a contact problem by an impact law.
 
-    Raises:
-        InvalidInput: neither the leg nor the ball, an obstacle, can move along the normal.
-        KickdynError: the law finds none, as for a leg and a ball whose masses are too unlike.
+    Where neither the leg nor the ball can move along the normal, `InvalidInput` is raised; where
+    the law finds none, as for masses that are too unlike, `KickdynError`.
     """
     if problem.ball.mass == math.inf:
         row = problem.normal @ problem.delassus_factor

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_response import joint_wrench
+from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.robot.constraints import INDEPENDENT
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import listed
@@ -62,12 +62,8 @@ def leg_derivatives(
     foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
     loads = [foot, *(load for _, load in _constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
-    space.external_wrenches.fill(0.0)
-    for load in loads:
-        space.external_wrenches[load.joint] += joint_wrench(
-            load.rotation.T, load.lever, load.wrench
-        )
     jump = v_after - v
+    joint_impulses(posture, jump, -impulse, constraint_impulses)  # sets the external wrenches
     by_q = pin.computeRNEADerivatives(model, data, posture.q, zero, jump, space.external)[0]
     unbalanced = np.array(by_q).reshape(nv, nv)
     for load, jacobian in zip(loads, jacobians, strict=True):

@@ -15,7 +15,7 @@ from kickdyn.paper.assumptions import (
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    launch_from_contact,
+    launch_from_force,
     show_warnings,
     warnings_of,
 )
@@ -38,7 +38,7 @@ def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
     paths = {}
     for name, side in CONTACTS.items():
         normal = direction(ATTACK_DEG + OFFSET_DEG, side * OFFSET_DEG)
-        launch, _ = launch_from_contact(SPEED, attack, normal)
+        launch, _ = launch_from_force(BALL.mass * SPEED * attack, normal)
         paths[name] = fly(launch, BALL, choice.air())
     return paths
 

@@ -116,14 +116,7 @@ def _largest_impulse(impulse: Array, posture: Posture) -> float:
 
 @dataclass(frozen=True, eq=False)
 class KickSolution:
-    """A feasible point of the program.
-
-    Attributes:
-        posture: at the impact.
-        v: joint velocity, shape `(nv,)` [rad/s].
-        share: of the foot velocity that is reached, 1 where the target is met.
-        value: of the cost.
-    """
+    """A feasible point of the program, its cost, and the share of the foot velocity it reaches."""
 
     posture: Posture
     v: Array
@@ -132,19 +125,13 @@ class KickSolution:
 
 
 class KickProgram:
-    """The nonlinear program for a leg and an impact target.
+    """The nonlinear program for a leg on a fixed base and an impact target.
 
-    Args:
-        leg: on a fixed base, each joint that moves the foot of one degree of freedom.
-        target: of the impact.
-        ball_position: height of the ball's centre, or its position, shape `(3,)` [m, world frame];
-            None leaves it free.
-        limits: whether limits of speed and torque hold.
-        turn: whether a leg whose foot moves in a plane may be turned towards the launch.
+    The ball has a height of its centre, or a position, shape `(3,)` [m, world frame], or is free.
+    A leg whose foot moves in a plane may `turn` towards the launch.
 
     Attributes:
         leg: turned by `heading` [rad] to the left about the vertical.
-        heading: 0 but for a leg whose foot moves in a plane.
         directions: in which its foot can move at all, orthonormal rows.
         position_rows: directions in which the ball's position is given, as rows.
         contact_normal_cone: of the leg; no rows where that is unknown or the contact is elsewhere
@@ -212,13 +199,12 @@ class KickProgram:
         zero = np.zeros(self.leg.nv)
         return np.asarray(pin.rnea(self._model, self._data, q, v, zero)[self.vs])
 
-    def torque_slopes(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return derivatives of that torque by q and v, each of shape `(n, n)`, and the torque."""
+    def torque_slopes(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return derivatives of that torque by q and v, each of shape `(n, n)`."""
         zero, both = np.zeros(self.leg.nv), np.ix_(self.vs, self.vs)
         by_q, by_v, _ = pin.computeRNEADerivatives(self._model, self._data, q, v, zero)
         shape = (self.leg.nv, self.leg.nv)
-        torque = np.array(self._data.tau[self.vs])
-        return np.reshape(by_q, shape)[both], np.reshape(by_v, shape)[both], torque
+        return np.reshape(by_q, shape)[both], np.reshape(by_v, shape)[both]
 
     def ball_centre_at(self, posture: Posture) -> Array:
         """Return the centre of a ball that the foot touches, shape `(3,)` [m, world frame]."""
@@ -402,11 +388,8 @@ class KickProgram:
 class ProgramPoint:
     """The program's functions at one value of its unknowns, computed when they are needed.
 
-    Args:
-        program: that is solved.
-        x: unknowns: q, v over its scale, and the share; shape `(2n + 1,)`.
-        cost: to be least; None makes the share largest.
-        scale: of the cost.
+    The unknowns are q, v over its scale, and the share: shape `(2n + 1,)`. Without a cost, the
+    share is made largest.
     """
 
     def __init__(self, program: KickProgram, x: Array, cost: Cost | None, scale: float) -> None:
@@ -453,8 +436,8 @@ class ProgramPoint:
         for row in program.position_rows @ jacobian[:, program.vs] / target.ball.radius:
             rows.append(np.append(row, np.zeros(n + 1)))
         if program.limits:
-            by_q, by_v, torque = program.torque_slopes(posture.q, v)
-            use = (torque / program.torque_limit**2)[:, None]
+            by_q, by_v = program.torque_slopes(posture.q, v)
+            use = (program.torque(posture.q, v) / program.torque_limit**2)[:, None]
             rows += list(np.hstack([-2 * use * by_q, -2 * use * by_v * scale, np.zeros((n, 1))]))
         for row in program.contact_normal_cone:
             turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)

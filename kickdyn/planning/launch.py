@@ -31,7 +31,7 @@ from kickdyn.planning.launch_solver import (
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.shooting import ShootingProblem
+from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
@@ -285,30 +285,30 @@ def _farthest(family: LaunchFamily) -> Launch:
     slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
     most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
 
-    def crossing(angle: float) -> LaunchSolution | None:
-        """Return the launch at an angle, to where it comes down to the line; None without such."""
+    def flight(angle: float) -> Trajectory | None:
+        """Return the flight at an angle to where it comes down to the line; None without such."""
         velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
         flown = family.problem.shoot(velocity, most)
         time = flown and flown.when(
             lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
         )
-        if flown is None or time is None:
-            return None
-        return LaunchSolution(np.array([*velocity, time]), np.zeros(4), velocity[None], flown)
+        return flown._replace(time=time) if flown and time else None
 
-    def shortness(angle: float) -> float:
-        """Return how far short of the target the launch at an angle comes [m]."""
-        found = crossing(angle)
-        there = found.trajectory.state(found.time)[0] if found else np.zeros(3)
-        return float(goal.ahead @ (goal.target - there))
-
-    bounds = math.atan(slope) + 1e-3, math.pi / 2 - 1e-3
-    best = minimize_scalar(shortness, bounds=bounds, method="bounded", options={"xatol": 1e-5})
-    found = crossing(float(best.x))
+    best = minimize_scalar(
+        lambda angle: (
+            -float(goal.ahead @ end.state(end.time)[0]) if (end := flight(angle)) else 0.0
+        ),
+        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
+        method="bounded",
+        options={"xatol": 1e-5},
+    )
+    found = flight(float(best.x))
     if found is None:
         raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
-    reached = Goal(found.trajectory.state(found.time)[0], time=found.time)
-    return _launch(family, reached, LaunchLimit.SPEED, found)
+    unknowns = np.array([*found.state(0.0)[1], found.time])
+    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
+    reached = Goal(found.state(found.time)[0], time=found.time)
+    return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
 def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:
@@ -360,21 +360,18 @@ def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried
         best = min(clear, key=lambda member: abs(member.condition(goal)[0]))
     best = family.refine(best)
     error = best.condition(goal)[0]
-    bend = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
     limit, value = LaunchLimit.SPEED, dict[str, Any](time=best.time)
-    if goal.speed is not None:
-        value = {"speed": best.speed}
-        if best.speed < family.speed_limit * (1 - 1e-6):
-            limit = LaunchLimit.LEAST_SPEED
-    elif goal.over is not None:
-        limit, value = bend, {"over": (goal.over[0], goal.over[1] + error)}
-    elif goal.apex is not None:
-        limit = bend
-        if goal.apex + error != 0.0:  # an apex at the start names no one launch
-            value = {"apex": goal.apex + error}
-    reached = Goal(goal.target, **value, beside=goal.beside)
-    limit = LaunchLimit.GROUND if buried else limit
-    return _launch(family, reached, limit, best)
+    if goal.over is not None:
+        value = {"over": (goal.over[0], goal.over[1] + error)}
+    elif goal.apex != -error:  # an apex at the start names no one launch
+        value = {goal.kind: getattr(goal, goal.kind) + error}
+    if buried:
+        limit = LaunchLimit.GROUND
+    elif goal.over is not None or goal.apex is not None:
+        limit = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    elif goal.speed is not None and best.speed < family.speed_limit * (1 - 1e-6):
+        limit = LaunchLimit.LEAST_SPEED
+    return _launch(family, Goal(goal.target, **value, beside=goal.beside), limit, best)
 
 
 def fly_to_target(

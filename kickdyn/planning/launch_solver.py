@@ -110,14 +110,7 @@ def solve_launch(
     The unknowns are launch velocity :math:`v`, time :math:`t` and, for `beside`, the spin's size
     :math:`s`. They solve :math:`x(t; v, s) = x_{target}` together with a condition. Each step
     integrates one flight with its derivatives, and is halved while it does not reduce the errors.
-
-    Args:
-        problem: ball, air and spin.
-        goal: to be reached.
-        start: first guess of the unknowns, see `LaunchSolution`.
-        condition: beside the target, without a unit; the goal's when not named.
-        accuracy: largest relative error.
-        steps: of Newton's method, at most.
+    Without a `condition`, it is the goal's; `accuracy` is the largest relative error.
     """
     length = float(np.linalg.norm(goal.target))
     last = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
@@ -158,8 +151,6 @@ def step_in_root(velocity: Array, step: Array) -> Array:
     of 50 m in 2 s takes 3 steps in place of 4. Shapes are `(n,)`.
     """
     speed = float(np.linalg.norm(velocity))
-    if speed == 0.0:
-        return np.asarray(velocity + step)
     direction = velocity / speed
     root = velocity + step - 0.5 * direction * (direction @ step)  # times sqrt(speed)
     return np.asarray(root * float(np.linalg.norm(root)) / speed)
@@ -224,7 +215,7 @@ def _residual(
 
 
 class LaunchFamily:
-    r"""The launches to a goal's target, and `beside`, within limits of speed and spin.
+    r"""The launches to a goal's target, and `beside`, within limits of speed and spin [m/s, rad/s].
 
     They are curves in the space of the unknowns :math:`y`. A walk along one of them steps in the
     direction :math:`\tau` of its tangent, and Newton's method returns to it across that direction,
@@ -232,12 +223,6 @@ class LaunchFamily:
     may turn back in time, speed or spin. Walks start from the launches that Newton's method finds
     from a few answers of the vacuum, the time of flight being free: a curve to which none of these
     leads is not found.
-
-    Args:
-        problem: ball, air and spin.
-        goal: every member meets its target and `beside`.
-        speed_limit: of the launch [m/s].
-        spin_limit: of the spin that `beside` seeks [rad/s].
     """
 
     def __init__(

@@ -54,14 +54,9 @@ class Trajectory(NamedTuple):
         return float(self.state(self._extreme(-1.0))[0][2])
 
     def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
-        """Return the position along a direction at a distance ahead, and its derivatives.
+        """Return the position along a unit vector at a distance ahead [m], and its derivatives.
 
         Both are nan where the flight does not come so far.
-
-        Args:
-            ahead: horizontal unit vector, shape `(3,)`.
-            distance: ahead [m].
-            along: unit vector, shape `(3,)`.
         """
         when = self.when(lambda at: float(ahead @ self.state(at)[0]) - distance, 0.0, self.time)
         if when is None:
@@ -86,14 +81,10 @@ class Trajectory(NamedTuple):
 
 
 class ShootingProblem:
-    """A ball in the air, to be shot.
+    """A ball in the air, or in the vacuum, to be shot.
 
-    Args:
-        ball: mass and radius.
-        air: None is the vacuum.
-        spin: of the launch, shape `(3,)` [rad/s]; or its axis, where its size is sought.
-        seeks_spin: whether the size of the spin is one of the unknowns.
-        tol: of the integration, relative to the flight's length and speed.
+    With `seeks_spin`, the size of the spin is an unknown and `spin` its axis. The tolerance is
+    relative to the flight's length and speed.
     """
 
     def __init__(

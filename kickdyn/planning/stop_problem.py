@@ -23,7 +23,7 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.casadi_chain import torque_function
-from kickdyn.planning.swing_phase import LONGEST, SwingPhase, make_phase
+from kickdyn.planning.swing_phase import SwingPhase, make_phase
 from kickdyn.robot.kicking_chain import KickingChain
 
 UNIT = 0.1
@@ -191,10 +191,9 @@ class StopEquations:
         speeds = np.full((count, n), 1.0 - MARGIN)
         speeds[-1] = 0.0
         free = np.full(count * n, np.inf)
+        shortest = 1e-3  # duration [s]
         return (
-            np.concatenate(
-                [low.ravel(), -speeds.ravel(), -free, [1e-3]]
-            ),  # the shortest duration [s]
+            np.concatenate([low.ravel(), -speeds.ravel(), -free, [shortest]]),
             np.concatenate([high.ravel(), speeds.ravel(), free, [longest]]),
         )
 
@@ -246,31 +245,14 @@ class StopSolver:
             OPTIONS,
         )
 
-    def find_both(
-        self,
-        q: Array,
-        before: Array,
-        after: Array,
-        rests: tuple[Array | None, Array | None] = (None, None),
-        longest: float = LONGEST,
-    ) -> tuple[tuple[SwingPhase, SwingPhase], float, str]:
-        """Return backswing and follow-through of the largest share of a kick that has both.
+    def find_both(self, back: Stop, on: Stop) -> tuple[tuple[SwingPhase, SwingPhase], float, str]:
+        """Return backswing and follow-through, from the largest share of the velocity for both.
 
-        Args:
-            q: posture at the impact, shape `(n,)` [rad].
-            before: velocity just before it, shape `(n,)` [rad/s].
-            after: likewise just after it.
-            rests: postures at rest before and after; None leaves them free.
-            longest: duration of either phase [s].
-
-        Returns:
-            The phases, the share, and the limit that leaves no more, in a line; none if it is 1.
+        The limit that leaves no more comes with them, in a line; it is empty where the share is 1.
 
         Raises:
             InvalidInput: the solver finds none.
         """
-        back = Stop(-1, q, -before, rests[0], longest)
-        on = Stop(1, q, after, rests[1], longest)
         found, share, limit = dict[int, StopSolution](), 1.0, ""
         for stop in (back, on, back):
             if stop.sign in found and found[stop.sign].share == share:

@@ -170,7 +170,7 @@ def plan_swing(
     """
     check_unconstrained(leg, "swings are planned")
     check_solver()
-    from kickdyn.planning.stop_problem import StopSolver, SwingObjective
+    from kickdyn.planning.stop_problem import Stop, StopSolver, SwingObjective
 
     objective = validation.choice("objective", objective, SwingObjective)
     longest = validation.number("longest", longest, at_least=0.01, at_most=60, unit="s")
@@ -183,8 +183,9 @@ def plan_swing(
         _check_stoppable(chain, leg, name, q, v)
     known = _known_phases(chain, plan, longest) if start is None and end is None else None
     try:
-        solver = StopSolver(chain, nodes, objective)
-        phases, share, limit = solver.find_both(q, before, after, rests, longest)
+        phases, share, limit = StopSolver(chain, nodes, objective).find_both(
+            Stop(-1, q, -before, rests[0], longest), Stop(1, q, after, rests[1], longest)
+        )
     except InvalidInput:
         if known is None:
             raise

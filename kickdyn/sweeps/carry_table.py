@@ -76,8 +76,7 @@ class CarryTable:
     def __call__(self, normal: Array, tangent: Array, carry: Array) -> NDArray[np.bool_]:
         """Fill in the carries [m] of impulses along normal and tangent [N s], shapes `(n,)`.
 
-        Returns:
-            Which balls must be flown instead, shape `(n,)`.
+        Return which balls must be flown instead.
         """
         to_fly = np.empty(len(normal), bool)
         largest, slope = self._largest_impulse, self._largest_slope

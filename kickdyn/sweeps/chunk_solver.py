@@ -74,14 +74,10 @@ class ChunkSolver:
             self._table = CarryTable(self._model, self.carry_tolerance)
 
     def __call__(self, first: int, count: int) -> tuple[Array, NDArray[np.int8]]:
-        """Compute `count` postures from number `first` on.
+        """Return variables and status flags of `count` postures from number `first` on.
 
-        Returns:
-            Variables in the order of `VARIABLES`, shape `(len(VARIABLES), count)`, and status
-            flags, shape `(count,)`.
-
-        Raises:
-            KickdynError: the kernel and `kick_from` disagree.
+        The variables are in the order of `VARIABLES`, shape `(len(VARIABLES), count)`. Raises
+        `KickdynError` where the kernel and `kick_from` disagree.
         """
         rows = np.full((len(VARIABLES), count), np.nan)
         status = np.zeros(count, np.int8)

@@ -39,11 +39,7 @@ class Grid:
 
     @classmethod
     def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> Grid:
-        """Return the grid over joints of a leg.
-
-        Args:
-            leg: the leg.
-            postures: joint name to a value or ascending values, shape `(k,)` [rad; m].
+        """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
         Raises:
             InvalidInput: an unknown joint, values that are not ascending or outside the joint's
@@ -148,14 +144,9 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
 
 
 def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
-    """Return the postures that a command line asks for.
+    """Return the postures that a command line asks for, as `Grid.of` takes them [rad; m].
 
-    Args:
-        leg: the leg, whose joints and ranges count.
-        joints: texts `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
-
-    Returns:
-        Joint name to its values, as `Grid.of` takes them [rad; m].
+    Texts are `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
 
     Raises:
         InvalidInput: no text, one that cannot be read, an unknown joint, a joint named twice, too

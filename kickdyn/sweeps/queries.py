@@ -122,10 +122,9 @@ def shown_unit(data: xr.Dataset, name: str) -> str:
 
 
 def blocks(data: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
-    """Cut a dataset into consecutive postures that fit in memory, as its store is cut.
+    """Cut a dataset into blocks that fit in memory, as its store is cut.
 
-    Yields:
-        Number of the first posture, and the dataset of the block.
+    Each comes with the number of its first posture.
     """
     status = data["status"]
     stored = status.encoding.get("chunks")

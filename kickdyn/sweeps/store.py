@@ -164,11 +164,7 @@ def check_netcdf_name(path: str | PathLike[str]) -> None:
 
 
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
-    """Write a dataset as netCDF 4, which `open_sweep` reads.
-
-    Raises:
-        InvalidInput: the name does not end in `.nc`, or the file cannot be written.
-    """
+    """Write a dataset as netCDF 4, which `open_sweep` reads, or raise `InvalidInput`."""
     check_netcdf_name(path)
     with replacing(path) as draft:
         data.to_netcdf(draft, engine="h5netcdf")

@@ -129,9 +129,7 @@ class Summary:
 class SpeedMap:
     """The highest ball speed for each value of one or two joints.
 
-    Args:
-        axes: values of every joint.
-        over: the joints that are kept; at most `BINS` values of each are distinguished.
+    At most `BINS` values of each joint are distinguished.
 
     Attributes:
         values: of each joint, or their means where neighbours go together.

@@ -125,8 +125,8 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "title": f"kicking postures of {leg.name}",
         "source": f"kickdyn {__version__} ({versions})",
         "leg": leg.name,
-        "leg_sha256": _sha256(text.encode()) if text else "",
-        "model_sha256": _sha256(_model_text(leg).encode()),
+        "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
+        "model_sha256": hashlib.sha256(_model_text(leg).encode()).hexdigest(),
         "frame": leg.frame,
         "foot_speed_m_s": kick.speed,
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
@@ -191,8 +191,3 @@ def _air_hash(air: Air) -> str:
     wind = air.wind if callable(air.wind) else tuple(air.wind.tolist())
     numbers = (air.density, air.viscosity, air.buoyancy)
     return fingerprint((*numbers, wind, air.drag, air.lift, air.torque)) or ""
-
-
-def _sha256(content: bytes) -> str:
-    """Return the SHA-256 of some bytes in hexadecimal."""
-    return hashlib.sha256(content).hexdigest()

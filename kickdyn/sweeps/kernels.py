@@ -100,10 +100,8 @@ def fill_variables(
 ) -> NDArray[np.bool_]:
     """Fill in variables and status of a sweep from a kernel's answers, all but the carry.
 
-    `answer` has shape `(ROWS, n)`; `rows` has a row for each of `dataset.VARIABLES`.
-
-    Returns:
-        Which postures are doubtful: the kernel marks them, or an answer is not finite.
+    `answer` has shape `(ROWS, n)`; `rows` has a row for each of `dataset.VARIABLES`. Returns which
+    postures are doubtful: the kernel marks them, or an answer is not finite.
     """
     kick, ball = model.kick, model.kick.ball
     p = np.einsum("ij,jn->in", model.axes, answer[[TANGENT, ACROSS, NORMAL]])

@@ -40,10 +40,6 @@ class SweepStore:
     Attributes:
         created: whether the store was not there before.
         chunks: the division of the grid.
-
-    Raises:
-        InvalidInput: something else is there, a store of another sweep or version, or the folder
-            cannot be written.
     """
 
     def __init__(

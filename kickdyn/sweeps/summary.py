@@ -11,8 +11,7 @@ import xarray as xr
 
 from kickdyn.core.validation import Array
 from kickdyn.sweeps.dataset import VARIABLES, with_variables
-from kickdyn.sweeps.grid import DECIMALS
-from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown_unit
+from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown, shown_unit
 from kickdyn.sweeps.sweep_kick import PostureStatus
 
 BEST = 10
@@ -56,7 +55,7 @@ class Summary:
     def __init__(self, described: xr.Dataset, where: str | None = None) -> None:
         ordered = described["status"].dims if "status" in described else described.dims
         joints = [str(name) for name in ordered]
-        self.axes = {name: _shown_values(described, name) for name in joints}
+        self.axes = {name: shown(described, name).values for name in joints}
         self.units = {name: shown_unit(described, name) for name in joints}
         self.attributes, self.where = dict(described.attrs), where
         self.counts = {status.value: 0 for status in PostureStatus}
@@ -162,10 +161,3 @@ def summarize(data: xr.Dataset, where: str | None = None) -> Summary:
     for _, block in blocks(data):
         summary.add(block)
     return summary
-
-
-def _shown_values(data: xr.Dataset, name: str) -> Array:
-    """Return the values of a joint [deg; m]."""
-    if shown_unit(data, name) != "deg":
-        return np.asarray(data[name].values)
-    return np.asarray(np.round(np.degrees(data[name].values), DECIMALS) + 0.0)  # no -0

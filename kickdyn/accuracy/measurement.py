@@ -52,10 +52,7 @@ def mark_front(rows: Sequence[Measurement]) -> list[Measurement]:
 
 
 def shortest_time(run: Callable[[], object]) -> float:
-    """Return the shortest of three mean times of this process that a call takes [s].
-
-    The shortest counts, for whatever else runs only adds.
-    """
+    """Return the shortest of three mean times of this process that a call takes [s]."""
     timer = Timer(run, timer=time.process_time)
     once = timer.timeit(1)
     number = max(1, math.ceil(BRIEFEST_TIMING / max(once, 1e-6)))

@@ -43,11 +43,6 @@ class Envelope:
     where it falls as speed grows. Accelerations are evaluated at the nodes of X, which has few
     large steps.
 
-    Args:
-        launch: by the instantaneous strike.
-        environment: what the ball flies through, and what ends its path.
-        launch_error: how far the launch may be off.
-
     Attributes:
         launch, environment, launch_error: as given.
         time: duration of the flight [s]; inf where nothing is known, as of a ball that bounces, in

@@ -89,9 +89,6 @@ def simulate_as_instant(scene: Scene) -> Simulation:
 
     Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
     the end lies from that of the whole scene, and inf where that cannot be computed.
-
-    Raises:
-        KickdynError: as for `simulate`, of the scene with a contact of an instant.
     """
     answer = simulate(scene.replace(contact_time=None), None)
     if scene.contact_time is None:

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 import xarray as xr
-from rich import progress as bars
-from rich.console import Console
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
@@ -183,22 +182,22 @@ def posture_sweep(
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with postures per second, time left and best speed while stderr is a terminal."""
+    """Show a bar with time left and best ball speed while stderr is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
-    columns = (
-        bars.TextColumn("postures"), bars.BarColumn(8), bars.TaskProgressColumn(show_speed=True),
-        bars.TimeRemainingColumn(compact=True), bars.TextColumn("{task.fields[best]}"),
-    )  # fmt: skip
-    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sweep", total=size, best="starting (the first sweep compiles)")
-        best = -math.inf
+    best = 0.0
+
+    def text(speed: float | None) -> str | None:
+        return f"best {speed:.4g} m/s" if speed else None
+
+    label = "postures (the first sweep compiles)"
+    with click.progressbar(length=size, label=label, file=sys.stderr, item_show_func=text) as bar:
 
         def progress(count: int, speed: float) -> None:
             nonlocal best
-            best = max(best, speed) if speed == speed else best
-            bar.update(task, advance=count, best=f"best {best:.4g} m/s" if best > 0 else "")
+            best = float(np.fmax(best, speed))
+            bar.update(count, best)
 
         yield progress
 

@@ -71,7 +71,7 @@ class ChunkSolver:
         if self.carry_tolerance > 0.0:
             from kickdyn.sweeps.carry_table import CarryTable
 
-            self._table = CarryTable(self._model, self._kick, self.carry_tolerance)
+            self._table = CarryTable(self._model, self.carry_tolerance)
 
     def __call__(self, first: int, count: int) -> tuple[Array, NDArray[np.int8]]:
         """Return variables and status flags of `count` postures from number `first` on.
@@ -103,13 +103,13 @@ class ChunkSolver:
         assert self._kernel is not None
         kick = self._kick
         answer = self._kernel(first, len(status))
-        doubtful = fill_variables(answer, model, kick, rows, status)
+        doubtful = fill_variables(answer, model, rows, status)
         to_fly = np.ones(len(status), bool)
         if self._table is not None:
             to_fly = self._table(answer[NORMAL], answer[TANGENT], rows[_CARRY])
         flown = np.flatnonzero(to_fly & ~doubtful)
         if flown.size:
-            flights = fly_many(launches(model, kick, answer[:3, flown].T), kick.ball, kick.air)
+            flights = fly_many(launches(model, answer[:3, flown].T), kick.ball, kick.air)
             rows[_CARRY, flown] = flights.range.values
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful

@@ -41,11 +41,7 @@ class KernelModel:
         constants: constants of each joint, shape `(n + 1, columns)`, columns as above.
         foot: the joint that carries the contact point.
         lever: from its origin to the contact point, in the joint's axes, shape `(3,)` [m].
-        ball_mobility: what the ball adds to the Delassus matrix along the tangents,
-            :math:`1/m + r^2/I`, and along the normal, :math:`1/m` [1/kg].
-        speed: foot speed [m/s].
-        restitution: coefficient e.
-        friction: coefficient mu.
+        kick: the kick.
     """
 
     planar: bool
@@ -56,10 +52,7 @@ class KernelModel:
     constants: Array
     foot: int
     lever: Array
-    ball_mobility: tuple[float, float]
-    speed: float
-    restitution: float
-    friction: float
+    kick: Kick
 
     @classmethod
     def of(cls, leg: Leg, kick: Kick, planar: bool | None = None) -> KernelModel | None:
@@ -96,12 +89,17 @@ class KernelModel:
         constants[1:, CARRIED] = list(data.mass)[1:]
         constants[1:, ARMATURE], constants[1:, LIMIT] = model.armature[v], leg.velocity_limit[v]
         carries = np.isin(np.arange(n + 1), list(model.supports[leg.contact_joint])[1:])
-        ball = kick.ball
         return cls(
-            is_planar, contact_axes, parent, slides, carries, constants, leg.contact_joint, lever,
-            (1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass),
-            kick.speed, kick.restitution, kick.friction,
-        )  # fmt: skip
+            is_planar,
+            contact_axes,
+            parent,
+            slides,
+            carries,
+            constants,
+            leg.contact_joint,
+            lever,
+            kick,
+        )
 
 
 def _contact_axes(normal: Array, across: Array | None) -> Array:

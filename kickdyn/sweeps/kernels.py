@@ -51,7 +51,6 @@ from kickdyn.sweeps.impact_kernel import (
 )
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.speed_use_kernel import least_speed_use
-from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
 """Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
@@ -64,7 +63,7 @@ _tuple: Any = numba.types.UniTuple
 
 
 class Kernel:
-    """The kernel of a leg, a kick and a grid: call it with a range of postures."""
+    """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
         self._kernel = _compiled(model.planar)
@@ -77,10 +76,13 @@ class Kernel:
             steps, np.array(joints, np.int64), np.cumsum(steps) - steps,
             np.ascontiguousarray(np.concatenate(tables)),
         )  # fmt: skip
+        kick, ball = model.kick, model.kick.ball
+        # what the ball adds to the Delassus matrix along the tangents and along the normal
+        mobility = 1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass
         self._model = (
             np.ascontiguousarray(np.concatenate(at_zero)), model.parent, model.slides,
             model.carries_foot, model.constants, model.foot, tuple(map(float, model.lever)),
-            (*model.ball_mobility, model.speed, model.restitution, model.friction),
+            (*mobility, kick.speed, kick.restitution, kick.friction),
         )  # fmt: skip
 
     def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
@@ -94,7 +96,7 @@ class Kernel:
 
 
 def fill_variables(
-    answer: Array, model: KernelModel, kick: Kick, rows: Array, status: NDArray[np.int8]
+    answer: Array, model: KernelModel, rows: Array, status: NDArray[np.int8]
 ) -> NDArray[np.bool_]:
     """Fill in variables and status of a sweep from a kernel's answers, all but the carry.
 
@@ -103,7 +105,7 @@ def fill_variables(
     Returns:
         Which postures are doubtful: the kernel marks them, or an answer is not finite.
     """
-    ball, e = kick.ball, kick.restitution
+    kick, ball = model.kick, model.kick.ball
     p = np.einsum("ij,jn->in", model.axes, answer[[TANGENT, ACROSS, NORMAL]])
     size, spin = np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2), ball.radius / ball.inertia
     nx, _, nz = kick.direction
@@ -111,7 +113,7 @@ def fill_variables(
         found = {
             "effective_mass": 1.0 / answer[MOBILITY],
             "impulse": size,
-            "immovable_impulse": (1.0 + e) * kick.speed / answer[MOBILITY],
+            "immovable_impulse": (1.0 + kick.restitution) * kick.speed / answer[MOBILITY],
             "ball_speed": size / ball.mass,
             "speed_ratio": size / ball.mass / kick.speed,
             "launch_angle": np.arctan2(p[2], np.sqrt(p[0] ** 2 + p[1] ** 2)),

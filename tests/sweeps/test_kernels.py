@@ -219,14 +219,14 @@ def test_only_fixed_trees_of_hinges_and_slides_have_a_kernel():
 
 
 def test_what_is_not_finite_is_doubtful():
-    model = KernelModel.of(LEG, Kick())
+    model = KernelModel.of(LEG, Kick(restitution=0.5))
     found = np.ones((10, 12))
     found[DOUBT] = 0.0
     for row in range(10):
         found[row, row] = np.inf if row % 2 else np.nan
     found[USE, 11] = 2.0
     rows, status = np.zeros((13, 12)), np.zeros(12, np.int8)
-    doubtful = fill_variables(found, model, Kick(restitution=0.5), rows, status)
+    doubtful = fill_variables(found, model, rows, status)
     assert doubtful.tolist() == [True] * 10 + [False] * 2
     assert status[10:].tolist() == [0, 1]
     values = dict(zip(VARIABLES, rows[:, 10], strict=True))
@@ -240,6 +240,10 @@ def test_what_is_not_finite_is_doubtful():
 
 def test_a_variable_that_the_kernel_does_not_fill_in_ends_the_sweep(monkeypatch):
     monkeypatch.setattr(kernels, "VARIABLES", {**VARIABLES, "added": ("1", "added later")})
-    answer, rows = np.ones((ROWS, 2)), np.full((len(VARIABLES) + 1, 2), np.nan)
+    model, answer, rows = (
+        KernelModel.of(LEG, Kick()),
+        np.ones((ROWS, 2)),
+        np.full((len(VARIABLES) + 1, 2), np.nan),
+    )
     with pytest.raises(KeyError, match="added"):
-        fill_variables(answer, KernelModel.of(LEG, Kick()), Kick(), rows, np.zeros(2, np.int8))
+        fill_variables(answer, model, rows, np.zeros(2, np.int8))

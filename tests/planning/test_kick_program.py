@@ -149,7 +149,7 @@ def test_each_is_what_its_name_says():
 
 
 def test_scatter_is_that_of_the_strike():
-    spread = {"speed": 0.02, "angle": 0.01}
+    spread = {"speed": 0.02, "angle": 0.01, "drag": 0.05}
     radius = scatter_cost(PLAN.impact_target, PLAN.launch, AIR, spread)
     expected = scatter(PLAN.impact, AIR, **spread).radius
     assert radius(PLAN.impact.posture, PLAN.v) == pytest.approx(expected, rel=1e-6)

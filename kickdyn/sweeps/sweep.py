@@ -164,7 +164,7 @@ def _computed(
     numbers = range(len(chunks))
     with _pool(threads) as pool:
         found = _in_order(
-            pool, lambda k: solver(*chunks.span(k)), numbers, 2 * (threads or _cores())
+            pool, lambda k: solver(*chunks.span(k)), numbers, 2 * int(threads or _cores())
         )
         for k, (rows, status) in zip(numbers, found, strict=True):
             if progress is not None:

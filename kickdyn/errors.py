@@ -1,7 +1,5 @@
 """Errors of kickdyn: one clear line that names the value and what would be valid."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 
@@ -33,7 +31,7 @@ class FaultyFile(InvalidInput):
         self.faults = tuple(printable(fault) for fault in faults)
         super().__init__(f"{self.source}: {'; '.join(self.faults)}")
 
-    def __reduce__(self) -> tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]:
+    def __reduce__(self) -> "tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]":
         return (type(self), (self.source, self.faults))
 
 

@@ -1,7 +1,5 @@
 """Error against cost: one measurement, the Pareto front of many, and their picture."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """A kick in MuJoCo: a contact of finite stiffness, integrated in time, where it is installed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -7,8 +7,6 @@ and give it an entry in `MODELS` at the end of this file, with its range and its
 Tests require its row in `docs/theory.md` and its formula in `tests/extremes/exact_coefficients.py`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass

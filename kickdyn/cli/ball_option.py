@@ -1,7 +1,5 @@
 """The option `--ball` of command lines."""
 
-from __future__ import annotations
-
 import math
 
 import click

@@ -1,7 +1,5 @@
 """How every command runs and ends: 0 done, 2 bad input with a line per fault, 1 anything else."""
 
-from __future__ import annotations
-
 import io
 import sys
 from collections.abc import Callable, Iterator

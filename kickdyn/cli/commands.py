@@ -1,7 +1,5 @@
 """The commands of `kickdyn`: a table, from which each is imported when it is called."""
 
-from __future__ import annotations
-
 import re
 from difflib import get_close_matches
 from importlib import import_module

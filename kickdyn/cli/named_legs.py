@@ -1,7 +1,5 @@
 """Legs by the names that command lines have for them."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command `kickdyn paper`: the paper's tables and figures, item by item."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from itertools import chain

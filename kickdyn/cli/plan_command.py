@@ -1,7 +1,5 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

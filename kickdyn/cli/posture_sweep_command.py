@@ -1,7 +1,5 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
-from __future__ import annotations
-
 import math
 import sys
 import threading
@@ -202,7 +200,7 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         yield progress
 
 
-def _page(lines: Sequence[ReportLine], kick: Kick) -> Page | None:
+def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":
     """Return the page of the best kick, the first line; None without any."""
     from kickdyn.view.page import page
 

@@ -1,7 +1,5 @@
 """The command `kickdyn tradeoff`: error against cost of methods, or what each effect changes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Reading files safely, and writing them so that nothing half-written is left behind."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

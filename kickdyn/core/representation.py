@@ -1,7 +1,5 @@
 """Representation of results in a terminal and in Jupyter, and equality by value."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from html import escape

@@ -1,7 +1,5 @@
 """Checks of values from outside: each returns the value or raises `InvalidInput` in one line."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import math

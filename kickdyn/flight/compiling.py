@@ -4,8 +4,6 @@ numba compiles a Python function only where all it calls is compiled too, and ke
 only under a name that says all it is made of: `fingerprint` makes that name.
 """
 
-from __future__ import annotations
-
 import builtins
 import copy
 import hashlib

@@ -1,7 +1,5 @@
 """The result of `fly`: path, apex, landing, error and warnings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -59,7 +57,7 @@ class Flight(ReprMixin):
     ground: Ground | None
     plane: Plane | None
     tol: float
-    _fly_again: Callable[..., Flight] = field(repr=False)
+    _fly_again: "Callable[..., Flight]" = field(repr=False)
     launch: BallState
     apex: BallState
     landing: BallState
@@ -163,7 +161,7 @@ class Flight(ReprMixin):
         short = abs(float(path.landing.position[0]) - there)  # the ground came first, by a hair?
         return path.landing if short <= tie * abs(before) else None
 
-    def __reduce__(self) -> tuple[Callable[[], Flight], tuple[()]]:
+    def __reduce__(self) -> "tuple[Callable[[], Flight], tuple[()]]":
         """Pickle what was flown; unpickling flies it again, to the same last bit."""
         return self._fly_again, ()
 

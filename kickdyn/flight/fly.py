@@ -1,7 +1,5 @@
 """The flight of a ball, from launch to landing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

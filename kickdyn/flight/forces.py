@@ -11,8 +11,6 @@ Weight less buoyancy, drag (Eq. 12), lift (Eq. 13) and the torque that brakes th
 with u the velocity relative to the air.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What a ball does on level ground: it bounces, slides until it rolls, and rolls until it rests."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wann
 Differential Equations I, II.5.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial

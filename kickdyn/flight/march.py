@@ -9,8 +9,6 @@ whichever ends makes room for the next.
 
 # mypy: disable-error-code="no-untyped-def"
 
-from __future__ import annotations
-
 import math
 import zlib
 from functools import cache

@@ -1,7 +1,5 @@
 """Leg and ball just before they touch: checked input, and how fast the foot approaches the ball."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The strike through a compliant contact: leg and ball integrated while they touch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -99,7 +97,7 @@ class Collision(ReprMixin):
     evaluations: int
     tol: float
     _sample: Sample = field(repr=False)
-    _again: partial[Collision] = field(repr=False)
+    _again: "partial[Collision]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
@@ -115,7 +113,7 @@ class Collision(ReprMixin):
             [*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before)]
         )
 
-    def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
+    def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
         return (partial(self._again, tol=self.tol), ())
 

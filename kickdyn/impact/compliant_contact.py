@@ -1,7 +1,5 @@
 """Equations of motion of leg and ball while they touch, with a compliant contact."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Several frictional contacts at once: impulses in Coulomb's cones, by Newton's method."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

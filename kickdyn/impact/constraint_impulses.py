@@ -1,7 +1,5 @@
 """What supports and loops transmit in an impact, and whether the ground could supply it."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 import numpy as np

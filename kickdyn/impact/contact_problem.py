@@ -1,7 +1,5 @@
 """The contact problem that an impact law solves, and the solution it returns."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

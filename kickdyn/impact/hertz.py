@@ -1,7 +1,5 @@
 """A compliant contact: Hertz's spring with the damping of Hunt and Crossley."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial

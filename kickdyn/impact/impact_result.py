@@ -1,7 +1,5 @@
 """The result of a strike, with the residuals that prove it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

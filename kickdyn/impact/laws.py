@@ -4,8 +4,6 @@ A new law is a module like `newton_law.py` with one function, a member of `Impac
 `LAWS`. `pinocchio_engine.py` and `unilateral.py` must refuse it where it does not apply.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from enum import StrEnum

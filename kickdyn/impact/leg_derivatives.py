@@ -4,8 +4,6 @@ Supports and loops, A v = 0, hold before and after: where A changes, velocities 
 in kinetic energy, that keeps it so.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The leg's response to the impulse: velocity jump, joint impulses, constraint impulses."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

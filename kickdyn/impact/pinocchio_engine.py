@@ -1,7 +1,5 @@
 """The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -5,8 +5,6 @@ slides, light feet, ball joints near gimbal lock, grazing contacts and slips nea
 (`tests/digits.py`), by law `newton`; the other laws are judged by the same analysis.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

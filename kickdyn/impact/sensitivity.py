@@ -1,7 +1,5 @@
 """Derivatives of an impact by everything it depends on, by implicit differentiation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

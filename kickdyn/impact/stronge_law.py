@@ -1,7 +1,5 @@
 """Stronge's law: energetic restitution, with the sliding followed through the contact."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Uncertainty of an impact: covariances of its sources, propagated to its results."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A strike from ground that can push but not pull: feet may lift off, slip or tip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

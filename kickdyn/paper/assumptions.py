@@ -1,7 +1,5 @@
 """What the paper leaves open, and how it is filled in: coefficients, and launch from contact."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

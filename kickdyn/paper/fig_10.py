@@ -1,7 +1,5 @@
 """Figs. 10-11: three kicks in space: straight, curving left, curving right."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figs. 13-15: planning a launch by the simplest reading of the paper's learning loop, and ours."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Fig. 9: one foot motion, three contact heights: launch, spin and flight in the plane."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All items of the paper, in its order; its inputs are last."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ The wheel of Pinocchio has no `pinocchio.casadi`. `adam-robotics` reads files on
 model with locked or turned joints and armature, and takes twice the operations.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

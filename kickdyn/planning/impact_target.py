@@ -1,7 +1,5 @@
 """From a launch back to the impact: impulse, normal, and the foot's velocity."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -13,8 +13,6 @@ normal and :math:`\tau` the torque that keeps the joint velocity. SLSQP of scipy
 several postures, drawn with a fixed seed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Planning a launch: every launch that meets a goal, or the nearest there is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -45,11 +43,11 @@ class OutOfReach(InvalidInput):
         nearest: the nearest launch or pass there is; None where none is known.
     """
 
-    def __init__(self, message: str, limit: LaunchLimit, nearest: Launch | Pass | None) -> None:
+    def __init__(self, message: str, limit: LaunchLimit, nearest: "Launch | Pass | None") -> None:
         self.limit, self.nearest = limit, nearest
         super().__init__(message)
 
-    def __reduce__(self) -> tuple[type[OutOfReach], tuple[Any, ...]]:
+    def __reduce__(self) -> "tuple[type[OutOfReach], tuple[Any, ...]]":
         return OutOfReach, (str(self), self.limit, self.nearest)
 
 
@@ -136,7 +134,7 @@ class Launch(ReprMixin):
         return BallState(velocity=self.velocity, spin=self.spin)
 
     @cached_property
-    def others(self) -> tuple[Launch, ...]:
+    def others(self) -> "tuple[Launch, ...]":
         """The other launches that meet the goal, by time of flight; computed when first read.
 
         The launches to the target form curves, and these are all on the curves that Newton's method

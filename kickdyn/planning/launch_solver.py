@@ -4,8 +4,6 @@ A launch velocity and a time of flight are four unknowns, and a target has three
 launches to it form curves, and what a goal names beside the target picks members out of them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Planning a pass along the ground, where the ball may bounce, slide and roll."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A planned kick in words and in JSON, with the wall and the goal that it meets on a pitch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -49,7 +47,7 @@ class Wall(NamedTuple):
     width: float = 2.5  # of five players
 
     @classmethod
-    def read(cls, text: str) -> Wall:
+    def read(cls, text: str) -> "Wall":
         """Return the wall that DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for."""
         parts = text.split(":")
         if len(parts) not in (2, 3):

@@ -6,8 +6,6 @@ errors of a source with standard deviation :math:`\sigma_i`,
 .. math:: \Sigma = \sum_i \sigma_i^2\, S L_i (S L_i)^T.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ The flight and those of slightly changed launches are integrated side by side wi
 so that their differences are those of the equations and not of the steps (Bock 1981).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import pairwise
@@ -99,7 +97,7 @@ class ShootingProblem:
         self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
         self._acting = None if air is None else acceleration_function(ball, air)
 
-    def with_tolerance(self, tol: float) -> ShootingProblem:
+    def with_tolerance(self, tol: float) -> "ShootingProblem":
         """Return the same problem with another relative tolerance of the integration."""
         return ShootingProblem(self.ball, self.air, self.spin, self.seeks_spin, tol)
 

@@ -12,8 +12,6 @@ within the limits of range, speed and torque, and with the largest share :math:`
 velocity.
 """
 
-from __future__ import annotations
-
 from enum import StrEnum
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Planning a swing: from rest through a planned kick's impact to rest again, within limits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

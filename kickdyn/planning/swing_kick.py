@@ -10,8 +10,6 @@ with the velocity :math:`u_b` of the ball's contact point, and no sliding just a
 contact has friction.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One phase of a swing, from rest to the impact or from there to rest, and what it takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

@@ -14,8 +14,6 @@ thus loses digits where bodies do, not where joint coordinates do; and because n
 with radians, results do not depend on the units.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The robots of the package example-robot-data, by name: files, feet, and how they stand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path

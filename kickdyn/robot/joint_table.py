@@ -1,7 +1,5 @@
 """Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any

@@ -6,8 +6,6 @@ such as an attribute that is missing, `build_model` passes on; `model_validation
 inertia of what moves together.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

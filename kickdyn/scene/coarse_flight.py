@@ -1,7 +1,5 @@
 """The end of a ball's path in a few large steps: for answers to centimetres, not to nanometres."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

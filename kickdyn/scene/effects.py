@@ -1,7 +1,5 @@
 """The physical effects of a scene: which it has, the scene without one, and bounds of each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """How far a disturbance can move the end of a flight, from one flight in a few large steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Where the ball's path ends: to an accuracy, exactly, and how that depends on the launch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

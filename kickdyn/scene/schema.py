@@ -4,8 +4,6 @@ Keys end in their unit; those without one are dimensionless, or names. Vectors a
 the world frame.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping

@@ -1,7 +1,5 @@
 """A scene to a tolerance: neglect what cannot matter, compute the rest no better than needed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Reads a scene file: strict TOML, all faults of its form at once, then those of the robot."""
 
-from __future__ import annotations
-
 import math
 import os
 import tomllib

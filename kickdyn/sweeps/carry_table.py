@@ -6,8 +6,6 @@ of an infinitely heavy leg, the second by the friction. So thousands of flights 
 postures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

@@ -1,7 +1,5 @@
 """All variables of a range of postures: a compiled kernel, flights, and a check of both."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

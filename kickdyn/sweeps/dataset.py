@@ -1,7 +1,5 @@
 """The dataset of a sweep: its variables with units, the status flags, and its provenance."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from importlib import metadata

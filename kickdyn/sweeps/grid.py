@@ -1,7 +1,5 @@
 """The grid of postures of a sweep: values of named joints, and the chunks it is computed in."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -38,7 +36,7 @@ class Grid:
     axes: Mapping[str, Array]
 
     @classmethod
-    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> Grid:
+    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> "Grid":
         """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
         Raises:
@@ -96,7 +94,7 @@ class Chunks:
     shape: tuple[int, ...]
 
     @classmethod
-    def of(cls, grid_shape: tuple[int, ...], size: int) -> Chunks:
+    def of(cls, grid_shape: tuple[int, ...], size: int) -> "Chunks":
         """Divide a grid into chunks of about `size` postures."""
         shape, remaining = [1] * len(grid_shape), size
         for axis in range(len(grid_shape) - 1, -1, -1):

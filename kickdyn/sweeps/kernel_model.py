@@ -1,7 +1,5 @@
 """The constants of a leg and a kick that the compiled kernels work with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +53,7 @@ class KernelModel:
     kick: Kick
 
     @classmethod
-    def of(cls, leg: Leg, kick: Kick, planar: bool | None = None) -> KernelModel | None:
+    def of(cls, leg: Leg, kick: Kick, planar: bool | None = None) -> "KernelModel | None":
         """Return the model of a leg and a kick, or None where no kernel serves them.
 
         Kernels serve no floating base, no supports, no loops and no helical joints. `planar=False`

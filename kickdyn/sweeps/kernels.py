@@ -8,8 +8,6 @@ Two kernels are compiled from one text, `_sweep`: in space, and in a plane. They
 what differs between legs are arrays. Compiling takes seconds, so machine code is kept on the disk.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable

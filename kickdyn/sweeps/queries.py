@@ -4,8 +4,6 @@ All else is xarray's: `data.ball_speed.where(possible(data)).max(("hip", "ankle"
 speed for each angle of the knee. A dataset may be larger than memory: `blocks` cuts it.
 """
 
-from __future__ import annotations
-
 import ast
 import operator
 from collections.abc import Callable, Iterator

@@ -5,8 +5,6 @@ because it is written after all other variables of the chunk. The attribute `fin
 chunks are. A store that was stopped at any moment is thus a valid dataset, and can be resumed.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The summary of a sweep of any size: counts, the best postures, the front, maps and a sample."""
 
-from __future__ import annotations
-
 import math
 from itertools import combinations
 from typing import Any

@@ -1,7 +1,5 @@
 """The sweep: one kick from every posture of a grid."""
 
-from __future__ import annotations
-
 import math
 import os
 import pickle

@@ -1,7 +1,5 @@
 """One kick from one posture: the foot's velocity, the joint speeds it needs, impact and flight."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

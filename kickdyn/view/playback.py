@@ -1,7 +1,5 @@
 """What moves during a kick, and when the animation shows it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

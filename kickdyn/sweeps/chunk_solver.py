@@ -87,12 +87,13 @@ class ChunkSolver:
             doubtful = self._compute(self._model, first, rows, status)
             sure = np.flatnonzero(~doubtful)
             if sure.size:
-                self._verify(first, int(sure[0]), rows)
+                _confirm(self._verify(first, int(sure[0]), rows))
         for i in np.flatnonzero(doubtful).tolist():
-            rows[:, i], status[i] = self._one(first + i)
-        kicked = np.flatnonzero(status == 0)
-        if kicked.size:
-            self._confirm(first + int(kicked[0]))
+            outcome = self._one(first + i)
+            rows[:, i] = list(variables_of(outcome, self._kick).values())
+            status[i] = outcome.status.flag
+            if i == 0:
+                _confirm(outcome)
         return rows, status
 
     def _compute(
@@ -117,40 +118,15 @@ class ChunkSolver:
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful
 
-    def _one(self, number: int) -> tuple[Array, int]:
-        """Return variables and status flag of one posture by `kick_from`."""
-        outcome = self._outcome(number)
-        return np.array(list(variables_of(outcome, self._kick).values())), outcome.status.flag
-
-    def _outcome(self, number: int) -> PostureOutcome:
+    def _one(self, number: int) -> PostureOutcome:
         """Return the kick from one posture of the grid."""
         posture = self._leg.posture(self._grid.configuration(self._leg, number))
         return kick_from(posture, self._kick)
 
-    def _confirm(self, number: int) -> None:
-        """Raise `KickdynError` where Pinocchio's `impulseDynamics` finds another impulse.
-
-        It knows no friction, so both solve the frictionless contact of a posture. It loses as many
-        digits as the condition of the leg's inertia has, some of which the closed form keeps, and
-        is not asked for legs of a thousandth of the ball's mass or less.
-        """
-        hit = self._outcome(number).impact
-        if hit is None or hit.effective_mass < 1e-3 * hit.ball.mass:
-            return
-        contact = Contact(hit.contact.normal, hit.contact.restitution)
-        closed = strike(hit.posture, hit.v_before, hit.ball, contact)
-        engine = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
-        gap = float(np.linalg.norm(engine.impulse - closed.impulse))
-        slack = max(AGREEMENT, 1e3 * float(np.finfo(float).eps) * hit.condition)
-        if not gap <= slack * float(np.linalg.norm(closed.impulse)):
-            raise KickdynError(
-                f"posture {number}: without friction the impulse is {closed.impulse.tolist()} N s "
-                f"in closed form, {engine.impulse.tolist()} N s by pin.impulseDynamics"
-            )
-
-    def _verify(self, first: int, i: int, rows: Array) -> None:
-        """Raise `KickdynError` where a posture of a chunk is not what `kick_from` computes."""
-        row, _ = self._one(first + i)
+    def _verify(self, first: int, i: int, rows: Array) -> PostureOutcome:
+        """Return what `kick_from` computes for a posture of a chunk; raise where it is not that."""
+        outcome = self._one(first + i)
+        row = np.array(list(variables_of(outcome, self._kick).values()))
         for k, name in enumerate(VARIABLES):
             slack = AGREEMENT * abs(row[k])
             if k == _CARRY:  # a launch that is level but for rounding comes down at once
@@ -160,3 +136,26 @@ class ChunkSolver:
                     f"posture {first + i}: the sweep has {name} {float(rows[k, i])!r}, a single "
                     f"kick {float(row[k])!r}"
                 )
+        return outcome
+
+
+def _confirm(outcome: PostureOutcome) -> None:
+    """Raise `KickdynError` where Pinocchio's `impulseDynamics` finds another impulse.
+
+    It knows no friction, so both solve the frictionless contact of a posture. It loses as many
+    digits as the condition of the leg's inertia has, some of which the closed form keeps, and
+    is not asked for legs of a thousandth of the ball's mass or less.
+    """
+    hit = outcome.impact
+    if hit is None or hit.effective_mass < 1e-3 * hit.ball.mass:
+        return
+    contact = Contact(hit.contact.normal, hit.contact.restitution)
+    closed = strike(hit.posture, hit.v_before, hit.ball, contact)
+    engine = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
+    gap = float(np.linalg.norm(engine.impulse - closed.impulse))
+    slack = max(AGREEMENT, 1e3 * float(np.finfo(float).eps) * hit.condition)
+    if not gap <= slack * float(np.linalg.norm(closed.impulse)):
+        raise KickdynError(
+            f"{hit.posture!r}: without friction the impulse is {closed.impulse.tolist()} N s "
+            f"in closed form, {engine.impulse.tolist()} N s by pin.impulseDynamics"
+        )

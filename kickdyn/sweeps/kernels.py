@@ -57,6 +57,9 @@ in a joint [N s], residuals of restitution and momentum. The impulse alone fills
 
 ROWS = 10
 
+BLOCK = 4096
+"""Postures whose variables are filled in at a time."""
+
 _tuple: Any = numba.types.UniTuple
 
 
@@ -102,17 +105,22 @@ def fill_variables(
     postures are doubtful: the kernel marks them, or an answer is not finite.
     """
     kick, ball = model.kick, model.kick.ball
-    p = np.einsum("ij,jn->in", model.axes, answer[[TANGENT, ACROSS, NORMAL]])
-    size, spin = np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2), ball.radius / ball.inertia
+    if len(status) > BLOCK:  # arrays that stay in the processor's cache take a third of the time
+        parts = [slice(at, at + BLOCK) for at in range(0, len(status), BLOCK)]
+        each = (fill_variables(answer[:, k], model, rows[:, k], status[k]) for k in parts)
+        return np.concatenate(list(each))
     nx, _, nz = kick.direction
     with np.errstate(all="ignore"):  # of doubtful postures
+        p = model.axes @ answer[: NORMAL + 1]
+        level = p[0] * p[0] + p[1] * p[1]
+        size, spin = np.sqrt(level + p[2] * p[2]), ball.radius / ball.inertia
         found = {
             "effective_mass": 1.0 / answer[MOBILITY],
             "impulse": size,
             "immovable_impulse": (1.0 + kick.restitution) * kick.speed / answer[MOBILITY],
             "ball_speed": size / ball.mass,
             "speed_ratio": size / ball.mass / kick.speed,
-            "launch_angle": np.arctan2(p[2], np.sqrt(p[0] ** 2 + p[1] ** 2)),
+            "launch_angle": np.arctan2(p[2], np.sqrt(level)),
             "back_spin": 0.0 - (p[2] * nx - p[0] * nz) * spin,
             "worst_joint_impulse": answer[WORST],
             "energy_lost": answer[LOST],
@@ -120,11 +128,11 @@ def fill_variables(
             "restitution_residual": answer[RESTITUTION],
             "momentum_residual": answer[MOMENTUM],
         }
-    for row, name in zip(rows, VARIABLES, strict=True):
-        if name != "carry":
-            row[:] = found[name]
-    status[:] = answer[USE] > 1.0
-    return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer).all(axis=0))
+        for row, name in zip(rows, VARIABLES, strict=True):
+            if name != "carry":
+                row[:] = found[name]
+        status[:] = answer[USE] > 1.0
+        return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer.sum(axis=0)))
 
 
 def _motion(values: Array, slide: bool) -> NDArray[np.float64]:

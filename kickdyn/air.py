@@ -1,7 +1,5 @@
 """The air the ball flies through, and which of its effects are modelled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -133,7 +131,7 @@ class Air(ValueEquality, ReprMixin):
         cls,
         drag: str | Coefficient | None = "brazuca",
         lift: str | Coefficient | None = "saturating",
-    ) -> Air:
+    ) -> "Air":
         """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind.
 
         The paper prints no coefficients; those of kickdyn's default ball stand in. It has neither
@@ -150,7 +148,7 @@ class Air(ValueEquality, ReprMixin):
         temperature_c: float | None = None,
         pressure: float | None = None,
         **options: Any,
-    ) -> Air:
+    ) -> "Air":
         """Return dry air at an altitude; values left out are those of the standard atmosphere.
 
         Args:

@@ -1,7 +1,5 @@
 """The ball and its state of motion."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -76,7 +74,7 @@ class Ball(ReprMixin):
         yield "inertia", self.inertia, "kg m2"
 
     @classmethod
-    def paper(cls) -> Ball:
+    def paper(cls) -> "Ball":
         """Return the ball of the paper's Table 3: 0.45 kg, radius 0.1 m."""
         return cls(mass=0.45, radius=0.1)
 
@@ -153,7 +151,7 @@ class BallState(ValueEquality):
             object.__setattr__(self, name, value if value.ndim else float(value))
 
     @classmethod
-    def computed(cls, position: Array, velocity: Array, spin: Array) -> BallState:
+    def computed(cls, position: Array, velocity: Array, spin: Array) -> "BallState":
         """Return the state at time 0 of finite arrays of shape `(3,)`, which it owns from then on.
 
         It skips the checks, which take as long as an impact: for values computed from checked ones.

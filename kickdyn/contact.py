@@ -1,7 +1,5 @@
 """The contact between foot and ball."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Errors of kickdyn: one clear line that names the value and what would be valid."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 
@@ -33,7 +31,7 @@ class FaultyFile(InvalidInput):
         self.faults = tuple(printable(fault) for fault in faults)
         super().__init__(f"{self.source}: {'; '.join(self.faults)}")
 
-    def __reduce__(self) -> tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]:
+    def __reduce__(self) -> "tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]":
         return (type(self), (self.source, self.faults))
 
 
@@ -42,10 +40,12 @@ class UrdfError(FaultyFile):
 
 
 class SceneError(FaultyFile):
-    """A scene file that is refused; each of its faults has a line of its own."""
+    """A scene file that is refused; of several faults, each has a line of its own."""
 
     def __str__(self) -> str:
-        """Return the file's name and a line per fault."""
+        """Return the file's name and its fault in one line, or a line per fault."""
+        if len(self.faults) == 1:
+            return f"{self.source}: {self.faults[0]}"
         return "\n".join([f"{self.source}:", *self.faults])
 
 

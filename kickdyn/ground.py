@@ -1,7 +1,5 @@
 """The level ground that a ball lands on, and the surfaces that it bounces and rolls on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

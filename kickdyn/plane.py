@@ -1,7 +1,5 @@
 """Planes at which a flight ends: walls and goal lines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """What each physical effect of a scene changes at the impact, and where the ball's path ends."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

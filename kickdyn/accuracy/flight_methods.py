@@ -3,8 +3,6 @@
 heyoka is among them where it is installed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Landing points of the default ball by heyoka's Taylor integrator, and its equations of motion."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A kick in MuJoCo: a contact of finite stiffness, integrated in time, where it is installed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
@@ -19,10 +17,7 @@ from kickdyn.impact.impact_result import Impact
 def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
     """Return a function that runs a kick in MuJoCo and gives the impulse on the ball [N s].
 
-    Args:
-        impact: posture, velocities and contact are taken from it.
-        stiffness: of the contact along the normal [N/m].
-        dt: time step [s].
+    The stiffness of the contact along the normal is in N/m, the time step in s.
     """
     n, e = impact.contact.normal, impact.contact.restitution
     inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass

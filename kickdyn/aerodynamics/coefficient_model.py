@@ -1,7 +1,5 @@
 """Coefficients of a ball in the air as functions of Reynolds number and spin parameter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -18,7 +16,7 @@ from kickdyn.errors import InvalidInput
 Coefficient = Callable[[float, float], float]
 """A function `(reynolds, spin_parameter) -> coefficient`."""
 
-_REGISTERED: dict[tuple[str, str], CoefficientModel] = {}
+_REGISTERED: "dict[tuple[str, str], CoefficientModel]" = {}
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,7 @@ class CoefficientModel:
     refuses: bool = False
     branch_free: tuple[float, Coefficient] | None = None
 
-    def __reduce__(self) -> tuple[Callable[..., CoefficientModel], tuple[Any, ...]]:
+    def __reduce__(self) -> "tuple[Callable[..., CoefficientModel], tuple[Any, ...]]":
         """Pickle a registered model by its name, any other by its values."""
         if is_registered(self):
             return _registered, (self.kind, self.name)
@@ -121,9 +119,7 @@ def _registered(kind: str, name: str) -> CoefficientModel:
 
 def is_known(model: Coefficient) -> bool:
     """Return whether a coefficient is constant or one of the registries."""
-    if isinstance(model, CoefficientModel):
-        return _REGISTERED.get((model.kind, model.name)) is model
-    return isinstance(model, ConstantCoefficient)
+    return is_registered(model) or isinstance(model, ConstantCoefficient)
 
 
 def find_model(

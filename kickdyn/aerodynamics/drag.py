@@ -4,9 +4,8 @@ r"""Drag coefficients :math:`C_D(Re, Sp)` of spheres and soccer balls.
 
 To add a model, write a function `(reynolds, spin_parameter) -> float` with floats and `math` only,
 and give it an entry in `MODELS` at the end of this file, with its range and its source.
+Tests require its row in `docs/theory.md` and its formula in `tests/extremes/exact_coefficients.py`.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable

@@ -4,8 +4,6 @@ r"""Lift (Magnus) coefficients :math:`C_L(Re, Sp)` of soccer balls.
 (Eq. 13). A new model is one function and one entry in `MODELS` below, as for drag.
 """
 
-from __future__ import annotations
-
 import math
 
 from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry

@@ -1,7 +1,5 @@
 """The command `kickdyn paper`: the paper's tables and figures, item by item."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from itertools import chain
@@ -11,7 +9,7 @@ import click
 from matplotlib.figure import Figure
 
 from kickdyn.cli.command import busy
-from kickdyn.core.files import check_distinct, check_outputs, write_json
+from kickdyn.core.files import check_outputs, write_json
 from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
@@ -39,14 +37,13 @@ def paper(
     drawings = {}
     if figures is not None:
         drawings = {_file(section, figures): section.draw for section in sections if section.draw}
-    check_distinct(json_file, *drawings)
     check_outputs(json_file=json_file)
     if figures is not None and drawings:
         try:
             Path(figures).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InvalidInput(f"{figures} cannot be made ({error.strerror})") from None
-        check_outputs(*drawings)
+        check_outputs(*drawings, json_file=json_file)
     items: dict[str, list[Item]] = {}
     others: dict[str, list[Item]] = {}
     with busy("reproducing") as report:

@@ -1,7 +1,5 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -90,8 +88,8 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Which, where two launches meet the goal.")  # fmt: skip
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-              show_default=True, help="One of ours, a URDF file, or a robot by name, such as g1: "
-              "its right leg, on a fixed base.")  # fmt: skip
+              show_default=True, help="A leg of kickdyn, a URDF file, or a robot by name, such "
+              "as g1: its right leg, on a fixed base.")  # fmt: skip
 @click.option("--frame", metavar="NAME", help="Link or joint whose origin strikes the ball.")
 @click.option(
     "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
@@ -99,13 +97,14 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
               "of the foot of the straight leg; of a robot's, with its knees bent. "
-              "(Free in Python, where -0.7042 is human's default here.)")  # fmt: skip
+              "(In Python, it is free by default; for human, -0.7042 is this one.)")  # fmt: skip
 @click.option("--ball-at", callback=TRIPLE, metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
 @click.option("--objective",
               type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
-              help="What is made least, or most where it says so [joint-speed].")  # fmt: skip
+              help="What is made least, or most by most-joint-impulse.  "
+              "[default: joint-speed]")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")

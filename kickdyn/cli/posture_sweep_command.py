@@ -1,7 +1,5 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
-from __future__ import annotations
-
 import math
 import sys
 import threading
@@ -11,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 import xarray as xr
-from rich import progress as bars
-from rich.console import Console
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
@@ -43,13 +40,14 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
               show_default=True,
-              help="The leg: one of ours, a URDF file, or the leg of a robot of kickdyn[robots] on "
+              help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
               "its fixed base (g1, talos, ...).")  # fmt: skip
 @click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
               "robot, its right foot]")  # fmt: skip
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
-              "Default of ours: a kick's range of hip, knee and ankle, each 5 deg.")  # fmt: skip
+              "Default of human and testbed: a range of hip, knee and ankle, "
+              "in steps of 5 deg.")  # fmt: skip
 @click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
@@ -182,27 +180,27 @@ def posture_sweep(
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with postures per second, time left and best speed while stderr is a terminal."""
+    """Show a bar with time left and best ball speed while stderr is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
-    columns = (
-        bars.TextColumn("postures"), bars.BarColumn(8), bars.TaskProgressColumn(show_speed=True),
-        bars.TimeRemainingColumn(compact=True), bars.TextColumn("{task.fields[best]}"),
-    )  # fmt: skip
-    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sweep", total=size, best="starting (the first sweep compiles)")
-        best = -math.inf
+    best = 0.0
+
+    def text(speed: float | None) -> str | None:
+        return f"best {speed:.4g} m/s" if speed else None
+
+    label = "postures (the first sweep compiles)"
+    with click.progressbar(length=size, label=label, file=sys.stderr, item_show_func=text) as bar:
 
         def progress(count: int, speed: float) -> None:
             nonlocal best
-            best = max(best, speed) if speed == speed else best
-            bar.update(task, advance=count, best=f"best {best:.4g} m/s" if best > 0 else "")
+            best = float(np.fmax(best, speed))
+            bar.update(count, best)
 
         yield progress
 
 
-def _page(lines: Sequence[ReportLine], kick: Kick) -> Page | None:
+def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":
     """Return the page of the best kick, the first line; None without any."""
     from kickdyn.view.page import page
 

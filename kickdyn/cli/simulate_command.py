@@ -1,7 +1,5 @@
 """The command `kickdyn simulate`: where the ball of a scene ends, and how exact that is."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """The command `kickdyn tradeoff`: error against cost of methods, or what each effect changes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -17,7 +15,7 @@ from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure, measure_eff
 from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table, screen_width
-from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.files import check_outputs, finite, write_json
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.simulate import simulate
@@ -135,7 +133,7 @@ def _document(whole: Simulation, sizes: Sequence[EffectSize]) -> dict[str, Any]:
     """Return what JSON can hold: nan is null."""
     effects = [dataclasses.asdict(size) for size in sizes]
     for effect in effects:
-        effect |= {name: None for name in ("end", "impulse") if math.isnan(effect[name])}
+        effect |= {name: finite(effect[name]) for name in ("end", "impulse")}
     return {
         "scene": whole.scene.name,
         "status": whole.status,

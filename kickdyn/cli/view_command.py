@@ -1,7 +1,5 @@
 """`kickdyn view`: a scene file as a 3-D page or a picture."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """Width of the terminal, and tables and text laid out for it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from textwrap import fill
 

@@ -4,8 +4,6 @@ A matrix lies flat in memory, one row of `LANES` numbers after the other, so tha
 become vector instructions.
 """
 
-from __future__ import annotations
-
 import math
 import types
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Style of plots, for which `@styled()` decorates what makes one, and writing them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike

@@ -1,7 +1,5 @@
 """Representation of results in a terminal and in Jupyter, and equality by value."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from html import escape
@@ -115,11 +113,9 @@ def format_value(value: object) -> str:
 
 
 def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
-    """Return a path in a vertical plane as an SVG, both axes to one scale.
+    """Return a path in a vertical plane as an SVG, both axes to one scale, some points marked.
 
-    Args:
-        line: the path, shape `(n, 2)`: forward and up [m].
-        dots: points on it to mark, shape `(k, 2)` [m].
+    Path and points have the columns forward and up [m].
     """
     low, high = line.min(axis=0), line.max(axis=0)
     span = np.maximum(high - low, 1e-9 * np.abs(line).max() + 1e-300)

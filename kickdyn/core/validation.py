@@ -1,7 +1,5 @@
 """Checks of values from outside: each returns the value or raises `InvalidInput` in one line."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import math
@@ -108,11 +106,11 @@ def _holds_bool(value: object) -> bool:
     return any(map(_holds_bool, value))
 
 
-def check_type(kind: type, *, optional: bool = False, **values: object) -> None:
-    """Raise `InvalidInput` for a value that is not of a type, or None if `optional`."""
+def check_type(*kinds: type, **values: object) -> None:
+    """Raise `InvalidInput` for a value that is of none of the types."""
     for name, value in values.items():
-        if not (isinstance(value, kind) or (optional and value is None)):
-            _refuse_type(name, value, (kind, type(None)) if optional else (kind,))
+        if not isinstance(value, kinds):
+            _refuse_type(name, value, kinds)
 
 
 def check_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
@@ -164,8 +162,7 @@ def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
 
 def flag(name: str, value: object) -> bool:
     """Return `value` if it is True or False, or raise `InvalidInput`."""
-    if not isinstance(value, bool | np.bool_):
-        raise InvalidInput(f"{name} is {value!r}: it must be True or False")
+    check_type(bool, np.bool_, **{name: value})
     return bool(value)
 
 

@@ -3,8 +3,6 @@
 For stacks of vectors there is `np.cross`, for the matrix of a cross product `pin.skew`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

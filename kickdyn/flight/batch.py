@@ -1,7 +1,5 @@
 """Thousands of flights at once: the answers of `fly`, in machine code."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -9,8 +9,6 @@ with a and k of `acceleration_function`. The displacement is from the launch, so
 1e-20 m at a height of 100 m has its digits.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The result of `fly`: path, apex, landing, error and warnings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -59,7 +57,7 @@ class Flight(ReprMixin):
     ground: Ground | None
     plane: Plane | None
     tol: float
-    _fly_again: Callable[..., Flight] = field(repr=False)
+    _fly_again: "Callable[..., Flight]" = field(repr=False)
     launch: BallState
     apex: BallState
     landing: BallState
@@ -163,7 +161,7 @@ class Flight(ReprMixin):
         short = abs(float(path.landing.position[0]) - there)  # the ground came first, by a hair?
         return path.landing if short <= tie * abs(before) else None
 
-    def __reduce__(self) -> tuple[Callable[[], Flight], tuple[()]]:
+    def __reduce__(self) -> "tuple[Callable[[], Flight], tuple[()]]":
         """Pickle what was flown; unpickling flies it again, to the same last bit."""
         return self._fly_again, ()
 
@@ -204,25 +202,17 @@ class Flight(ReprMixin):
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
 
 
-def has_own_function(air: Air | None) -> bool:
-    """Return whether the wind or a coefficient of an air is a function of the user's own.
-
-    Such a function may have features that are too narrow for the steps of an integration to see:
-    an estimate that compares two flights is then honest only if the steps of one of them are
-    limited, by the `max_step` of `fly` and `follow`, as `Flight.error` does.
-    """
-    if air is None:
-        return False
-    models = [model for model in (air.drag, air.lift, air.torque) if model is not None]
-    return callable(air.wind) or not all(is_known(model) for model in models)
-
-
 def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float, Any]]:
     """Return tolerance and longest step [s] of the flights that show the error of one at `tol`.
 
-    The duration is that of one flight, or of n, shape `(n,)` [s].
+    The duration is that of one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the
+    user's own may have features that are too narrow for the steps of an integration to see: an
+    estimate that compares two flights is then honest only if the steps of one are limited.
     """
-    finer = (max(1e-4 * tol, 1e-13), duration / 500 if has_own_function(air) else None)
+    models = () if air is None else (air.drag, air.lift, air.torque)
+    known = all(model is None or is_known(model) for model in models)
+    own = air is not None and (callable(air.wind) or not known)
+    finer = (max(1e-4 * tol, 1e-13), duration / 500 if own else None)
     return [finer, (100 * tol, None)] if tol < 1e-9 else [finer]
 
 

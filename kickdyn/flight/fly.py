@@ -1,7 +1,5 @@
 """The flight of a ball, from launch to landing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -76,6 +74,7 @@ def fly(
         longest = validation.number("max_step", max_step, above=0, unit="s")
     drop, wall = float(drops(state.position, ball, ground)), wall_of(plane, ball, state)
     limits = _Limits(drop, wall, time_limit, longest)
+    # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
     again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
                     max_step=max_step)  # fmt: skip
     flown = partial(Flight, ball, air, ground, plane, tol, again)
@@ -114,10 +113,8 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
     """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
 
-    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame].
-
-    Raises:
-        InvalidInput: a ball starts inside the ground.
+    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
+    inside the ground raises `InvalidInput`.
     """
     if ground is None:
         return np.zeros(position.shape[:-1])

@@ -1,7 +1,5 @@
 """A ball followed until it rests: flight, bounces, sliding, rolling."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -45,7 +43,7 @@ class Course(ReprMixin):
     flights: tuple[Flight, ...]
     bounces: tuple[BallState, ...]
     ground_phases: tuple[GroundPhase, ...]
-    _follow_again: Callable[[], Course] = field(repr=False)
+    _follow_again: "Callable[[], Course]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
         yield "status", self.status, ""
@@ -59,7 +57,7 @@ class Course(ReprMixin):
     def _picture(self) -> str:
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
 
-    def __reduce__(self) -> tuple[Callable[[], Course], tuple[()]]:
+    def __reduce__(self) -> "tuple[Callable[[], Course], tuple[()]]":
         """Pickle what was followed; unpickling follows it again, to the same last bit."""
         return self._follow_again, ()
 

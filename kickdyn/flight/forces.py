@@ -11,8 +11,6 @@ Weight less buoyancy, drag (Eq. 12), lift (Eq. 13) and the torque that brakes th
 with u the velocity relative to the air.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -37,8 +35,7 @@ Acceleration = Callable[
 def downward(ball: Ball, air: Air | None) -> float:
     r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2].
 
-    Raises:
-        InvalidInput: the ball is an obstacle, of mass inf.
+    An obstacle, a ball of mass inf, raises `InvalidInput`.
     """
     ball.check_movable("a flight")
     if air is None or not air.buoyancy:

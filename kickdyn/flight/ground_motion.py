@@ -1,7 +1,5 @@
 """What a ball does on level ground: it bounces, slides until it rolls, and rolls until it rests."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -124,7 +122,8 @@ def slide(
         normal, gap = wall
         reached = time_to_fall(float(normal @ level), gap, float(normal @ speed_change))
     end = states(np.array([min(last, reached)]))
-    return GroundPhase(_at_start(state), _first(end), "slide", states, reached <= last)
+    start = BallState(state.position, state.velocity, state.spin)
+    return GroundPhase(start, _first(end), "slide", states, reached <= last)
 
 
 def roll(
@@ -212,12 +211,8 @@ def roll(
     last = _first(states(np.array([final])))
     at_wall = reached is not None and not rests
     blown, calls = not rests and not at_wall, sum(arc.evaluations for arc in arcs)
-    return GroundPhase(_at_start(state), last, "roll", states, at_wall, blown, calls)
-
-
-def _at_start(state: BallState) -> BallState:
-    """Return a state at time 0."""
-    return BallState(state.position, state.velocity, state.spin)
+    start = BallState(state.position, state.velocity, state.spin)
+    return GroundPhase(start, last, "roll", states, at_wall, blown, calls)
 
 
 def _first(states: BallState) -> BallState:

@@ -9,8 +9,6 @@ whichever ends makes room for the next.
 
 # mypy: disable-error-code="no-untyped-def"
 
-from __future__ import annotations
-
 import math
 import zlib
 from functools import cache
@@ -77,17 +75,11 @@ def compiled_march() -> Any:
 def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations):
     """Fly every row: load flights into lanes, step all lanes at once, see where each one stands.
 
-    Args:
-        rates_of: the compiled rates, `side_by_side`.
-        scenes: per row height, spin (3), whether it decays, drop, absolute tolerance of
-            displacement and of velocity, longest step.
-        velocities: at the launch, shape `(n, 3)` [m/s].
-        rtol: relative tolerance.
-        tol: absolute tolerance of the spin.
-        limit: of time [s].
-        out: shape `(n, 16)`: time and 7 states at the end, time and 7 states at the apex.
-        status: `LANDED`, `ALOFT` or `FAILED`.
-        evaluations: of the acceleration.
+    A scene is height, spin (3), whether it decays, drop, absolute tolerances of displacement and of
+    velocity, longest step; the velocity at the launch [m/s] has shape `(3,)`. The relative
+    tolerance is `rtol`, the absolute one of the spin `tol`, the limit of time `limit` [s]. Rows of
+    `out` are filled with time and 7 states at the end, then at the apex; `status` with `LANDED`,
+    `ALOFT` or `FAILED`.
     """
     n = len(out)
     rates, begin = np.zeros((STAGES + 1, SIZE)), np.empty((n, 8))
@@ -236,9 +228,10 @@ def _scaled_norm(i, a, y, rtol, scale):
 
 @njit
 def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations):
-    """Find the first rates of every flight and its first step, as `integrate` does.
+    """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner do.
 
-    A flight that cannot begin, or ends at once, is given a status.
+    The steps are relative to the flight's own times, as in `integrate`. A flight that cannot begin,
+    or ends at once, is given a status.
     """
     scene, scale, y = np.zeros(5 * LANES), np.ones(SIZE), np.zeros(SIZE)
     lane = np.zeros((_LANE_ROWS, LANES))

@@ -1,7 +1,5 @@
 """Leg and ball just before they touch: checked input, and how fast the foot approaches the ball."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -82,14 +80,10 @@ def find_approach(
 ) -> Approach:
     r"""Check the arguments of `strike` and return the motion just before the impact.
 
-    The foot's velocity is :math:`J v`, and the speed of approach
-    :math:`n \cdot (J v - v_\mathrm{ball})`.
-
-    Raises:
-        NoImpact: the foot does not approach the ball, or by no more than 4 times the rounding of
-            the terms of which the speed is the sum.
-        InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
-            speeds whose energies leave double precision.
+    The foot's velocity is :math:`J v`, and the speed of approach :math:`n \cdot (J v -
+    v_\mathrm{ball})`. `NoImpact` is raised where that is not above 4 times the rounding of the
+    terms of which it is the sum, `InvalidInput` also for speeds whose energies leave double
+    precision.
     """
     is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
     if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls

@@ -1,7 +1,5 @@
 """The strike through a compliant contact: leg and ball integrated while they touch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -99,7 +97,7 @@ class Collision(ReprMixin):
     evaluations: int
     tol: float
     _sample: Sample = field(repr=False)
-    _again: partial[Collision] = field(repr=False)
+    _again: "partial[Collision]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
@@ -115,17 +113,9 @@ class Collision(ReprMixin):
             [*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before)]
         )
 
-    def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
+    def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
         return (partial(self._again, tol=self.tol), ())
-
-    def __copy__(self) -> Collision:
-        """Return itself, because it does not change."""
-        return self
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Collision:
-        """Return itself."""
-        return self
 
     @cached_property
     def error(self) -> float:
@@ -254,7 +244,7 @@ def _hertz_contact(
 def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
     """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
     expected, start = motion.expected, motion.start()
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(start, mass)
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(mass)
     with np.errstate(over="ignore", invalid="ignore"):  # reported below
         solution = integrate_until(
             motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0

@@ -1,7 +1,5 @@
 """Equations of motion of leg and ball while they touch, with a compliant contact."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -109,19 +107,16 @@ class CompliantContact:
             [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
         )
 
-    def scales(self, start: Array, mass: float) -> Array:
-        """Return the scale of each entry of a column, for absolute tolerances.
+    def scales(self, mass: float) -> Array:
+        """Return the scale of each entry of a column, for absolute tolerances, of a mass [kg].
 
-        Args:
-            start: the first column.
-            mass: effective mass of leg and ball along the normal [kg].
+        The mass is the effective one of leg and ball along the normal.
         """
         time, speed = self.expected, self.approach.speed
         spin = float(np.abs(self.approach.ball_before.spin).max()) or speed / self.ball.radius
         energy = 0.5 * mass * speed * speed
-        inertia, v = self.approach.posture.inertia, start[self.leg.nv : 2 * self.leg.nv]
-        # of each joint as fast as the energy of all would make it alone: hinges and slides alike
-        fast = np.sqrt((v @ inertia @ v + 2.0 * energy) / inertia.diagonal())
+        # of each joint as fast as that energy would make it alone: hinges and slides alike
+        fast = np.sqrt(2.0 * energy / self.approach.posture.inertia.diagonal())
         sizes = [fast * time, fast, [speed * time] * 3, [speed] * 3, [spin] * 3]
         return np.concatenate([*sizes, [energy, energy]])
 

@@ -1,15 +1,13 @@
 """A compliant contact: Hertz's spring with the damping of Hunt and Crossley."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
+from scipy.integrate import OdeSolution, solve_ivp
 from scipy.optimize import brentq
 
 from kickdyn.core import validation
@@ -130,13 +128,25 @@ def _unit_contact_time(restitution: float) -> float:
 def integrate_until(
     event: Any, rates: Any, start: ArrayLike, limit: float, rtol: float, atol: Any, step: float
 ) -> Any:
-    """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns."""
+    """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns.
+
+    States at an event are an interpolant's, which is far less exact than the step. So the last step
+    is taken anew, to just beyond the event.
+    """
 
     def falling(t: float, y: Array) -> float:
         return float(event(t, y))
 
     falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]
-    return solve_ivp(
-        rates, (0.0, limit), np.asarray(start, dtype=np.float64), "DOP853",
-        events=falling, dense_output=True, rtol=rtol, atol=atol, max_step=step,
-    )  # fmt: skip
+    run = partial(solve_ivp, rates, method="DOP853", rtol=rtol, atol=atol, max_step=step,
+                  events=falling, dense_output=True)  # fmt: skip
+    found = run((0.0, limit), np.asarray(start, np.float64))
+    if found.status != 1:
+        return found
+    began, ended = found.t[-2:]
+    beyond = ended + 0.01 * (ended - began)
+    last = run((began, beyond), found.y[:, -2], first_step=beyond - began)
+    times = np.concatenate([found.t[:-1], last.t[1:]])
+    found.sol = OdeSolution(times, [*found.sol.interpolants[:-1], *last.sol.interpolants])
+    found.t, found.y = times, np.hstack([found.y[:, :-1], last.y[:, 1:]])
+    return found

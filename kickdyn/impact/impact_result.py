@@ -1,9 +1,7 @@
 """The result of a strike, with the residuals that prove it."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,19 +16,17 @@ from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.constraint_impulses import (
-    Footing,
-    constraint_residuals,
-    footings,
-    named_impulses,
-)
+from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
+from kickdyn.robot.constraints import ConstraintBlock, Support
 from kickdyn.robot.leg import Posture
+
+_LoopBlock = tuple[tuple[str, str], ConstraintBlock]
 
 RESIDUAL_ROUNDING = 1e-14
 """Residuals below it are rounding, whose digits differ from processor to processor."""
@@ -156,7 +152,8 @@ class Impact(ReprMixin):
 
         Shape `(6,)`, of a point foot `(3,)` [N s, N m s].
         """
-        return named_impulses(self.posture.constraint_projector, self.constraint_impulses)[0]
+        impulses = self.constraint_impulses
+        return {support.frame: impulses[block.rows] for support, block in self._blocks()[0]}
 
     @property
     def loop_impulses(self) -> dict[tuple[str, str], Array]:
@@ -164,7 +161,8 @@ class Impact(ReprMixin):
 
         The first frame takes the opposite.
         """
-        return named_impulses(self.posture.constraint_projector, self.constraint_impulses)[1]
+        impulses = self.constraint_impulses
+        return {loop: impulses[block.rows] for loop, block in self._blocks()[1]}
 
     @property
     def footing(self) -> dict[str, Footing]:
@@ -172,9 +170,11 @@ class Impact(ReprMixin):
 
         Where a support does not stand, `unilateral_strike` computes what happens.
         """
-        return footings(
-            self.posture.constraint_projector, self.constraint_impulses, math.hypot(*self.impulse)
-        )
+        impulses, size = self.constraint_impulses, math.hypot(*self.impulse)
+        return {
+            support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, size)
+            for support, block in self._blocks()[0]
+        }
 
     @property
     def restitution_residual(self) -> float:
@@ -196,12 +196,12 @@ class Impact(ReprMixin):
     @property
     def support_residual(self) -> float:
         """Largest velocity of a supported frame just after [m/s, rad/s]: 0 but for rounding."""
-        return constraint_residuals(self.posture.constraint_projector, self.v_after)[0]
+        return self._fastest(self._blocks()[0])
 
     @property
     def loop_residual(self) -> float:
         """Largest velocity at which a loop opens just after [m/s]: 0 but for rounding."""
-        return constraint_residuals(self.posture.constraint_projector, self.v_after)[1]
+        return self._fastest(self._blocks()[1])
 
     @property
     def creates_energy(self) -> bool:
@@ -290,6 +290,23 @@ class Impact(ReprMixin):
                 `sensitivity` refuses.
         """
         return uncertainty(self.sensitivity(), self.impulse, self.ball_after.velocity, spread)
+
+    def _blocks(self) -> tuple[list[tuple[Support, ConstraintBlock]], list[_LoopBlock]]:
+        """Return the leg's supports and its loops, each with its rows of the constraints."""
+        projector = self.posture.constraint_projector
+        if projector is None:
+            return [], []
+        supports, blocks = projector.constraints.supports, projector.blocks
+        loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
+        return list(zip(supports, blocks, strict=False)), list(loops)
+
+    def _fastest(self, constraints: Sequence[tuple[Any, ConstraintBlock]]) -> float:
+        """Return the largest velocity just after of constraints that hold [m/s, rad/s]."""
+        projector = self.posture.constraint_projector
+        if projector is None:
+            return 0.0
+        speeds = np.abs(projector.rows @ self.v_after)
+        return max((float(speeds[block.rows].max()) for _, block in constraints), default=0.0)
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle all of it, read or not, so that a copy has the same digits."""

@@ -1,7 +1,5 @@
 """The load of each joint in an impact: on its structure, along its axis, and its peak."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,10 +1,8 @@
 """The registry of impact laws: each maps a contact problem to the impulse on the ball.
 
 A new law is a module like `newton_law.py` with one function, a member of `ImpactLaw` and a line in
-`LAWS`.
+`LAWS`. `pinocchio_engine.py` and `unilateral.py` must refuse it where it does not apply.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -45,9 +43,8 @@ LAWS: dict[ImpactLaw, Callable[[ContactProblem], Solution]] = {
 def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
     """Return the solution of a contact problem by an impact law.
 
-    Raises:
-        InvalidInput: neither the leg nor the ball, an obstacle, can move along the normal.
-        KickdynError: the law finds none, as for a leg and a ball whose masses are too unlike.
+    Where neither the leg nor the ball can move along the normal, `InvalidInput` is raised; where
+    the law finds none, as for masses that are too unlike, `KickdynError`.
     """
     if problem.ball.mass == math.inf:
         row = problem.normal @ problem.delassus_factor

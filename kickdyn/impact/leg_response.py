@@ -1,7 +1,5 @@
 """The leg's response to the impulse: velocity jump, joint impulses, constraint impulses."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -36,14 +34,9 @@ class LegResponse(NamedTuple):
 
 
 def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
-    r"""Return the response of a leg that strikes the ball with an impulse.
+    """Return the response of a leg that strikes the ball with an impulse p, `(3,)` [N s].
 
     The velocity jump is :math:`-M^{-1} J^T p`, less what supports and loops block.
-
-    Args:
-        posture: of the leg.
-        v: joint velocity before, shape `(nv,)` [rad/s].
-        impulse: p, on the ball, shape `(3,)` [N s, world frame].
     """
     if posture.constraint_projector is None:
         jump, transmitted, unbalanced = free_response(posture, -impulse)
@@ -76,18 +69,11 @@ def joint_impulses(
     """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
 
     The equations of motion, integrated over the impact, are the recursive Newton-Euler algorithm
-    without gravity and velocity, with the velocity jump for the acceleration.
-
-    Args:
-        posture: of the leg.
-        jump: change of the joint velocity, shape `(nv,)` [rad/s].
-        impulse: on the foot at its contact point, shape `(3,)` [N s, world frame].
-        constraint_impulses: of supports and loops, from `Posture.respond`.
-
-    Returns:
-        The 6-D impulse that each joint's parent exerts on its child, linear then angular, about
-        the joint's origin and in its frame, shape `(njoints, 6)` [N s, N m s]; and the joint-space
-        momentum left over, shape `(nv,)`, which is 0 but for rounding.
+    without gravity and velocity, with the jump of the joint velocity, `(nv,)` [rad/s], for the
+    acceleration. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first result
+    is the impulse that each joint's parent exerts on its child, linear then angular, about the
+    joint's origin and in its frame, `(njoints, 6)` [N s, N m s]; the second is the joint-space
+    momentum left over, `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
     wrenches = space.external_wrenches
@@ -134,15 +120,10 @@ def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
 
 
 def joint_wrench(rotation: Array, lever: Array, impulse: Array) -> Array:
-    """Return an impulse at a point of a body about its joint's origin, in the joint's axes.
+    """Return an impulse at a point of a body about its joint's origin, in the joint's axes, `(6,)`.
 
-    Args:
-        rotation: from world axes to the joint's, shape `(3, 3)`.
-        lever: from the joint's origin to the point, in its axes, shape `(3,)` [m].
-        impulse: shape `(3,)`, or with its moment about the point `(6,)` [world axes].
-
-    Returns:
-        Linear, then angular, shape `(6,)`.
+    The rotation is from world axes to the joint's, the lever from the joint's origin to the point,
+    in its axes [m]; the impulse is linear, `(3,)`, or with its moment about the point `(6,)`.
     """
     linear = rotation.dot(impulse[:3]).tolist()
     wrench = np.array((*linear, *cross3(lever.tolist(), linear)))

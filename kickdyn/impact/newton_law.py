@@ -1,7 +1,5 @@
 """Newton's law: kinematic restitution and Coulomb's cone, solved exactly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

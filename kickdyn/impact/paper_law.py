@@ -1,7 +1,5 @@
 """The paper's law: restitution along the attack direction, friction from a cone test."""
 
-from __future__ import annotations
-
 import math
 
 from kickdyn.core.validation import Array

@@ -1,7 +1,5 @@
 """The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 
@@ -18,22 +16,19 @@ def solve_by_pinocchio(
 ) -> tuple[Solution, BallState, LegResponse]:
     r"""Return impulse, ball and leg after the impact by `pin.impulseDynamics`.
 
-    The solver has a row A of constraints for leg and ball together,
-    :math:`n^T (J_\mathrm{ball} - J_\mathrm{foot})`, and solves
+    The solver has a row A of constraints for leg and ball together, :math:`n^T (J_\mathrm{ball} -
+    J_\mathrm{foot})`, and solves
 
     .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
 
     The row always has rank one because of the ball. Of supports and loops, the independent rows are
     added; with rows of lower rank its answer would be wrong without a warning. The joint impulses
-    are those of its velocity jump, by Newton-Euler.
-
-    Raises:
-        InvalidInput: friction, which the solver does not know; the law `paper`, whose impulse is
-            another one without friction too; or an obstacle that cannot move.
+    are those of its velocity jump, by Newton-Euler. Friction, the law `paper` and an obstacle raise
+    `InvalidInput`.
     """
     posture, before, ball = approach.posture, approach.ball_before, approach.ball
     contact, leg = approach.contact, posture.leg
-    if contact.friction != 0.0 or law is ImpactLaw.PAPER:
+    if contact.friction != 0.0 or law not in (ImpactLaw.NEWTON, ImpactLaw.STRONGE):
         raise InvalidInput(
             f"friction is {contact.friction:g} and law {law.value!r}: engine 'pinocchio' is for "
             "friction 0 and the laws 'newton' and 'stronge', which are one then"

@@ -5,8 +5,6 @@ slides, light feet, ball joints near gimbal lock, grazing contacts and slips nea
 (`tests/digits.py`), by law `newton`; the other laws are judged by the same analysis.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -40,14 +38,10 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
 
     Three things carry rounding: the relative velocity u, whose terms may cancel; the Jacobian, to
     which each joint adds its motion times the length of the links from there on; and M, or
-    articulated bodies. With the leg's responses x to unit impulses along contact axes,
-    they change the velocity after the impact by at most :math:`\delta = \Delta G\,|p| + \Delta u`,
-    and this changes the impulse by :math:`|C|\,\delta` with the derivative C of the contact law.
-
-    Args:
-        approach: leg and ball just before.
-        solution: of the contact problem.
-        joints: `Impact.joint_impulses`, shape `(njoints, 6)` [N s, N m s].
+    articulated bodies. With the leg's responses x to unit impulses along contact axes, they change
+    the velocity after the impact by at most :math:`\delta = \Delta G\,|p| + \Delta u`, and this
+    changes the impulse by :math:`|C|\,\delta` with the derivative C of the contact law. Joints'
+    impulses have shape `(njoints, 6)` [N s, N m s].
     """
     posture, problem, before = approach.posture, approach.contact_problem(), approach.ball_before
     axes = contact_axes(problem.normal, problem.velocity)
@@ -98,15 +92,10 @@ def _derivative(problem: ContactProblem, matrix: Array, sliding: Array | None, p
 
     Without friction this is the effective mass along the normal, and where the contact sticks
     :math:`G^{-1}`. Where it slides, p lies on the cone along :math:`d = (\mu c, \mu s, 1)` and can
-    change along d and along :math:`t = (-s, c, 0)`. With N these two directions as columns, and
-    the normal velocity and that along t left over, :math:`C = N (R G N + D)^{-1} R` with
-    :math:`R = (e_z, t)^T` and :math:`D = \operatorname{diag}(0, |u_t^+| / |p_t|)`.
-
-    Args:
-        problem: the contact problem.
-        matrix: G in contact axes, shape `(3, 3)` [1/kg].
-        sliding: velocity in the contact plane after the impact, shape `(2,)`; None if it sticks.
-        p: impulse in contact axes, shape `(3,)` [N s].
+    change along d and along :math:`t = (-s, c, 0)`. With N these two directions as columns, and the
+    normal velocity and that along t left over, :math:`C = N (R G N + D)^{-1} R` with :math:`R =
+    (e_z, t)^T` and :math:`D = \operatorname{diag}(0, |u_t^+| / |p_t|)`. The sliding after the
+    impact has shape `(2,)` [m/s]; it is None if the contact sticks.
     """
     if problem.friction == 0.0:
         return np.diag([0.0, 0.0, 1.0 / matrix[2, 2]])
@@ -127,11 +116,7 @@ def _spread(posture: Posture, velocities: Array) -> Array:
     """Return the sum of the speeds that joints give the foot, however much of it cancels [m/s].
 
     A joint gives it the speed along its axes, and that about them times the length of the links
-    from there to the foot.
-
-    Args:
-        posture: of the leg.
-        velocities: of the joints, one per column, shape `(nv, n)`.
+    from there to the foot. Velocities of the joints are columns, `(nv, n)`.
     """
     leg, space = posture.leg, posture.leg.workspace
     model, data = space.model, space.data

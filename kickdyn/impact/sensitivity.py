@@ -1,7 +1,5 @@
 """Derivatives of an impact by everything it depends on, by implicit differentiation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -124,21 +122,11 @@ def sensitivity(
     .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
               \frac{\partial R}{\partial x} .
 
-    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics,
-    and from its regressor, projected on what supports and loops allow
-    (`kickdyn.impact.leg_derivatives`).
-
-    Args:
-        approach: leg and ball just before.
-        solution: of the contact problem, by law `newton`.
-        ball_after: motion of the ball just after.
-        response: of the leg.
-        of_leg: whether to include the sources in `OF_LEG`.
-
-    Raises:
-        InvalidInput: a support moves after the impact, or the axes of a joint depend on its own
-            angles.
-        KickdynError: a derivative leaves double precision.
+    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
+    from its regressor, projected on what supports and loops allow
+    (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
+    own angles, raises `InvalidInput`; a derivative that leaves double precision raises
+    `KickdynError`.
     """
     _check_supports(approach, response)
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]

@@ -1,7 +1,5 @@
 """The strike: everything about the instant when the foot hits the ball."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A strike from ground that can push but not pull: feet may lift off, slip or tip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -125,7 +123,14 @@ def unilateral_strike(
     supports = _checked_supports(approach.posture.leg)
     feet = _feet(approach.posture, supports)
     contacts = _contacts(approach, feet, supports)
-    impulses, residual = _solve(contacts, approach)
+    free = contacts.before.copy()
+    free[2] *= 1.0 + approach.contact.restitution
+    impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
+    if not residual <= MAX_RESIDUAL:
+        raise KickdynError(
+            f"no impulses found for the supports: the best have a residual of {residual:.1g} "
+            f"(friction up to {contacts.frictions.max():g}) in {approach.posture!r}"
+        )
     impact = _result(approach, supports, feet, contacts, impulses, residual)
     check_energy(impact, strict)
     return impact
@@ -204,19 +209,6 @@ def _contacts(approach: Approach, feet: list[_Foot], supports: tuple[Support, ..
         frictions += [support.friction or 0.0] * len(foot.levers)
     symmetric = (delassus + delassus.T) / 2
     return _Contacts(axes, free, jacobian, symmetric, before, np.array(frictions))
-
-
-def _solve(contacts: _Contacts, approach: Approach) -> tuple[Array, float]:
-    """Return the impulses of all contacts and their residual, or raise `KickdynError`."""
-    free = contacts.before.copy()
-    free[2] *= 1.0 + approach.contact.restitution
-    impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
-    if not residual <= MAX_RESIDUAL:
-        raise KickdynError(
-            f"no impulses found for the supports: the best have a residual of {residual:.1g} "
-            f"(friction up to {contacts.frictions.max():g}) in {approach.posture!r}"
-        )
-    return impulses, residual
 
 
 def _result(

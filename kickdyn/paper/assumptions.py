@@ -1,7 +1,5 @@
 """What the paper leaves open, and how it is filled in: coefficients, and launch from contact."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -54,23 +52,10 @@ def direction(elevation_deg: float, left_deg: float = 0.0) -> Array:
     return np.array([math.cos(up) * math.cos(left), math.cos(up) * math.sin(left), math.sin(up)])
 
 
-def launch_from_contact(speed: float, attack: Array, normal: Array) -> tuple[BallState, bool]:
-    """Return the launch by Eqs. (15)-(21) and whether the contact sticks.
-
-    Args:
-        speed: of the ball if the contact sticks [m/s]; no foot speed of the paper gives it.
-        attack: unit vector of the foot's motion, shape `(3,)`.
-        normal: unit vector from foot to ball, shape `(3,)`.
-    """
-    return launch_from_force(BALL.mass * speed * attack, normal)
-
-
 def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
     """Return the launch of a ball at rest by Eqs. (18)-(21) and whether the contact sticks.
 
-    Args:
-        force: F, before its part across the normal is limited, shape `(3,)` [N s].
-        normal: unit vector from foot to ball, shape `(3,)`.
+    The force F is that before its part across the normal is limited, shape `(3,)` [N s].
     """
     impulse, tangential, sticking = limit_friction(force, normal, FRICTION)
     spin = -BALL.radius / BALL.inertia * np.cross(normal, tangential)

@@ -1,7 +1,5 @@
 """Fig. 1: the posture changes the impulse, at one contact point, on a ball and on an obstacle."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figs. 10-11: three kicks in space: straight, curving left, curving right."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -15,7 +13,7 @@ from kickdyn.paper.assumptions import (
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    launch_from_contact,
+    launch_from_force,
     show_warnings,
     warnings_of,
 )
@@ -38,7 +36,7 @@ def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
     paths = {}
     for name, side in CONTACTS.items():
         normal = direction(ATTACK_DEG + OFFSET_DEG, side * OFFSET_DEG)
-        launch, _ = launch_from_contact(SPEED, attack, normal)
+        launch, _ = launch_from_force(BALL.mass * SPEED * attack, normal)
         paths[name] = fly(launch, BALL, choice.air())
     return paths
 

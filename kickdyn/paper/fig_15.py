@@ -1,7 +1,5 @@
 """Figs. 13-15: planning a launch by the simplest reading of the paper's learning loop, and ours."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -34,13 +32,7 @@ DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 
 @dataclass(frozen=True)
 class Round:
-    """One flight on the way to a launch.
-
-    Attributes:
-        distance_error: distance of the target less the one reached [m].
-        time_error: time of the target less the one taken [s].
-        flight: the flight.
-    """
+    """One flight on the way to a launch, its errors those of the target less its own [m], [s]."""
 
     distance_error: float
     time_error: float

@@ -1,7 +1,5 @@
 """Fig. 8: 30 m/s at 30 deg in the vacuum, with drag, with back spin, with top spin."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

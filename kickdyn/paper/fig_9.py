@@ -1,7 +1,5 @@
 """Fig. 9: one foot motion, three contact heights: launch, spin and flight in the plane."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -16,7 +14,7 @@ from kickdyn.paper.assumptions import (
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    launch_from_contact,
+    launch_from_force,
     show_warnings,
     warnings_of,
 )
@@ -32,7 +30,7 @@ printed: the round number that the printed spin gives back within 0.05 deg."""
 def flights(choice: Coefficients) -> list[Flight]:
     """Return the three flights from the printed launches, with the spin of Eqs. (15)-(21)."""
     launches = (
-        launch_from_contact(speed, direction(launch), direction(contact))[0]
+        launch_from_force(BALL.mass * speed * direction(launch), direction(contact))[0]
         for speed, _, launch, contact in CASES
     )
     return [fly(launch, BALL, choice.air()) for launch in launches]
@@ -48,8 +46,9 @@ def items() -> list[Item]:
     )
     slow = f"a foot at {FOOT_SPEED} m/s gives at most (1 + e) v = {bound:.3g} m/s, at e = 1"
     for number, (speed, spin, angle, contact) in enumerate(CASES, 1):
-        state, sticking = launch_from_contact(speed, direction(angle), direction(contact))
-        common, _ = launch_from_contact(speed, direction(attack), direction(contact))
+        normal, momentum = direction(contact), BALL.mass * speed
+        state, sticking = launch_from_force(momentum * direction(angle), normal)
+        common, _ = launch_from_force(momentum * direction(attack), normal)
         fitted = (
             f"contact at {contact:g} deg {'sticks' if sticking else 'slips'}: the round number "
             "that fits, as the paper prints no height"

@@ -1,7 +1,5 @@
 """Tables 1, 3 and 6: what is taken from the paper, as the legs, the ball and the air have it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from kickdyn.air import Air

@@ -1,11 +1,10 @@
 """One number of the paper, beside ours."""
 
-from __future__ import annotations
-
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+
+from kickdyn.core.files import finite
 
 MEASURED = 0.1
 """How near our number must be to one of the test bed, or of its simulation, relative."""
@@ -85,7 +84,7 @@ class Item:
         return {
             "item": f"{self.item} [{self.variant}]" if self.variant else self.item,
             "paper": self.paper,
-            "ours": self.ours if math.isfinite(self.ours) else None,
+            "ours": finite(self.ours),
             "unit": self.unit,
             "relative_error": self.relative_error,
             "verdict": self.verdict,
@@ -110,10 +109,6 @@ def judged(item: Item, others: Sequence[Item]) -> Item:
 
     A note then has both numbers: the other one is the farthest away, of those with another verdict
     if there are any.
-
-    Args:
-        item: with the default coefficients.
-        others: the same item with other coefficients.
     """
 
     def distance(other: Item) -> float:

@@ -1,7 +1,5 @@
 """The paper in words: a table of all items, the reason for each, and other coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from rich.console import Console

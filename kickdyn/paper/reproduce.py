@@ -1,7 +1,5 @@
 """All items of the paper, in its order; its inputs are last."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -61,9 +59,6 @@ def chosen(only: str | None) -> Sequence[Section]:
     """Return the sections that match a name such as `table 2`; all where it is None.
 
     `fig 10` and `figure 11` mean `Fig. 10/11`, `fig 7` means `Table 2`, which draws it.
-
-    Raises:
-        InvalidInput: none matches.
     """
     if only is None:
         return SECTIONS
@@ -75,20 +70,14 @@ def chosen(only: str | None) -> Sequence[Section]:
     return found
 
 
-_PART = re.compile(
-    r"\s*(fig|table)(?:ures?|s)?\.?\s*(\d{1,2}(?:\s*[-/,]\s*\d{1,2})*)\s*", re.IGNORECASE
-)
-
-
 def _numbers(name: str) -> set[tuple[str, int]]:
     """Return what a name such as `Figs. 13-15` means; empty where it cannot be read."""
-    numbers, position = set[tuple[str, int]](), 0
-    while position < len(name):
-        part = _PART.match(name, position)
-        if part is None:
-            return set()
-        for piece in re.split("[/,]", part[2]):
+    part = r"\s*(fig|table)(?:ures?|s)?\.?\s*(\d{1,2}(?:\s*[-/,]\s*\d{1,2})*)\s*"
+    if not re.fullmatch(f"(?:{part})+", name.lower()):
+        return set()
+    numbers = set[tuple[str, int]]()
+    for kind, pieces in re.findall(part, name.lower()):
+        for piece in re.split("[/,]", pieces):
             first, _, last = piece.partition("-")
-            numbers |= {(part[1].lower(), n) for n in range(int(first), int(last or first) + 1)}
-        position = part.end()
+            numbers |= {(kind, n) for n in range(int(first), int(last or first) + 1)}
     return numbers

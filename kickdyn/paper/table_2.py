@@ -1,7 +1,5 @@
 """Table 2 and Fig. 7: the external impulse of three postures of the human leg."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -11,8 +11,6 @@ the product (1 + e) s matters; it is fitted to the row of 50 deg and 2.2 m/s, an
 through m(n), to that of 30 deg. The other rows are predicted.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """The goal of a kick: a target, and one condition on the flight to it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

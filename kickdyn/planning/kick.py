@@ -1,7 +1,5 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -237,7 +235,7 @@ def plan_kick(
     else:
         cost = scatter_cost(target, launch, air, uncertainty)
         solution = _solve_scatter(program, cost)
-    static_share, phases = solution.share, None
+    static_share, phases = solution.share, None  # the share without regard to a swing
     if swing:
         from kickdyn.planning.swing_kick import solve_with_swing
 
@@ -254,7 +252,7 @@ def plan_kick(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=cost(solution.posture, solution.v),
+        value=abs(cost(solution.posture, solution.v)),
         share=solution.share,
         impact_target=target,
         impact=impact,

@@ -1,7 +1,5 @@
 """Planning a launch: every launch that meets a goal, or the nearest there is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,10 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -26,11 +26,10 @@ from kickdyn.planning.launch_solver import (
     LaunchFamily,
     LaunchSolution,
     distinct,
-    farthest_launch,
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.shooting import ShootingProblem
+from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
@@ -44,11 +43,11 @@ class OutOfReach(InvalidInput):
         nearest: the nearest launch or pass there is; None where none is known.
     """
 
-    def __init__(self, message: str, limit: LaunchLimit, nearest: Launch | Pass | None) -> None:
+    def __init__(self, message: str, limit: LaunchLimit, nearest: "Launch | Pass | None") -> None:
         self.limit, self.nearest = limit, nearest
         super().__init__(message)
 
-    def __reduce__(self) -> tuple[type[OutOfReach], tuple[Any, ...]]:
+    def __reduce__(self) -> "tuple[type[OutOfReach], tuple[Any, ...]]":
         return OutOfReach, (str(self), self.limit, self.nearest)
 
 
@@ -135,7 +134,7 @@ class Launch(ReprMixin):
         return BallState(velocity=self.velocity, spin=self.spin)
 
     @cached_property
-    def others(self) -> tuple[Launch, ...]:
+    def others(self) -> "tuple[Launch, ...]":
         """The other launches that meet the goal, by time of flight; computed when first read.
 
         The launches to the target form curves, and these are all on the curves that Newton's method
@@ -147,7 +146,7 @@ class Launch(ReprMixin):
         problem = _shooting_problem(self.goal, self.ball, self.air, self.spin)
         direct = _solutions_from_vacuum(problem, self.goal)
         family = LaunchFamily(problem, self.goal, *self.limits)
-        found = _all_solutions(family, direct, family.curves(direct))
+        found = family.solutions(direct, family.curves(direct))
         apart = [
             one
             for one in found
@@ -219,22 +218,21 @@ def plan_launch(
     family = LaunchFamily(problem, goal, limit, most_spin)
 
     direct = _solutions_from_vacuum(problem, goal)
-    solutions = [one for one in direct if one.is_within(limit, most_spin)]
+    solutions = [one for one in direct if family.is_inside(one)]
     clear = [one for one in solutions if one.is_above_ground(goal)]
     if arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
         return _launch(family, goal, None, clear[0])
 
     curves = family.curves(direct)
-    solutions = _all_solutions(family, direct, curves)
+    solutions = family.solutions(direct, curves)
     clear = [one for one in solutions if one.is_above_ground(goal)]
     if clear:
         return _launch(family, goal, None, clear[0 if arc == Arc.LOW else -1])
     if goal.beside is not None and not solutions:
         return _nearest_curve(family, direct)
-    parts = family.within_limits(curves)
-    if not parts:
+    if not any(family.is_inside(member) for curve in curves for member in curve):
         return _farthest(family)
-    return _nearest(family, parts, buried=bool(solutions))
+    return _nearest(family, curves, buried=bool(solutions))
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) -> ShootingProblem:
@@ -253,19 +251,10 @@ def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchS
     for time in goal.nominal_times():
         start = np.array([*nominal_velocity(goal.target, time), time, *spin])
         one = solve_launch(problem, goal, start)
-        if one.converged and one.trajectory is not None:
+        if one is not None:
             falls = one.trajectory.state(one.time)[1][2] <= 1e-9 * one.speed
             found += [one] if goal.apex is None or falls else []
     return distinct(found, problem)
-
-
-def _all_solutions(
-    family: LaunchFamily, direct: list[LaunchSolution], curves: list[list[LaunchSolution]]
-) -> list[LaunchSolution]:
-    """Return the solutions within the limits by time of flight: those known, and on the curves."""
-    found = [*direct, *family.solutions(curves)]
-    inside = [one for one in found if one.is_within(family.speed_limit, family.spin_limit)]
-    return distinct(inside, family.problem)
 
 
 def _launch(
@@ -289,10 +278,34 @@ def _launch(
 
 
 def _farthest(family: LaunchFamily) -> Launch:
-    """Return the launch at the speed limit that comes farthest towards the target."""
-    reached, velocity = farthest_launch(family.problem, family.goal.target, family.speed_limit)
-    unknowns = np.array([*velocity, reached.time])
-    solution = LaunchSolution(unknowns, np.zeros(4), True, velocity[None], None)
+    """Return the launch at the speed limit that comes farthest on the line to the target."""
+    goal, speed = family.goal, family.speed_limit
+    slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
+    most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
+
+    def flight(angle: float) -> Trajectory | None:
+        """Return the flight at an angle to where it comes down to the line; None without such."""
+        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
+        flown = family.problem.shoot(velocity, most)
+        time = flown and flown.when(
+            lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
+        )
+        return flown._replace(time=time) if flown and time else None
+
+    best = minimize_scalar(
+        lambda angle: (
+            -float(goal.ahead @ end.state(end.time)[0]) if (end := flight(angle)) else 0.0
+        ),
+        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
+        method="bounded",
+        options={"xatol": 1e-5},
+    )
+    found = flight(float(best.x))
+    if found is None:
+        raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
+    unknowns = np.array([*found.state(0.0)[1], found.time])
+    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
+    reached = Goal(found.state(found.time)[0], time=found.time)
     return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
@@ -326,16 +339,16 @@ def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Lau
     )
 
 
-def _nearest(family: LaunchFamily, parts: list[list[LaunchSolution]], *, buried: bool) -> Launch:
+def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried: bool) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
     `buried` says that solutions exist and the ground is in the way of all.
     """
     goal = family.goal
-    members = [member for part in parts for member in part]
+    members = [member for curve in curves for member in curve if family.is_inside(member)]
     best = min(members, key=lambda member: abs(member.condition(goal)[0]))
     if buried or not best.is_above_ground(goal):
-        buried, clear = True, family.above_ground(parts)
+        buried, clear = True, family.above_ground(curves)
         if not clear:
             raise OutOfReach(
                 f"{goal} is out of reach: the ground is in the way of every launch",
@@ -345,21 +358,18 @@ def _nearest(family: LaunchFamily, parts: list[list[LaunchSolution]], *, buried:
         best = min(clear, key=lambda member: abs(member.condition(goal)[0]))
     best = family.refine(best)
     error = best.condition(goal)[0]
-    bend = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
     limit, value = LaunchLimit.SPEED, dict[str, Any](time=best.time)
-    if goal.speed is not None:
-        value = {"speed": best.speed}
-        if best.speed < family.speed_limit * (1 - 1e-6):
-            limit = LaunchLimit.LEAST_SPEED
-    elif goal.over is not None:
-        limit, value = bend, {"over": (goal.over[0], goal.over[1] + error)}
-    elif goal.apex is not None:
-        limit = bend
-        if goal.apex + error != 0.0:  # an apex at the start names no one launch
-            value = {"apex": goal.apex + error}
-    reached = Goal(goal.target, **value, beside=goal.beside)
-    limit = LaunchLimit.GROUND if buried else limit
-    return _launch(family, reached, limit, best)
+    if goal.over is not None:
+        value = {"over": (goal.over[0], goal.over[1] + error)}
+    elif goal.apex != -error:  # an apex at the start names no one launch
+        value = {goal.kind: getattr(goal, goal.kind) + error}
+    if buried:
+        limit = LaunchLimit.GROUND
+    elif goal.over is not None or goal.apex is not None:
+        limit = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    elif goal.speed is not None and best.speed < family.speed_limit * (1 - 1e-6):
+        limit = LaunchLimit.LEAST_SPEED
+    return _launch(family, Goal(goal.target, **value, beside=goal.beside), limit, best)
 
 
 def fly_to_target(

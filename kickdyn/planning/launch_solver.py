@@ -4,17 +4,15 @@ A launch velocity and a time of flight are four unknowns, and a target has three
 launches to it form curves, and what a goal names beside the target picks members out of them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, starmap
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
@@ -52,16 +50,14 @@ class LaunchSolution:
         unknowns: launch velocity [m/s, world frame], time of flight [s] and, for `beside`, the size
             of the spin along its axis [rad/s]; shape `(4,)` or `(5,)`.
         errors: of the target (3 components), of the condition beside it, and of `beside`.
-        converged: whether all errors are small enough.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
-        trajectory: the flight from there; None where there is none.
+        trajectory: the flight from there.
     """
 
     unknowns: Array
     errors: Array
-    converged: bool
     history: Array
-    trajectory: Trajectory | None
+    trajectory: Trajectory
 
     @property
     def velocity(self) -> Array:
@@ -83,13 +79,8 @@ class LaunchSolution:
         """Launch speed [m/s]."""
         return math.hypot(*self.velocity)
 
-    def is_within(self, speed_limit: float, spin_limit: float) -> bool:
-        """Return whether speed [m/s] and spin [rad/s] keep their limits, but for rounding."""
-        return self.speed <= speed_limit * (1 + 1e-9) and abs(self.spin_size) <= spin_limit
-
     def condition(self, goal: Goal) -> tuple[float, Array]:
         """Return the error of the condition beside the target, and its slopes by the unknowns."""
-        assert self.trajectory is not None
         return goal_condition(goal, self.unknowns, self.trajectory)
 
     def is_above_ground(self, goal: Goal) -> bool:
@@ -97,7 +88,7 @@ class LaunchSolution:
 
         A ball that lies on the ground does not start downwards.
         """
-        if self.trajectory is None or (goal.lowest == 0.0 and self.velocity[2] < 0.0):
+        if goal.lowest == 0.0 and self.velocity[2] < 0.0:
             return False
         end = float(self.trajectory.state(self.time)[0][2])
         return self.trajectory.lowest() >= min(0.0, end)
@@ -111,20 +102,13 @@ def solve_launch(
     condition: Condition | None = None,
     accuracy: float = ACCURACY,
     steps: int = 40,
-) -> LaunchSolution:
-    r"""Solve for a launch by Newton's method from a first guess.
+) -> LaunchSolution | None:
+    r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
     The unknowns are launch velocity :math:`v`, time :math:`t` and, for `beside`, the spin's size
     :math:`s`. They solve :math:`x(t; v, s) = x_{target}` together with a condition. Each step
     integrates one flight with its derivatives, and is halved while it does not reduce the errors.
-
-    Args:
-        problem: ball, air and spin.
-        goal: to be reached.
-        start: first guess of the unknowns, see `LaunchSolution`.
-        condition: beside the target, without a unit; the goal's when not named.
-        accuracy: largest relative error.
-        steps: of Newton's method, at most.
+    Without a `condition`, it is the goal's; `accuracy` is the largest relative error.
     """
     length = float(np.linalg.norm(goal.target))
     last = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
@@ -153,8 +137,9 @@ def solve_launch(
         else:
             break
         history.append(x[:3])
-    converged = bool(np.abs(errors / scale).max() <= accuracy)
-    return LaunchSolution(x, errors, converged, np.array(history), trajectory)
+    if trajectory is None or not np.abs(errors / scale).max() <= accuracy:
+        return None
+    return LaunchSolution(x, errors, np.array(history), trajectory)
 
 
 def step_in_root(velocity: Array, step: Array) -> Array:
@@ -164,8 +149,6 @@ def step_in_root(velocity: Array, step: Array) -> Array:
     of 50 m in 2 s takes 3 steps in place of 4. Shapes are `(n,)`.
     """
     speed = float(np.linalg.norm(velocity))
-    if speed == 0.0:
-        return np.asarray(velocity + step)
     direction = velocity / speed
     root = velocity + step - 0.5 * direction * (direction @ step)  # times sqrt(speed)
     return np.asarray(root * float(np.linalg.norm(root)) / speed)
@@ -230,7 +213,7 @@ def _residual(
 
 
 class LaunchFamily:
-    r"""The launches to a goal's target, and `beside`, within limits of speed and spin.
+    r"""The launches to a goal's target, and `beside`, within limits of speed and spin [m/s, rad/s].
 
     They are curves in the space of the unknowns :math:`y`. A walk along one of them steps in the
     direction :math:`\tau` of its tangent, and Newton's method returns to it across that direction,
@@ -238,12 +221,6 @@ class LaunchFamily:
     may turn back in time, speed or spin. Walks start from the launches that Newton's method finds
     from a few answers of the vacuum, the time of flight being free: a curve to which none of these
     leads is not found.
-
-    Args:
-        problem: ball, air and spin.
-        goal: every member meets its target and `beside`.
-        speed_limit: of the launch [m/s].
-        spin_limit: of the spin that `beside` seeks [rad/s].
     """
 
     def __init__(
@@ -260,7 +237,7 @@ class LaunchFamily:
         """
         found = list[list[LaunchSolution]]()
         for seed in sorted([*known, *self._seeds()], key=lambda one: one.speed):
-            beyond = bool(found) and not self._is_inside(seed)
+            beyond = bool(found) and not self.is_inside(seed)
             if beyond or any(
                 self._is_between(pair, seed) for curve in found for pair in pairwise(curve)
             ):
@@ -268,127 +245,105 @@ class LaunchFamily:
             ahead = self._walk(seed, 1.0)
             closed = bool(ahead) and ahead[-1] is seed
             curve = [*reversed([] if closed else self._walk(seed, -1.0)), seed, *ahead]
-            for goal in (self._goal(speed=self.speed_limit), self.goal):
-                turns = [self._turn(goal, *pair) for pair in pairwise(curve)]
-                both = zip([None, *turns], curve, strict=True)
+            limit = self._goal(speed=self.speed_limit)
+            for between in (
+                partial(self._turn, limit),
+                partial(self._solution, limit),
+                partial(self._turn, self.goal),
+            ):
+                both = zip([None, *starmap(between, pairwise(curve))], curve, strict=True)
                 curve = [one for pair in both for one in pair if one is not None]
             found.append(curve)
         return found
 
-    def solutions(self, curves: list[list[LaunchSolution]]) -> list[LaunchSolution]:
-        """Return the goal's solutions between members whose errors of its condition differ in sign.
-
-        Those beyond the limits are left out.
-        """
+    def solutions(
+        self, known: list[LaunchSolution], curves: list[list[LaunchSolution]]
+    ) -> list[LaunchSolution]:
+        """Return the goal's solutions within the limits by time: those known, and on curves."""
         pairs = [pair for curve in curves for pair in pairwise(curve)]
-        found = [
-            self._solution(*pair)
-            for pair in pairs
-            if self._error(pair[0]) * self._error(pair[1]) <= 0.0
-        ]
-        inside = [one for one in found if one is not None and self._is_inside(one)]
+        found = [*known, *starmap(partial(self._solution, self.goal), pairs)]
+        inside = [one for one in found if one is not None and self.is_inside(one)]
         return distinct(inside, self.problem)
 
-    def within_limits(self, curves: list[list[LaunchSolution]]) -> list[list[LaunchSolution]]:
-        """Return the parts of curves within the limits, with members at the speed limit."""
-        parts = list[list[LaunchSolution]]()
-        for curve in curves:
-            part = [member for member in curve[:1] if self._is_inside(member)]
-            for pair in pairwise(curve):
-                inside = [self._is_inside(member) for member in pair]
-                if inside[0] != inside[1]:
-                    part += self._at_limit(pair)
-                if inside[1]:
-                    part.append(pair[1])
-                elif part:
-                    parts.append(part)
-                    part = []
-            parts += [part] if part else []
-        return parts
+    def is_inside(self, member: LaunchSolution) -> bool:
+        """Return whether a member is within the limits, but for rounding."""
+        slow = member.speed <= self.speed_limit * (1 + 1e-9)
+        return slow and abs(member.spin_size) <= self.spin_limit
 
-    def above_ground(self, parts: list[list[LaunchSolution]]) -> list[LaunchSolution]:
-        """Return members that are clear of the ground, with the last clear ones between them."""
+    def above_ground(self, curves: list[list[LaunchSolution]]) -> list[LaunchSolution]:
+        """Return members within the limits that are clear of the ground, and the last such."""
         found = []
-        for part in parts:
-            clear = [member.is_above_ground(self.goal) for member in part]
-            found += [member for member, is_clear in zip(part, clear, strict=True) if is_clear]
-            for pair, both in zip(pairwise(part), pairwise(clear), strict=True):
-                if both[0] != both[1]:
-                    found += self._last_clear(*(pair if both[0] else reversed(pair)))
+        for pair in (pair for curve in curves for pair in pairwise(curve)):
+            inside = [member for member in pair if self.is_inside(member)]
+            clear = [member for member in inside if member.is_above_ground(self.goal)]
+            found += clear
+            if len(inside) == 2 and len(clear) == 1:
+                found.append(self._last_clear(*(pair if clear[0] is pair[0] else pair[::-1])))
         return found
 
     def refine(self, member: LaunchSolution) -> LaunchSolution:
         """Return a member as exactly as `solve_launch` computes it."""
-        found = solve_launch(self.problem, self._goal(time=member.time), member.unknowns)
-        return found if found.converged else member
+        goal = self._goal(time=member.time)
+        return solve_launch(self.problem, goal, member.unknowns) or member
 
     def _goal(self, **condition: Any) -> Goal:
         """Return the same target and `beside` with another condition."""
         return Goal(self.goal.target, **condition, beside=self.goal.beside)
 
-    def _is_inside(self, member: LaunchSolution) -> bool:
-        """Return whether a member is within the limits."""
-        return member.is_within(self.speed_limit, self.spin_limit)
-
-    def _error(self, member: LaunchSolution) -> float:
-        """Return the error of the goal's condition."""
-        return member.condition(self.goal)[0]
-
     def _seeds(self) -> list[LaunchSolution]:
         """Return members near the vacuum's answers for the times `SEEDS`."""
-        target, found = self.goal.target, list[LaunchSolution]()
+        target, found = self.goal.target, list[LaunchSolution | None]()
         about = math.sqrt(2 * float(np.linalg.norm(target)) / GRAVITY)
         for time in (about * part for part in SEEDS):
             spin = [] if self.goal.beside is None else [0.0]
             start = np.array([*nominal_velocity(target, time), time, *spin])
-            found.append(self._solve(start, None, steps=20))
-        return [one for one in found if one.converged]
+            found.append(self._member_near(start, np.zeros_like(start), steps=20))
+        return [one for one in found if one is not None]
 
     def _tangent(self, member: LaunchSolution) -> Array:
         """Return the direction of the curve, in `sizes` of the unknowns, as a unit vector."""
         problem, x = self._coarse, member.unknowns
-        assert member.trajectory is not None
         slope = target_equations(self.goal, x, member.trajectory)[1] * problem.sizes(x)
         return np.asarray(np.linalg.svd(slope)[2][-1])
 
-    def _member_near(
-        self, x: Array, across: Array, *, exact: bool = False
-    ) -> LaunchSolution | None:
-        """Return the member where the curve crosses a plane through unknowns; None without one."""
+    def _member_near(self, x: Array, across: Array, steps: int = 6) -> LaunchSolution | None:
+        """Return the member where the curve crosses a plane through unknowns; None without one.
+
+        With a plane of no direction, each step of Newton's method is the least to the curve.
+        """
         if x[3] <= 0.0:
             return None
-        found = self._solve(x, across, exact=exact)
-        return found if found.converged else None
-
-    def _solve(
-        self, x: Array, across: Array | None, *, exact: bool = False, steps: int = 6
-    ) -> LaunchSolution:
-        """Return what Newton's method finds from unknowns, in a plane `across` the curve.
-
-        Without a plane, each of its steps is the least one that leads to the curve.
-        """
-        normal = np.zeros_like(x) if across is None else across
 
         def condition(y: Array, _: Trajectory) -> tuple[float, Array]:
-            return float(normal @ (y - x)), normal
+            return float(across @ (y - x)), across
 
-        problem, accuracy = (self.problem, ACCURACY) if exact else (self._coarse, 100 * COARSE)
         return solve_launch(
-            problem, self.goal, x, condition=condition, accuracy=accuracy, steps=steps
+            self._coarse, self.goal, x, condition=condition, accuracy=100 * COARSE, steps=steps
         )
 
-    def _between(
-        self,
-        a: LaunchSolution,
-        b: LaunchSolution,
-        part: float,
-        *,
-        exact: bool = False,
-    ) -> LaunchSolution | None:
+    def _between(self, a: LaunchSolution, b: LaunchSolution, part: float) -> LaunchSolution | None:
         """Return a member between two, by the part of the way from the first."""
         x, chord = a.unknowns, b.unknowns - a.unknowns
-        sizes = self._coarse.sizes(x)
-        return self._member_near(x + part * chord, chord / sizes**2, exact=exact)
+        return self._member_near(x + part * chord, chord / self._coarse.sizes(x) ** 2)
+
+    def _root(
+        self, value: Callable[[LaunchSolution], float], a: LaunchSolution, b: LaunchSolution
+    ) -> LaunchSolution | None:
+        """Return the member between two at which a function of members is 0; None without one."""
+
+        def member(part: float) -> LaunchSolution | None:
+            return {0.0: a, 1.0: b}.get(part) or self._between(a, b, part)
+
+        def at(part: float) -> float:
+            found = member(part)
+            return math.nan if found is None else value(found)
+
+        if not value(a) * value(b) <= 0.0:
+            return None
+        try:
+            return member(float(brentq(at, 0.0, 1.0, xtol=1e-6)))
+        except ValueError:  # of nan: the curve leaves its chord
+            return None
 
     def _is_between(self, pair: tuple[LaunchSolution, LaunchSolution], one: LaunchSolution) -> bool:
         """Return whether a member lies on the curve between two neighbours."""
@@ -424,113 +379,32 @@ class LaunchFamily:
         return members
 
     def _turn(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
-        """Return the member between two at which the size of a condition's error is least.
+        """Return the member between two to which a condition's error falls, and then rises."""
+        chord = b.unknowns - a.unknowns
 
-        None where it is at one of them. Where the error changes its sign on the way, a member
-        beyond that is returned.
-        """
-        best = None
-        for _ in range(8):
-            (at_a, by_a), (at_b, by_b) = a.condition(goal), b.condition(goal)
-            chord = b.unknowns - a.unknowns
-            rates = [at_a * self._rate(a, by_a, chord), at_b * self._rate(b, by_b, chord)]
-            if not (at_a * at_b > 0.0 and rates[0] < 0.0 < rates[1]):
-                break
-            part = rates[0] / (rates[0] - rates[1])
-            found = self._between(a, b, min(max(part, 0.1), 0.9))
-            if found is None:
-                break
-            best = found
-            error, by = found.condition(goal)
-            if error * self._rate(found, by, chord) < 0.0:
-                a = found
-            else:
-                b = found
-        return best
+        def rate(member: LaunchSolution) -> float:
+            sizes, slope = self._coarse.sizes(member.unknowns), member.condition(goal)[1]
+            tangent = self._tangent(member)
+            ahead = math.copysign(1.0, float(tangent @ (chord / sizes)))
+            return float(slope @ (sizes * tangent)) * ahead
 
-    def _rate(self, member: LaunchSolution, slope: Array, chord: Array) -> float:
-        """Return how fast the error of the condition changes along the curve, towards `chord`."""
-        sizes = self._coarse.sizes(member.unknowns)
-        tangent = self._tangent(member)
-        return float(slope @ (sizes * tangent)) * math.copysign(
-            1.0, float(tangent @ (chord / sizes))
-        )
+        falls, rises = (member.condition(goal)[0] * rate(member) for member in (a, b))
+        return self._root(rate, a, b) if falls < 0.0 < rises else None
 
-    def _solution(
-        self, a: LaunchSolution, b: LaunchSolution, halvings: int = 12
-    ) -> LaunchSolution | None:
-        """Return the solution between two members whose errors differ in sign.
+    def _solution(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
+        """Return the solution for a goal between two members whose errors differ in sign."""
+        start = self._root(lambda member: member.condition(goal)[0], a, b)
+        return start and solve_launch(self.problem, goal, start.unknowns, steps=12)
 
-        Newton's method starts from the member of the smaller error, then from the other, and then
-        between closer members.
-        """
-        for start in sorted((a, b), key=lambda one: abs(self._error(one))):
-            found = solve_launch(self.problem, self.goal, start.unknowns, steps=12)
-            if found.converged and self._is_between((a, b), found):
-                return found
-        middle = self._between(a, b, 0.5) if halvings else None
-        if middle is None:
-            return None
-        left = self._error(a) * self._error(middle) <= 0.0
-        return self._solution(*((a, middle) if left else (middle, b)), halvings - 1)
-
-    def _at_limit(self, pair: tuple[LaunchSolution, LaunchSolution]) -> list[LaunchSolution]:
-        """Return the member at the speed limit between two, if there is one."""
-        goal = self._goal(speed=self.speed_limit)
-        found = [solve_launch(self.problem, goal, one.unknowns) for one in pair]
-        return [
-            one
-            for one in found
-            if one.converged and self._is_between(pair, one) and self._is_inside(one)
-        ][:1]
-
-    def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> list[LaunchSolution]:
+    def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> LaunchSolution:
         """Return the last member that is clear of the ground, by bisection."""
         for _ in range(24):
-            member = self._between(clear, buried, 0.5, exact=True)
-            if member is None:
+            middle = self._between(clear, buried, 0.5)
+            if middle is None:
                 break
+            member = self.refine(middle)
             if member.is_above_ground(self.goal):
                 clear = member
             else:
                 buried = member
-        return [clear]
-
-
-def farthest_launch(problem: ShootingProblem, target: Array, speed: float) -> tuple[Goal, Array]:
-    """Return the farthest point on the line to a target that a launch speed reaches, as a goal.
-
-    The launch is aimed at the target's side. Also returns its velocity, shape `(3,)` [m/s].
-    """
-    ahead = np.array([target[0], target[1], 0.0]) / math.hypot(target[0], target[1])
-    up = np.array([0.0, 0.0, 1.0])
-    slope = float(target[2] / (ahead @ target))
-    time = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
-
-    def reach(angle: float) -> tuple[float, float, Array, Array]:
-        """Return distance, time and position where the flight crosses the line, and its launch."""
-        velocity = speed * (math.cos(angle) * ahead + math.sin(angle) * up)
-        flown = problem.shoot(velocity, time)
-
-        def above(at: float) -> float:
-            assert flown is not None
-            position = flown.state(at)[0]
-            return float(position[2] - slope * (ahead @ position))
-
-        if flown is None or above(time) >= 0.0:
-            return 0.0, 0.0, np.zeros(3), velocity
-        start = time
-        while above(start) < 0.0 and start > 1e-6 * time:
-            start *= 0.9
-        when = float(brentq(above, start, min(start / 0.9, time)))
-        position = flown.state(when)[0]
-        return float(ahead @ position), when, position, velocity
-
-    found = minimize_scalar(
-        lambda angle: -reach(angle)[0],
-        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
-        method="bounded",
-        options={"xatol": 1e-5},
-    )
-    _, when, position, velocity = reach(float(found.x))
-    return Goal(position, time=when), velocity
+        return clear

@@ -1,12 +1,11 @@
 """A planned kick in words and in JSON, with the wall and the goal that it meets on a pitch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
 from kickdyn.ball import BallState
@@ -48,7 +47,7 @@ class Wall(NamedTuple):
     width: float = 2.5  # of five players
 
     @classmethod
-    def read(cls, text: str) -> Wall:
+    def read(cls, text: str) -> "Wall":
         """Return the wall that DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for."""
         parts = text.split(":")
         if len(parts) not in (2, 3):
@@ -161,16 +160,7 @@ def score(plan: KickPlan) -> Score:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with all that was asked about it.
-
-    Args:
-        plan: the kick.
-        swing: to it, if one was planned.
-        wall: that the ball passes, if there is one.
-        goal_mouth: whether there is a goal.
-        uncertainty: of the errors its scatter was made least for, by source.
-        limits: whether the leg's limits matter.
-    """
+    """A planned kick with the swing, the wall, the goal and the errors that were asked about."""
 
     plan: KickPlan
     swing: Swing | None = None
@@ -183,7 +173,8 @@ class PlanReport:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
         found = [verdict(self.plan)]
         if self.uncertainty is not None:
-            found.append(_describe_scatter(self._scatter(self.uncertainty)))
+            landing = scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
+            found.append(_describe_scatter(landing))
         if self.wall is not None:
             found.append(self.wall.describe_passage(self.plan))
         if self.goal_mouth:
@@ -223,46 +214,33 @@ class PlanReport:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
         plan, launch = self.plan, self.plan.launch
         impact, leg = plan.impact, plan.leg
+        up, left = plan.impact_target.contact_offset
         report = {
             "status": plan.status,
             "goal": _goal_json(plan.goal),
             "launch": {
-                "speed": launch.speed,
+                **_attributes(launch, "speed velocity spin time iterations"),
                 "angle_deg": math.degrees(launch.angle),
                 "azimuth_deg": math.degrees(launch.azimuth),
-                "velocity": launch.velocity.tolist(),
-                "spin": launch.spin.tolist(),
-                "time": launch.time,
-                "iterations": launch.iterations,
             },
             "impact": {
-                "impulse": impact.impulse.tolist(),
+                **_attributes(impact, "impulse foot_velocity"),
                 "normal": impact.contact.normal.tolist(),
-                "up_m": plan.impact_target.contact_offset[0],
-                "left_m": plan.impact_target.contact_offset[1],
-                "foot_velocity": impact.foot_velocity.tolist(),
+                "up_m": up,
+                "left_m": left,
             },
             "leg": {
                 "name": leg.name,
                 "heading_deg": math.degrees(plan.heading),
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
-                "v": plan.v.tolist(),
-                "objective": plan.objective,
-                "value": plan.value,
-                "binding": list(plan.binding),
-                "speed_use": plan.speed_use,
-                "torque_use": plan.torque_use,
-                "too_fast_after": plan.too_fast_after,
-                "into_stop": list(plan.into_stop),
+                **_attributes(plan, "v objective value binding speed_use torque_use"),
+                **_attributes(plan, "too_fast_after into_stop"),
                 "worst_joint": impact.worst_joint[0],
                 "worst_joint_impulse": impact.worst_joint[1],
             },
-            "share": plan.share,
             "time": plan.path.duration,
-            "landing_error": plan.landing_error,
-            "time_error": plan.time_error,
-            "warnings": list(plan.warnings),
+            **_attributes(plan, "share landing_error time_error warnings"),
         }
         if plan.status != PlanStatus.MET:
             path = _flight_within_limits(plan)
@@ -273,20 +251,14 @@ class PlanReport:
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
         if self.uncertainty is not None:
-            found = self._scatter(self.uncertainty)
+            found = scatter(impact, launch.air, **self.uncertainty)
             report["scatter"] = {
-                "mean": found.mean.tolist(),
-                "covariance": found.covariance.tolist(),
+                **_attributes(found, "mean covariance radius"),
                 "by_source": {name: part.tolist() for name, part in found.by_source.items()},
-                "radius": found.radius,
             }
         if self.swing is not None:
             report["swing"] = _swing_json(self.swing)
         return report
-
-    def _scatter(self, uncertainty: Mapping[str, float]) -> Scatter:
-        """Return the scatter of the landing."""
-        return scatter(self.plan.impact, self.plan.launch.air, **uncertainty)
 
 
 def verdict(plan: KickPlan) -> str:
@@ -375,14 +347,18 @@ def _describe_swing(swing: Swing) -> str:
 
 def _swing_json(swing: Swing) -> dict[str, Any]:
     """Return a swing with its motion at the nodes of either phase."""
-    names = ("status", "share", "limit", "objective", "value", "torque_use", "speed_use",
-             "range_left", "defect", "impact_error", "joints")  # fmt: skip
-    report = {name: getattr(swing, name) for name in names}
+    report = _attributes(swing, "status share limit objective value torque_use speed_use")
+    report |= _attributes(swing, "range_left defect impact_error joints")
     for name in ("backswing", "follow_through"):
         phase = getattr(swing, name)
-        motion = phase.sample(phase.nodes)._asdict()
-        report[name] = {key: value.tolist() for key, value in motion.items()}
+        motion = phase.sample(phase.nodes)
+        report[name] = _attributes(motion, " ".join(motion._fields))
     return report
+
+
+def _attributes(source: object, names: str) -> dict[str, Any]:
+    """Return attributes by name, arrays and tuples as lists."""
+    return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
 
 
 def _goal_json(goal: Goal) -> dict[str, Any]:

@@ -14,8 +14,6 @@ thus loses digits where bodies do, not where joint coordinates do; and because n
 with radians, results do not depend on the units.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,11 +79,9 @@ class ArticulatedBodies:
         self.bodies: list[_Body] = bodies[::-1]
 
     def delassus_factor(self, number: int, forces: Array) -> Array:
-        r"""Return F with :math:`F F^T = K M^{-1} K^T`, shape `(n, nv)`, K the forces' Jacobian.
+        """Return F with :math:`F F^T = K M^{-1} K^T`, shape `(n, nv)`, K the forces' Jacobian.
 
-        Args:
-            number: of the joint whose body is pushed.
-            forces: on it, in its axes, shape `(n, 6)`.
+        The forces, `(n, 6)`, act on the body of the joint with this number, in its axes.
         """
         rows, force = np.zeros((len(forces), self.nv)), forces.T
         while number:
@@ -99,12 +95,8 @@ class ArticulatedBodies:
     def respond(self, number: int, push: Array) -> tuple[Array, Array, Array]:
         """Return the velocity jump, what joints transmit, and the momentum left over.
 
-        Args:
-            number: of the joint whose body is pushed.
-            push: impulse on it, in its axes, shape `(6,)` [N s, N m s].
-
-        Returns:
-            Shapes `(nv,)`, `(njoints, 6)` in the joints' axes, and `(nv,)`.
+        Shapes are `(nv,)`, `(njoints, 6)` in the joints' axes, and `(nv,)`. The push is an impulse
+        on the body of the joint with this number, in its axes, `(6,)` [N s, N m s].
         """
         speeds: dict[int, Array] = {}
         at, force = number, push

@@ -1,6 +1,4 @@
-"""Joints by name: their ranges and units, and the configuration that their values make."""
-
-from __future__ import annotations
+"""Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
 import math
 from collections.abc import Iterable, Mapping

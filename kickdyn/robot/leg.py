@@ -1,7 +1,5 @@
 """The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
 
-from __future__ import annotations
-
 import copy
 import math
 import threading
@@ -96,12 +94,12 @@ class Leg(JointTable, ReprMixin):
         self.workspace = Workspace(self._model)
 
     @classmethod
-    def human(cls) -> Leg:
+    def human(cls) -> "Leg":
         """Return the human leg of the paper's Table 1: hip, knee, ankle; contact at the toe."""
         return cls.from_urdf(shipped_urdf("leg_human.urdf"))
 
     @classmethod
-    def testbed(cls) -> Leg:
+    def testbed(cls) -> "Leg":
         """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe.
 
         The paper names motors at hip and knee only. The ankle is free; `locked` fixes it.
@@ -111,7 +109,7 @@ class Leg(JointTable, ReprMixin):
     @classmethod
     def from_urdf(
         cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
-    ) -> Leg:
+    ) -> "Leg":
         """Load a URDF file.
 
         Args:
@@ -137,7 +135,7 @@ class Leg(JointTable, ReprMixin):
     @validation.check_arguments
     def from_robot(
         cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
-    ) -> Leg:
+    ) -> "Leg":
         """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
 
         Its base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
@@ -167,7 +165,7 @@ class Leg(JointTable, ReprMixin):
         return leg
 
     @classmethod
-    def from_model(cls, model: Any, frame: str) -> Leg:
+    def from_model(cls, model: Any, frame: str) -> "Leg":
         """Take a copy of a `pin.Model` built elsewhere, `armature` and all.
 
         Args:
@@ -190,7 +188,7 @@ class Leg(JointTable, ReprMixin):
         check_model(model)
         return cls(model, frame)
 
-    def locked(self, joints: Mapping[str, float]) -> Leg:
+    def locked(self, joints: Mapping[str, float]) -> "Leg":
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
 
         Raises:
@@ -202,7 +200,7 @@ class Leg(JointTable, ReprMixin):
             raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
         return self.with_model(reduced_model(self.model, joints, q))
 
-    def with_armature(self, rotors: Mapping[str, float]) -> Leg:
+    def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
 
         Args:
@@ -220,7 +218,7 @@ class Leg(JointTable, ReprMixin):
         model.armature = armature
         return self.with_model(model)
 
-    def with_supports(self, *supports: str | Support) -> Leg:
+    def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
@@ -235,7 +233,7 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
         return Leg(self.model, self.frame, self.urdf, stances, *self._options[1:])
 
-    def with_loops(self, *loops: tuple[str, str]) -> Leg:
+    def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
 
         Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
@@ -250,7 +248,7 @@ class Leg(JointTable, ReprMixin):
         supports, _, cone = self._options
         return Leg(self.model, self.frame, self.urdf, supports, pairs, cone)
 
-    def with_model(self, model: Any) -> Leg:
+    def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
 
         Raises:
@@ -258,7 +256,7 @@ class Leg(JointTable, ReprMixin):
         """
         return Leg(model, self.frame, self.urdf, *self._options)
 
-    def posture(self, q: ArrayLike) -> Posture:
+    def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
@@ -371,7 +369,7 @@ class Posture(ReprMixin):
         for array in (*arrays, self.rotation_world_joint):
             array.setflags(write=False)
 
-    def with_contact_offset(self, offset: ArrayLike | None) -> Posture:
+    def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
 
         Args:

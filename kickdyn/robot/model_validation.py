@@ -4,8 +4,6 @@ Inertias are judged joint by joint with all that moves with it, as M and an impa
 published robot may have massless virtual links between joints, or mass at a point.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Self-motion: how a redundant leg can move while its contact point stays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike

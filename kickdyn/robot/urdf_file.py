@@ -1,7 +1,5 @@
 """From a URDF file to a Pinocchio model: safe reading, checks, and what Pinocchio reports."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import threading

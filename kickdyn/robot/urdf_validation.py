@@ -6,11 +6,10 @@ such as an attribute that is missing, `build_model` passes on; `model_validation
 inertia of what moves together.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter
+from graphlib import CycleError, TopologicalSorter
 from xml.etree.ElementTree import Element
 
 MAX_LINKS = 3000
@@ -165,13 +164,7 @@ def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: l
     roots = [name for name in links if name not in parents]
     if len(roots) > 1:
         faults.append(f"has {len(roots)} roots ({', '.join(roots[:5])}): all links must be joined")
-    reached = set(roots)
-    for name in links:  # walk up to a link that is reached; a walk that meets itself is a loop
-        path = []
-        while name not in reached and name not in path:
-            path.append(name)
-            name = parents[name]
-        if name not in reached:
-            faults.append(f"links {', '.join(sorted(path))} form a loop")
-            return
-        reached.update(path)
+    try:
+        TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
+    except CycleError as error:
+        faults.append(f"links {', '.join(sorted(set(error.args[1])))} form a loop")

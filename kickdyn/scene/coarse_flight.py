@@ -1,14 +1,12 @@
 """The end of a ball's path in a few large steps: for answers to centimetres, not to nanometres."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient, is_registered
+from kickdyn.aerodynamics.coefficient_model import is_known
 from kickdyn.air import Air
 from kickdyn.ball import BallState
 from kickdyn.core.gravity import GRAVITY
@@ -21,6 +19,9 @@ STAGE_DIFFERENCE = 0.05
 """Share of the fastest speed by which the two middle stages of a step may differ. They do so with
 the cube of the step over the time in which drag slows the ball: large steps are useless long before
 they diverge, as with a balloon."""
+
+NEWTON = 3
+"""Newton steps to where a flight ends within a step."""
 
 State = tuple[float, ...]
 Rates = Callable[[State], State]
@@ -87,7 +88,7 @@ def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) ->
         if number == 0:
             break  # the vacuum's duration was no estimate of this flight's
         found = [_crossing(rates, before, after, step, heights[i]) for i in passed]
-        evaluations += 7 * len(passed)
+        evaluations += 5 * NEWTON * len(passed)
         reached = [(*part, i) for part, i in zip(found, passed, strict=True) if part is not None]
         if len(reached) < len(passed):
             break
@@ -116,8 +117,7 @@ def _is_left_to_fly(air: Air | None) -> bool:
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
     return any(
-        getattr(model, "refuses", False)
-        or not (model is None or is_registered(model) or isinstance(model, ConstantCoefficient))
+        model is not None and (getattr(model, "refuses", False) or not is_known(model))
         for model in models
     )
 
@@ -166,25 +166,15 @@ def _height(normal: State, gap: float) -> Callable[[State], float]:
 def _crossing(
     rates: Rates, before: State, after: State, step: float, height: Callable[[State], float]
 ) -> tuple[float, State] | None:
-    """Return when, in a step, the height falls to 0, and the node there; None where unclear.
-
-    The cubic through both ends gives a first root; one step of Newton's from there has little to
-    correct unless the cubic was a bad approximation.
-    """
-    start, end = height(before), height(after)
+    """Return when, in a step, the height falls to 0, and the node there; None where unclear."""
     level = height((0.0,) * 7)  # its constant term, which is not differentiated
-    first = (height(rates(before)) - level) * step
-    last = (height(rates(after)) - level) * step
-    low, high = 0.0, 1.0
-    for _ in range(30):
-        s = 0.5 * (low + high)
-        t = 1.0 - s
-        cubic = t * t * ((1 + 2 * s) * start + s * first) + s * s * ((3 - 2 * s) * end - t * last)
-        low, high = (s, high) if cubic > 0.0 else (low, s)
-    node, _ = _step(rates, before, high * step)
-    slope = rates(node)
-    fall = height(slope) - level
-    more = -height(node) / fall if fall < 0.0 else math.inf
-    if not abs(more) <= 0.1 * step:
-        return None
-    return high * step + more, _along(node, slope, more)
+    time, more = 0.0, step * height(before) / (height(before) - height(after))
+    for _ in range(NEWTON):
+        time += more
+        node, _ = _step(rates, before, time)
+        slope = rates(node)
+        fall = height(slope) - level
+        more = -height(node) / fall if fall < 0.0 else math.inf
+        if not abs(more) <= step:
+            return None
+    return time + more, _along(node, slope, more)

@@ -1,7 +1,5 @@
 """The strike of a scene, and what a contact that takes time may change, by strikes alone."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The physical effects of a scene: which it has, the scene without one, and bounds of each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -135,14 +133,7 @@ def _of_air(
     change: Callable[[Air, Ball, BallState], Air],
     through: tuple[str, ...] = (),
 ) -> Effect:
-    """Return an effect of the air, bounded by the acceleration that it makes.
-
-    Args:
-        name: of the effect.
-        acts: whether the air has it.
-        change: returns the air without it.
-        through: as of `Effect`.
-    """
+    """Return an effect of the air, bounded by its acceleration; `change` returns air without it."""
 
     def without(scene: Scene, launch: BallState) -> Scene:
         assert scene.air is not None

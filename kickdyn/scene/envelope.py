@@ -1,7 +1,5 @@
 """How far a disturbance can move the end of a flight, from one flight in a few large steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -24,13 +22,7 @@ MARGIN = 1.25
 
 
 class LaunchError(NamedTuple):
-    """How far the launch may be off.
-
-    Attributes:
-        velocity: [m/s].
-        spin: [rad/s].
-        position: [m].
-    """
+    """How far velocity [m/s], spin [rad/s] and position [m] of the launch may be off."""
 
     velocity: float = 0.0
     spin: float = 0.0
@@ -48,11 +40,6 @@ class Envelope:
     :math:`\lambda` the largest rate at which the forces drive neighbours apart: drag does so only
     where it falls as speed grows. Accelerations are evaluated at the nodes of X, which has few
     large steps.
-
-    Args:
-        launch: by the instantaneous strike.
-        environment: what the ball flies through, and what ends its path.
-        launch_error: how far the launch may be off.
 
     Attributes:
         launch, environment, launch_error: as given.
@@ -95,11 +82,8 @@ class Envelope:
         """Return how far the end can move [m]; inf where that is not known.
 
         What separates a path from its end as the other ends remains to be covered, at no less than
-        the speed that gravity and the air leave the ball.
-
-        Args:
-            acceleration: that is neglected [m/s2].
-            launch_error: how far the launch is off.
+        the speed that gravity and the air leave the ball. The acceleration that is neglected is in
+        m/s2.
         """
         if not math.isfinite(self.time):
             return math.inf

@@ -1,7 +1,5 @@
 """Where the ball's path ends: to an accuracy, exactly, and how that depends on the launch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -75,14 +73,8 @@ def approximate_end(
     most when the steps are doubled, as they are of fourth order. Where 64 steps do not suffice, or
     the ball bounces, the exact integrators are used.
 
-    Args:
-        launch: the ball at the start.
-        environment: what it flies through, and what ends its path.
-        accuracy: of the position of the end [m].
-        four_steps: the end found in the first of `STEPS`, where that is known already.
-
-    Raises:
-        KickdynError: as `fly` and `follow` do.
+    The accuracy is that of the end's position [m]; `four_steps` is the end found in the first of
+    `STEPS`, where that is known already.
     """
     _, air, ground, _ = environment
     closed_form = (ground is None or ground.surface is None) and is_ballistic(air, launch.spin)
@@ -107,11 +99,7 @@ def approximate_end(
 
 
 def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> FlightEnd:
-    """Find where the ball's path ends, by `fly`, or `follow` where the ground has a surface.
-
-    Raises:
-        KickdynError: as `fly` and `follow` do.
-    """
+    """Find where the ball's path ends, by `fly`, or `follow` where the ground has a surface."""
     ball, air, ground, plane = environment
     if ground is None or ground.surface is None:
         path = fly(launch, ball, air, ground, tol, plane=plane)
@@ -171,13 +159,11 @@ class EndSlopes(NamedTuple):
         )
 
 
-def end_slopes(
-    launch: BallState, environment: FlightEnvironment, *, confirm: bool = True
-) -> EndSlopes:
+def end_slopes(launch: BallState, environment: FlightEnvironment) -> EndSlopes:
     """Return how the end changes with velocity and spin of the launch, by differences.
 
-    To `confirm` slopes by four large steps a flight, those by eight must agree within a tenth;
-    otherwise the exact integrators are used, with a relative tolerance of 1e-7.
+    Slopes by four and by eight large steps a flight must agree within a tenth; otherwise the exact
+    integrators are used, with a relative tolerance of 1e-7.
     """
     evaluations, last = 0, None
     for steps in (4, 8):
@@ -190,7 +176,7 @@ def end_slopes(
             np.linalg.norm(a - b) <= 0.1 * np.linalg.norm(b)
             for a, b in zip(last, found, strict=True)
         )
-        if agree or not confirm:
+        if agree:
             return EndSlopes(found[0], found[1], evaluations)
         last = found
     find_end = partial(_known_end, environment=environment)

@@ -1,7 +1,5 @@
 """The scene: everything that one kick consists of; what it does not name is not modelled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -136,7 +134,7 @@ class Scene(ReprMixin):
             **arrays,
         )
 
-    def replace(self, **changes: Any) -> Scene:
+    def replace(self, **changes: Any) -> "Scene":
         """Return the scene with some of its arguments changed.
 
         Raises:

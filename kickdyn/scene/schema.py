@@ -4,8 +4,6 @@ Keys end in their unit; those without one are dimensionless, or names. Vectors a
 the world frame.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -212,8 +210,8 @@ def _check_section(section: str, content: dict[str, Any]) -> list[str]:
     choice, needed = ONE_OF.get(section, ()), NEEDED.get(section, ())
     named = [key for key in choice if key in content]
     if choice and len(named) != 1:
-        which = " and ".join(named) or "none of them"
-        faults.append(f"{section} names {which}: it must name one of {', '.join(choice)}")
+        which = " and ".join(named) or "none"
+        faults.append(f"{section} names {which} of {', '.join(choice)}: it must name one")
     faults += [f"{section}.{key} is missing" for key in needed if key not in content]
     key, other = GOES_WITH.get(section, ("", ""))
     if key in content and other not in content:

@@ -1,14 +1,12 @@
 """A scene to a tolerance: neglect what cannot matter, compute the rest no better than needed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from kickdyn.ball import BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_unconstrained
@@ -22,7 +20,14 @@ from kickdyn.scene.effects import (
     without_neglected,
 )
 from kickdyn.scene.envelope import EXACT, Envelope
-from kickdyn.scene.flight_end import FINEST, FlightEnd, approximate_end, end_slopes, exact_end
+from kickdyn.scene.flight_end import (
+    CONTACT_SAFETY,
+    FINEST,
+    FlightEnd,
+    approximate_end,
+    end_slopes,
+    exact_end,
+)
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulation import Simulation
 
@@ -62,14 +67,16 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     envelope = Envelope(instant.ball_after, scene.environment, launch_error)
     verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
     contact = _ComputedContact(instant, 0.0, envelope.evaluations)
-    if scene.contact_time is not None and verdicts[0].modelled:
-        contact = _collide_to(scene, instant.ball_after, CONTACT_SHARE * tolerance)
+    if scene.contact_time is not None and verdicts[0].modelled:  # the first effect: compliance
+        speed = float(instant.ball_after.speed)
+        contact = _collide_to(scene, speed, CONTACT_SHARE * tolerance)
         evaluations = envelope.evaluations + contact.evaluations
         envelope = Envelope(contact.impact.ball_after, scene.environment)  # of another launch
         verdicts = (verdicts[0], *judge_effects(effects[1:], envelope, MODEL_SHARE * tolerance))
         contact = contact._replace(evaluations=evaluations + envelope.evaluations)
     launch = contact.impact.ball_after
     reduced = without_neglected(scene, verdicts, launch)
+    # the envelope has integrated the whole scene in four steps, which need not be repeated
     four_steps = envelope.end if reduced is scene else None
     end = approximate_end(launch, reduced.environment, FLIGHT_SHARE * tolerance, four_steps)
     return _result(scene, tolerance, contact, end, verdicts, lambda: contact.error + end.error())
@@ -80,9 +87,6 @@ def simulate_as_instant(scene: Scene) -> Simulation:
 
     Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
     the end lies from that of the whole scene, and inf where that cannot be computed.
-
-    Raises:
-        KickdynError: as for `simulate`, of the scene with a contact of an instant.
     """
     answer = simulate(scene.replace(contact_time=None), None)
     if scene.contact_time is None:
@@ -172,20 +176,20 @@ def _collide(scene: Scene, tol: float) -> Collision:
     )
 
 
-def _collide_to(scene: Scene, launch: BallState, accuracy: float) -> _ComputedContact:
+def _collide_to(scene: Scene, speed: float, accuracy: float) -> _ComputedContact:
     """Return the contact that takes time, as exact as the accuracy of the end [m] requires.
 
-    Its tolerance follows from how the end depends on the launch, first that of an instant.
+    Its tolerance follows from how the end depends on the launch, at first from the longest parabola
+    with the speed of an instant's launch [m/s].
     """
-    environment, radius = scene.environment, scene.ball.radius
-    slopes = end_slopes(launch, environment, confirm=False)
-    per_tol, evaluations = slopes.contact_error(launch, radius, 1.0), slopes.evaluations
+    radius, evaluations = scene.ball.radius, 0
+    tol = 0.5 * accuracy / (CONTACT_SAFETY * (2.0 * speed**2 / GRAVITY + radius))
     while True:
-        tol = min(max(accuracy / max(per_tol, 1e-300), FINEST), 1e-3)
+        tol = min(max(tol, FINEST), 1e-3)
         impact = _collide(scene, tol)
-        slopes = end_slopes(impact.ball_after, environment)
+        slopes = end_slopes(impact.ball_after, scene.environment)
         error = slopes.contact_error(impact.ball_after, radius, tol)
         evaluations += slopes.evaluations + impact.evaluations
         if error <= accuracy or tol == FINEST:
             return _ComputedContact(impact, error, evaluations)
-        per_tol = 2.0 * error / tol
+        tol *= 0.5 * accuracy / error

@@ -1,7 +1,5 @@
 """The result of a simulation: where the ball ends, its error, and what was neglected."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Reads a scene file: strict TOML, all faults of its form at once, then those of the robot."""
 
-from __future__ import annotations
-
 import math
 import os
 import tomllib
@@ -86,16 +84,7 @@ def _named(file: Path, source: str) -> Path:
 
 
 def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
-    """Return the scene of a document of the right form.
-
-    Args:
-        document: by section.
-        folder: from where a leg's file is looked for.
-        stem: the name of a scene that has none.
-
-    Raises:
-        SceneError: with a line for each fault.
-    """
+    """Return the scene of a document of the right form; `stem` names one without a name."""
     at_leg, posture, at_contact = (document[name] for name in REQUIRED)
     at_ball = document.get("ball", {})
     with _faults_in("leg"):

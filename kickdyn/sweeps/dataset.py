@@ -1,7 +1,5 @@
 """The dataset of a sweep: its variables with units, the status flags, and its provenance."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from importlib import metadata
@@ -35,7 +33,11 @@ VARIABLES = {
     "restitution_residual": ("1", "relative error of Newton's restitution"),
     "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),
 }
-"""Name of every float64 variable of a dataset, with its unit and meaning."""
+"""Name of every float64 variable of a dataset, with its unit and meaning.
+
+A new one comes last. `variables_of` computes it for one posture, and `fill_variables` in
+`kernels.py` for large grids; a sweep without it there ends in a `KeyError`.
+"""
 
 STATUS_ATTRIBUTES: dict[str, Any] = {
     "long_name": "whether the leg can kick so",
@@ -121,8 +123,8 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "title": f"kicking postures of {leg.name}",
         "source": f"kickdyn {__version__} ({versions})",
         "leg": leg.name,
-        "leg_sha256": _sha256(text.encode()) if text else "",
-        "model_sha256": _sha256(_model_text(leg).encode()),
+        "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
+        "model_sha256": hashlib.sha256(_model_text(leg).encode()).hexdigest(),
         "frame": leg.frame,
         "foot_speed_m_s": kick.speed,
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
@@ -187,8 +189,3 @@ def _air_hash(air: Air) -> str:
     wind = air.wind if callable(air.wind) else tuple(air.wind.tolist())
     numbers = (air.density, air.viscosity, air.buoyancy)
     return fingerprint((*numbers, wind, air.drag, air.lift, air.torque)) or ""
-
-
-def _sha256(content: bytes) -> str:
-    """Return the SHA-256 of some bytes in hexadecimal."""
-    return hashlib.sha256(content).hexdigest()

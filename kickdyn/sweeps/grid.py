@@ -1,7 +1,5 @@
 """The grid of postures of a sweep: values of named joints, and the chunks it is computed in."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -38,12 +36,8 @@ class Grid:
     axes: Mapping[str, Array]
 
     @classmethod
-    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> Grid:
-        """Return the grid over joints of a leg.
-
-        Args:
-            leg: the leg.
-            postures: joint name to a value or ascending values, shape `(k,)` [rad; m].
+    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> "Grid":
+        """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
         Raises:
             InvalidInput: an unknown joint, values that are not ascending or outside the joint's
@@ -100,7 +94,7 @@ class Chunks:
     shape: tuple[int, ...]
 
     @classmethod
-    def of(cls, grid_shape: tuple[int, ...], size: int) -> Chunks:
+    def of(cls, grid_shape: tuple[int, ...], size: int) -> "Chunks":
         """Divide a grid into chunks of about `size` postures."""
         shape, remaining = [1] * len(grid_shape), size
         for axis in range(len(grid_shape) - 1, -1, -1):
@@ -148,14 +142,9 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
 
 
 def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
-    """Return the postures that a command line asks for.
+    """Return the postures that a command line asks for, as `Grid.of` takes them [rad; m].
 
-    Args:
-        leg: the leg, whose joints and ranges count.
-        joints: texts `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
-
-    Returns:
-        Joint name to its values, as `Grid.of` takes them [rad; m].
+    Texts are `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
 
     Raises:
         InvalidInput: no text, one that cannot be read, an unknown joint, a joint named twice, too

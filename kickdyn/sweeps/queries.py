@@ -4,8 +4,6 @@ All else is xarray's: `data.ball_speed.where(possible(data)).max(("hip", "ankle"
 speed for each angle of the knee. A dataset may be larger than memory: `blocks` cuts it.
 """
 
-from __future__ import annotations
-
 import ast
 import operator
 from collections.abc import Callable, Iterator
@@ -20,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES
-from kickdyn.sweeps.grid import Chunks
+from kickdyn.sweeps.grid import DECIMALS, Chunks
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 BLOCK = 1_000_000
@@ -79,13 +77,7 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
 
 
 def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
-    """Return the value of a node of a condition: an array over postures, or a scalar.
-
-    Raises:
-        TypeError: an operator that the values do not have, such as `and` of numbers.
-        KeyError: an operator that is not of the language.
-        InvalidInput: other syntax, or an unknown name.
-    """
+    """Return the value of a node of a condition: an array over postures, or a scalar."""
     match node:
         case ast.Name(id=name) | ast.Constant(value=str() as name):
             return _column(data, name)
@@ -110,9 +102,15 @@ def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     if name not in joints and name not in VARIABLES:
         known = ", ".join(f"{each} [{shown_unit(data, each)}]" for each in (*joints, *VARIABLES))
         raise InvalidInput(f"names {name!r}, which is unknown: there are {known}")
-    if f"{name}_deg" in data.coords:
-        return data[f"{name}_deg"].drop_vars(f"{name}_deg").astype(float)
-    return xr.DataArray(np.degrees(data[name])) if shown_unit(data, name) == "deg" else data[name]
+    return shown(data, name)
+
+
+def shown(data: xr.Dataset, name: str) -> xr.DataArray:
+    """Return a joint or variable in the unit in which it is shown."""
+    if shown_unit(data, name) != "deg":
+        return data[name]
+    degrees = xr.DataArray(np.degrees(data[name]))
+    return degrees if name in VARIABLES else degrees.round(DECIMALS) + 0.0  # no -0
 
 
 def shown_unit(data: xr.Dataset, name: str) -> str:
@@ -122,10 +120,9 @@ def shown_unit(data: xr.Dataset, name: str) -> str:
 
 
 def blocks(data: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
-    """Cut a dataset into consecutive postures that fit in memory, as its store is cut.
+    """Cut a dataset into blocks that fit in memory, as its store is cut.
 
-    Yields:
-        Number of the first posture, and the dataset of the block.
+    Each comes with the number of its first posture.
     """
     status = data["status"]
     stored = status.encoding.get("chunks")

@@ -4,8 +4,6 @@ The candidates y of the dual linear programme are tried one after the other. The
 along the normal, so that w y is its speed times the last entry of y.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ because it is written after all other variables of the chunk. The attribute `fin
 chunks are. A store that was stopped at any moment is thus a valid dataset, and can be resumed.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil
@@ -40,10 +38,6 @@ class SweepStore:
     Attributes:
         created: whether the store was not there before.
         chunks: the division of the grid.
-
-    Raises:
-        InvalidInput: something else is there, a store of another sweep or version, or the folder
-            cannot be written.
     """
 
     def __init__(
@@ -158,15 +152,13 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
 def check_netcdf_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends in `.nc`."""
     if Path(path).suffix != ".nc":
-        raise InvalidInput(f"{path} has no known ending: datasets are written as .nc (netCDF 4)")
+        raise InvalidInput(
+            f"{path} has no known ending: a sweep is written as .nc (netCDF 4) or .zarr (a store)"
+        )
 
 
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
-    """Write a dataset as netCDF 4, which `open_sweep` reads.
-
-    Raises:
-        InvalidInput: the name does not end in `.nc`, or the file cannot be written.
-    """
+    """Write a dataset as netCDF 4, which `open_sweep` reads, or raise `InvalidInput`."""
     check_netcdf_name(path)
     with replacing(path) as draft:
         data.to_netcdf(draft, engine="h5netcdf")

@@ -1,7 +1,5 @@
 """The summary of a sweep of any size: counts, the best postures, the front, maps and a sample."""
 
-from __future__ import annotations
-
 import math
 from itertools import combinations
 from typing import Any
@@ -11,8 +9,7 @@ import xarray as xr
 
 from kickdyn.core.validation import Array
 from kickdyn.sweeps.dataset import VARIABLES, with_variables
-from kickdyn.sweeps.grid import DECIMALS
-from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown_unit
+from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown, shown_unit
 from kickdyn.sweeps.sweep_kick import PostureStatus
 
 BEST = 10
@@ -56,7 +53,7 @@ class Summary:
     def __init__(self, described: xr.Dataset, where: str | None = None) -> None:
         ordered = described["status"].dims if "status" in described else described.dims
         joints = [str(name) for name in ordered]
-        self.axes = {name: _shown_values(described, name) for name in joints}
+        self.axes = {name: shown(described, name).values for name in joints}
         self.units = {name: shown_unit(described, name) for name in joints}
         self.attributes, self.where = dict(described.attrs), where
         self.counts = {status.value: 0 for status in PostureStatus}
@@ -129,9 +126,7 @@ class Summary:
 class SpeedMap:
     """The highest ball speed for each value of one or two joints.
 
-    Args:
-        axes: values of every joint.
-        over: the joints that are kept; at most `BINS` values of each are distinguished.
+    At most `BINS` values of each joint are distinguished.
 
     Attributes:
         values: of each joint, or their means where neighbours go together.
@@ -164,10 +159,3 @@ def summarize(data: xr.Dataset, where: str | None = None) -> Summary:
     for _, block in blocks(data):
         summary.add(block)
     return summary
-
-
-def _shown_values(data: xr.Dataset, name: str) -> Array:
-    """Return the values of a joint [deg; m]."""
-    if shown_unit(data, name) != "deg":
-        return np.asarray(data[name].values)
-    return np.asarray(np.round(np.degrees(data[name].values), DECIMALS) + 0.0)  # no -0

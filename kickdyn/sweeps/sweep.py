@@ -1,7 +1,5 @@
 """The sweep: one kick from every posture of a grid."""
 
-from __future__ import annotations
-
 import math
 import os
 import pickle
@@ -17,8 +15,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
 )
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from itertools import islice
 from multiprocessing import get_context
 from os import PathLike
@@ -43,7 +40,7 @@ CARRY_TOLERANCE = 1e-6
 """Largest error of an interpolated carry unless another is asked for [m]."""
 
 AHEAD = 1000
-"""Chunks that are given to an executor of the caller before the first of them is computed."""
+"""Chunks of a store that are given to an executor before the first of them is computed."""
 
 Progress = Callable[[int, float], None]
 """Is called with the number of postures computed since the last call, and the highest ball speed
@@ -116,10 +113,21 @@ def sweep(
         finished = described.assign_attrs(finished=1)
         return with_variables(finished, np.hstack(rows), np.hstack(status))
     filled = SweepStore(store, described, solver.chunk, resume=resume)
-    job = _StoreJob(Path(store).absolute(), leg, grid, kick, tolerance)
-    own = nullcontext(_Pool(executor, AHEAD)) if executor else _pool(threads, workers)
+    own = nullcontext(executor) if executor else _pool(threads, workers)
     with _resumable(filled, store), own as pool:
-        _fill_store(filled, job, pool, progress or _ignore)
+        missing, spans = filled.missing(), filled.chunks.span
+        if progress is not None:
+            progress(grid.size - sum(spans(k)[1] for k in missing), math.nan)
+        if missing:
+            if executor is None and workers is None:
+                task = _chunk_writer(filled, solver)
+            else:
+                sent = Path(store).absolute(), leg, grid, kick, tolerance
+                task = partial(_write_chunk, _pickled(sent))
+            for count, speed in _in_order(pool, task, missing, AHEAD):
+                if progress is not None:
+                    progress(count, speed)
+            filled.finish()
     return open_sweep(store)
 
 
@@ -145,85 +153,72 @@ def sweep_chunks(
         yield with_variables(described.isel(region), rows, status)
 
 
-def _fill_store(store: SweepStore, job: _StoreJob, pool: _Pool, progress: Progress) -> None:
-    """Compute the missing chunks of a store."""
-    missing = store.missing()
-    progress(job.grid.size - sum(store.chunks.span(k)[1] for k in missing), math.nan)
-    if missing:
-        for count, speed in _in_order(pool, _task(job, pool), missing):
-            progress(count, speed)
-        store.finish()
-
-
 def _computed(
     solver: ChunkSolver, grid: Grid, threads: int | None, progress: Progress | None
 ) -> Iterator[tuple[int, Array, NDArray[np.int8]]]:
     """Yield number, variables and status of each chunk of a grid, in order."""
     solver.prepare()
     chunks = Chunks.of(grid.shape, solver.chunk)
+    numbers = range(len(chunks))
     with _pool(threads) as pool:
-        numbers = range(len(chunks))
-        found = _in_order(pool, lambda k: solver(*chunks.span(k)), numbers)
+        found = _in_order(
+            pool, lambda k: solver(*chunks.span(k)), numbers, 2 * int(threads or _cores())
+        )
         for k, (rows, status) in zip(numbers, found, strict=True):
-            (progress or _ignore)(len(status), _highest_speed(rows, status))
+            if progress is not None:
+                progress(len(status), _highest_speed(rows, status))
             yield k, rows, status
 
 
-def _ignore(count: int, speed: float) -> None:
-    """Do nothing: nobody asked for progress."""
+def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> Callable[[int], tuple[int, float]]:
+    """Return a function that computes and writes a chunk.
 
+    It returns the number of postures of the chunk and the highest ball speed [m/s].
+    """
+    solver.prepare()
 
-@dataclass(frozen=True, eq=False)
-class _StoreJob:
-    """Computes chunks into a store, in this process or another, which need not share memory."""
-
-    path: Path
-    leg: Leg
-    grid: Grid
-    kick: Kick
-    tolerance: float
-
-    @cached_property
-    def _solver(self) -> ChunkSolver:
-        return ChunkSolver(self.leg, self.grid, self.kick, self.tolerance)
-
-    @cached_property
-    def _store(self) -> SweepStore:
-        if not self.path.is_dir():
-            raise InvalidInput(f"a worker does not see {self.path}")
-        tolerance = self._solver.carry_tolerance
-        described = describe(self.leg, self.grid, self.kick, tolerance)
-        return SweepStore(self.path, described, self._solver.chunk, resume=True)
-
-    def prepare(self) -> None:
-        """Open the store and compile what all chunks need; to be called before threads."""
-        _ = self._store
-        self._solver.prepare()
-
-    def __call__(self, k: int) -> tuple[int, float]:
-        """Compute and write a chunk; return its number of postures and highest ball speed."""
-        first, count = self._store.chunks.span(k)
-        rows, status = self._solver(first, count)
-        self._store.write(k, rows, status)
+    def write(k: int) -> tuple[int, float]:
+        first, count = store.chunks.span(k)
+        rows, status = solver(first, count)
+        store.write(k, rows, status)
         return count, _highest_speed(rows, status)
 
-
-@dataclass(frozen=True)
-class _Pool:
-    """An executor, how many chunks are given to it ahead, and whether it shares this memory."""
-
-    executor: Executor
-    ahead: int
-    shares_memory: bool = False
+    return write
 
 
-def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
-    """Yield what a function returns for numbers, in their order; a few are computed ahead."""
+def _pickled(sweep: tuple[Path, Leg, Grid, Kick, float]) -> bytes:
+    """Return a sweep as it is sent to other processes."""
+    try:
+        return pickle.dumps(sweep)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
+
+
+@lru_cache(maxsize=1)
+def _sent_writer(sent: bytes) -> Callable[[int], tuple[int, float]]:
+    """Return the `_chunk_writer` of a sweep that was sent to this process."""
+    path, leg, grid, kick, tolerance = pickle.loads(sent)
+    if not path.is_dir():
+        raise InvalidInput(f"a worker does not see {path}")
+    solver = ChunkSolver(leg, grid, kick, tolerance)
+    described = describe(leg, grid, kick, solver.carry_tolerance)
+    return _chunk_writer(SweepStore(path, described, solver.chunk, resume=True), solver)
+
+
+def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
+    """Compute and write a chunk in another process."""
+    return _sent_writer(sent)(k)
+
+
+def _in_order(
+    executor: Executor, function: Callable[[int], T], numbers: Iterable[int], ahead: int
+) -> Iterator[T]:
+    """Yield what a function returns for numbers, in their order; `ahead` are computed ahead."""
     waiting, under_way = iter(numbers), deque[Future[T]]()
     try:
         while True:
-            for number in islice(waiting, pool.ahead - len(under_way)):
-                under_way.append(pool.executor.submit(function, number))
+            for number in islice(waiting, ahead - len(under_way)):
+                under_way.append(executor.submit(function, number))
             if not under_way:
                 return
             yield under_way.popleft().result()
@@ -233,7 +228,7 @@ def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int])
 
 
 @contextmanager
-def _pool(threads: int | None, workers: int | None = None) -> Iterator[_Pool]:
+def _pool(threads: int | None, workers: int | None = None) -> Iterator[Executor]:
     """Give threads or processes; on leaving, chunks under way are completed and others dropped."""
     name, size = ("threads", threads) if workers is None else ("workers", workers)
     size = int(validation.number(name, _cores() if size is None else size, at_least=1))
@@ -243,33 +238,9 @@ def _pool(threads: int | None, workers: int | None = None) -> Iterator[_Pool]:
         ignore = (signal.SIGINT, signal.SIG_IGN)
         executor = ProcessPoolExecutor(size, get_context("spawn"), signal.signal, ignore)
     try:
-        yield _Pool(executor, 2 * size, shares_memory=workers is None)
+        yield executor
     finally:
         executor.shutdown(cancel_futures=True)
-
-
-def _task(job: _StoreJob, pool: _Pool) -> Callable[[int], tuple[int, float]]:
-    """Return a job as the pool can call it."""
-    if pool.shares_memory:
-        job.prepare()
-        return job
-    try:
-        return partial(_call_pickled, pickle.dumps(job))
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
-
-
-@lru_cache(maxsize=1)
-def _unpickled(job: bytes) -> _StoreJob:
-    """Return a job in another process, ready to compute chunks."""
-    found: _StoreJob = pickle.loads(job)
-    found.prepare()
-    return found
-
-
-def _call_pickled(job: bytes, k: int) -> tuple[int, float]:
-    """Compute a chunk in another process."""
-    return _unpickled(job)(k)
 
 
 @contextmanager

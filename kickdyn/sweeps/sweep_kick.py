@@ -1,7 +1,5 @@
 """One kick from one posture: the foot's velocity, the joint speeds it needs, impact and flight."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -65,7 +63,7 @@ class Kick:
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
         validation.check_type(Ball, ball=self.ball)
         self.ball.check_movable("a sweep")
-        validation.check_type(Air, optional=True, air=self.air)
+        validation.check_type(Air, type(None), air=self.air)
         Contact(self.direction, self.restitution, self.friction)
 
     @property
@@ -162,12 +160,8 @@ def least_speed_use(posture: Posture, foot_velocity: Array) -> float:
     :math:`y` that is orthogonal to as many columns as fix it, two in space and one in a plane, so
     that all candidates can be tried (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5).
 
-    Args:
-        posture: the posture.
-        foot_velocity: w, velocity of the contact point within reach, shape `(3,)` [m/s, world].
-
-    Returns:
-        The least use; inf where only joints whose limit is 0 could move the foot so.
+    The velocity w of the contact point is within reach, shape `(3,)` [m/s, world frame]. The use is
+    inf where only joints whose limit is 0 could move the foot so.
     """
     if posture.constraint_projector is not None:
         return speed_use(posture, slowest_joint_velocity(posture, foot_velocity))
@@ -212,18 +206,10 @@ def _dual_candidates(columns: Array) -> Array:
 
 
 def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
-    """Return a joint velocity of the least `speed_use` that moves the contact point as asked.
+    """Return the joint velocity of least `speed_use` that moves the contact point as asked.
 
-    Args:
-        posture: the posture; supports and loops of its leg are kept.
-        foot_velocity: velocity of the contact point within reach, shape `(3,)` [m/s, world].
-
-    Returns:
-        v, shape `(nv,)` [rad/s; m/s]; that of least kinetic energy where no joint velocity is
-        within any limits.
-
-    Raises:
-        KickdynError: the linear programme has no solution.
+    It keeps supports and loops, and is that of least kinetic energy where none is within any
+    limits, shape `(nv,)` [rad/s; m/s].
     """
     from scipy.optimize import linprog  # its import takes a quarter of a second
 

@@ -1,7 +1,5 @@
 """The plot of a sweep: ball speed over the joints, and against the largest joint impulse."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
+from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg
@@ -58,7 +57,7 @@ class ReportLine:
             "posture": self.label,
             "angles": self.angles,
             "status": self.outcome.status.value,
-            **{k: v if math.isfinite(v) else None for k, v in self.values.items()},
+            **{name: finite(value) for name, value in self.values.items()},
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,

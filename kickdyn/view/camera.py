@@ -1,7 +1,5 @@
 """The camera: as near as the picture allows, at the right side of the kick if that shows enough."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import product

@@ -1,7 +1,5 @@
 """The numbers of a kick, as a panel of HTML beside the picture."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from html import escape

@@ -1,7 +1,5 @@
 """Several flights in one picture, or several impacts side by side, to be compared."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from html import escape

@@ -4,8 +4,6 @@ meshcat's own controls are hidden; `#controls` at the end of the page's address 
 `#at=1.5` stops its animation at 1.5 s.
 """
 
-from __future__ import annotations
-
 import base64
 from functools import cache
 from html import escape

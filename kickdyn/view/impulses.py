@@ -1,7 +1,5 @@
 """The impulses of a kick as arrows, all to one scale: on the ball, and through every joint."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

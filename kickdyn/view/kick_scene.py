@@ -1,7 +1,5 @@
 """One kick, drawn and moving: leg, ball, impulses, flight and ground."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import product

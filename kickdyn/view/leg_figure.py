@@ -1,7 +1,5 @@
 """The figure of a leg: shapes fixed to its joints, from its URDF, or sticks between the joints."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass

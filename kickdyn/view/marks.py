@@ -1,7 +1,5 @@
 """What surrounds the leg: the ball, the ground, curves and arrows."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from itertools import pairwise, product

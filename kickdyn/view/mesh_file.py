@@ -5,8 +5,6 @@ a page that is passed on. So it is read once, from memory, without access to fur
 COLLADA or OBJ file can stand for a large scene; its size is bounded before the scene is built.
 """
 
-from __future__ import annotations
-
 import io
 import logging
 import re

@@ -1,7 +1,5 @@
 """`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
 
-from __future__ import annotations
-
 import math
 import sys
 import threading
@@ -88,7 +86,7 @@ class Page:
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
-    def serve(self, port: int = 0) -> PageServer:
+    def serve(self, port: int = 0) -> "PageServer":
         """Serve the page to browsers on this machine.
 
         Args:

@@ -112,3 +112,13 @@ def test_a_scene_with_a_goal_shows_it(commands_of):
     timed = kd.simulate(kd.load_scene(file), None)
     with pytest.raises(kd.InvalidInput, match="takes time"):
         kd.page(timed)
+
+
+def test_an_angle_that_is_rounded_to_zero_has_no_sign(tmp_path):
+    scene = (SCENES / "free_kick.toml").read_text().replace("ankle = 20", "ankle = -1e-12")
+    assert "ankle = -1e-12" in scene
+    file = tmp_path / "kick.toml"
+    file.write_text(scene)
+    ended = run(file, "--json", "-")
+    assert ended.exit_code == 0
+    assert '"ankle": 0.0' in ended.output

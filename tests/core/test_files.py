@@ -3,10 +3,8 @@ import stat
 import pytest
 
 from kickdyn.core.files import (
-    check_distinct,
     check_outputs,
     check_writable,
-    exists,
     replacing,
     shipped,
     write_json,
@@ -83,11 +81,6 @@ def test_json_goes_to_a_file_or_to_stdout(tmp_path, capsys):
     )
 
 
-def test_what_no_file_can_be_called_does_not_exist(tmp_path):
-    assert exists(tmp_path)
-    assert not exists("x" * 5000)
-
-
 def test_outputs_are_writable_and_each_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "link").symlink_to(tmp_path / "a.json")
@@ -113,7 +106,6 @@ def test_links_in_a_circle_are_no_output(tmp_path):
     loop.symlink_to(loop)
     with pytest.raises(InvalidInput, match="cannot be written"):
         check_outputs("a.png", loop)
-    check_distinct("a.png", loop)
 
 
 def test_what_comes_along():

@@ -111,3 +111,11 @@ def test_energy_within_the_rounding_of_a_fast_spin_is_not_created(share, creates
     gained = share * float(np.abs(hit.impulse).max()) * ball.radius * 1e6
     solution = hit.solution._replace(energy_lost=-gained)
     assert dataclasses.replace(hit, solution=solution).creates_energy is creates
+
+
+def test_digits_of_an_ordinary_kick_are_these():
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
+    contact = kd.Contact([0.9, 0, 0.4], 0.8, 0.4)
+    hit = kd.strike(posture, posture.joint_velocity([8, 0, 4]), kd.Ball(), contact)
+    assert hit.digits == pytest.approx(14.347, abs=0.005)
+    assert hit.joint_digits == pytest.approx([12.589, 12.878, 13.272], abs=0.005)

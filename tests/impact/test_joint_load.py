@@ -98,3 +98,11 @@ def test_a_contact_has_a_least_duration(brief):
     hit = kd.strike(posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7))
     with pytest.raises(kd.InvalidInput, match=r"contact time is .* at least 1e-09"):
         kd.joint_loads(hit, brief)
+
+
+def test_a_line_has_the_part_along_the_axis_only_where_there_is_one():
+    structure, axis = np.array([3.0, 4.0, 0, 0, 0, 0]), np.array([0, 0, 2.0, 0, 0, 0])
+    driven = kd.JointLoad("knee", structure, axis, 10.0, 0.0)
+    assert repr(driven) == "JointLoad(knee: 5 N s, 2 N s along the axis, peak 10 N)"
+    passive = kd.JointLoad("knee", structure, 0.0 * axis, None, None)
+    assert repr(passive) == "JointLoad(knee: 5 N s)"

@@ -305,3 +305,10 @@ def test_inputs_are_the_printed_numbers(items):
     found = [item for item in items.values() if item.verdict == "input"]
     assert len(found) == 9 + 5 + 12
     assert all(item.relative_error == pytest.approx(0, abs=1e-12) for item in found)
+
+
+def test_fig_8_says_which_curve_is_highest_and_lowest():
+    items = fig_8.varying(fig_8.DEFAULT)
+    assert {item.verdict for item in items} == {"shape-reproduced"}
+    words = "back spin flies highest, top spin lowest and shortest"
+    assert {item.why for item in items} == {words}

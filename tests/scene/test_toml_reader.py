@@ -146,7 +146,7 @@ def test_all_faults_at_once_one_line_each(faults):
         ('model = "human"', 'file = "no.urdf"', "leg: "),
         ('model = "human"', 'model = "human"\nframe = "heel"', "leg: "),
         ("hip = 5", "hipp = 5", "posture: joint 'hipp' is unknown"),
-        ("foot_velocity_m_s = [2, 0, 1]", "", "posture names none of them"),
+        ("foot_velocity_m_s = [2, 0, 1]", "", "posture names none of foot_velocity_m_s"),
         ("foot_velocity_m_s = [2, 0, 1]", "foot_velocity_m_s = [0, 1, 0]", "out of reach"),
         ("foot_velocity_m_s = [2, 0, 1]", "joint_velocity_rad_s = { toe = 1 }", "'toe' is unknown"),
         ("attack_deg = 30", "normal = [0, 0, 0]", "contact.normal is [0.0, 0.0, 0.0]"),

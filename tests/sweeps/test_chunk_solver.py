@@ -83,3 +83,22 @@ def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
     rows, _ = solver(leg, grid)(0, 2)
     carries = [kick_from(leg.posture([hip, 0.0, 0.0]), KICK).carry for hip in (0.1, 0.2)]
     assert rows[list(VARIABLES).index("carry")] == pytest.approx(carries, rel=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, friction):
+    found = chunk_solver.strike
+
+    def wrong(posture, v, ball, contact, **options):
+        hit = found(posture, v, ball, contact, **options)
+        if options.get("engine") != "pinocchio":
+            return hit
+        heavier = kd.Ball(mass=ball.mass * (1 + 1e-7), radius=ball.radius)
+        return found(posture, v, heavier, contact, **options)
+
+    legs = kd.Leg.human()
+    angles = {"hip": np.radians([0.0, 5.0]), "knee": [0.2], "ankle": [0.0]}
+    kd.sweep(legs, angles, kd.Kick(friction=friction))
+    monkeypatch.setattr(chunk_solver, "strike", wrong)
+    with pytest.raises(kd.KickdynError, match=r"N s by pin\.impulseDynamics"):
+        kd.sweep(legs, angles, kd.Kick(friction=friction))

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.sweeps import kernels
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
@@ -218,14 +219,14 @@ def test_only_fixed_trees_of_hinges_and_slides_have_a_kernel():
 
 
 def test_what_is_not_finite_is_doubtful():
-    model = KernelModel.of(LEG, Kick())
+    model = KernelModel.of(LEG, Kick(restitution=0.5))
     found = np.ones((10, 12))
     found[DOUBT] = 0.0
     for row in range(10):
         found[row, row] = np.inf if row % 2 else np.nan
     found[USE, 11] = 2.0
     rows, status = np.zeros((13, 12)), np.zeros(12, np.int8)
-    doubtful = fill_variables(found, model, Kick(restitution=0.5), rows, status)
+    doubtful = fill_variables(found, model, rows, status)
     assert doubtful.tolist() == [True] * 10 + [False] * 2
     assert status[10:].tolist() == [0, 1]
     values = dict(zip(VARIABLES, rows[:, 10], strict=True))
@@ -235,3 +236,14 @@ def test_what_is_not_finite_is_doubtful():
     assert values["immovable_impulse"] == pytest.approx(1.5)
     assert values["ball_speed"] == values["speed_ratio"] == pytest.approx(3**0.5 / ball.mass)
     assert values["worst_joint_impulse"] == values["momentum_residual"] == 1.0
+
+
+def test_a_variable_that_the_kernel_does_not_fill_in_ends_the_sweep(monkeypatch):
+    monkeypatch.setattr(kernels, "VARIABLES", {**VARIABLES, "added": ("1", "added later")})
+    model, answer, rows = (
+        KernelModel.of(LEG, Kick()),
+        np.ones((ROWS, 2)),
+        np.full((len(VARIABLES) + 1, 2), np.nan),
+    )
+    with pytest.raises(KeyError, match="added"):
+        fill_variables(answer, model, rows, np.zeros(2, np.int8))

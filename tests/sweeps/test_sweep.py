@@ -99,7 +99,7 @@ def test_attack_down_does_not_carry():
 def test_chunks_are_the_whole(small, monkeypatch):
     monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 5)
     postures = read_postures(LEG, ["hip=0:90:45", "knee=0:30:15", "ankle=0:50:50"])
-    seen = list(sweep_chunks(LEG, postures, KICK, threads=2))
+    seen = list(sweep_chunks(LEG, postures, KICK, threads=2.0))  # a whole number of any type
     assert [chunk.status.size for chunk in seen] == [4, 2] * 3
     for name in (*VARIABLES, "status"):
         values = np.concatenate([chunk[name].values.ravel() for chunk in seen])

@@ -37,7 +37,7 @@ def test_configurations_run_the_last_axis_fastest():
 @pytest.mark.parametrize(
     ("joints", "words"),
     [
-        ([], r"name the joints of leg_human to sweep, .* --joint hip=0:30:5 (there are hip, knee"),
+        ([], r"name the joints of leg_human to sweep, .* --joint hip=0:30:5 \(there are hip, knee"),
         (["hip"], "'hip' cannot be read: write NAME=LOW:HIGH:STEP"),
         (["hip=1:2"], "cannot be read"),
         (["hip=a:b:c"], "write plain numbers"),

@@ -81,6 +81,7 @@ def heyoka_landings(
     ta = hy.taylor_adaptive(equations(hy, ball, air), start, tol=tol, t_events=[event])
 
     def fly(states: BallState) -> tuple[Array, int]:
+        """Return landing points, shape `(n, 3)` [m], and the number of steps of all."""
         landed = np.empty_like(states.position)
         begin = np.column_stack([0 * states.position, states.velocity, np.ones(len(landed))])
         spins = states.spin

@@ -27,6 +27,7 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
     data, n_joints = mujoco.MjData(model), len(impact.v_before)
 
     def run() -> Array:
+        """Return the impulse on the ball of one simulated kick, shape `(3,)` [N s]."""
         mujoco.mj_resetData(model, data)
         data.qpos[:n_joints], data.qvel[:n_joints] = impact.posture.q, impact.v_before
         mujoco.mj_forward(model, data)
@@ -43,6 +44,7 @@ def damping_ratio(restitution: float) -> float:
     """Return the damping ratio, 0 to 0.9, of a linear contact that does not pull, by e."""
 
     def returned(ratio: float) -> float:
+        """Return the restitution of a damped spring with this damping ratio."""
         swing = math.sqrt(1.0 - ratio * ratio)
         phase = math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)  # where the force ends
         return math.exp(-ratio / swing * phase)

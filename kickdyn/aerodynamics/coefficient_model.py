@@ -90,6 +90,7 @@ class ConstantCoefficient:
         value = self.value
 
         def model(reynolds: float, spin_parameter: float = 0.0) -> float:
+            """Return the value."""
             return value
 
         return model

@@ -33,6 +33,7 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
     """Return a callback of click that reads so many numbers."""
 
     def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
+        """Return the numbers of an option's text; None where it is not given."""
         if text is None:
             return None
         try:

@@ -187,12 +187,14 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
     best = 0.0
 
     def text(speed: float | None) -> str | None:
+        """Return what stands beside the progress bar."""
         return f"best {speed:.4g} m/s" if speed else None
 
     label = "postures (the first sweep compiles)"
     with click.progressbar(length=size, label=label, file=sys.stderr, item_show_func=text) as bar:
 
         def progress(count: int, speed: float) -> None:
+            """Move the bar on by a number of postures, and keep the best speed [m/s]."""
             nonlocal best
             best = float(np.fmax(best, speed))
             bar.update(count, best)

@@ -48,6 +48,7 @@ def _reread(kind: Any) -> Callable[..., Any]:
     """Return the generator of code that takes the bits of its argument for another kind."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Return the bits of the argument as another type."""
         return builder.bitcast(arguments[0], kind)
 
     return generate

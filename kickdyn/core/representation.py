@@ -124,6 +124,7 @@ def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
     origin = MARGIN, HEIGHT - MARGIN
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the picture [px] for points of the path [m]."""
         return np.asarray(origin + (points - low) * (scale, -scale))
 
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed(line))

@@ -124,6 +124,7 @@ def check_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
 
     @functools.wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> Result:
+        """Return the function's result, its arguments checked."""
         if not expected:  # at the first call: annotations may name what is defined further down
             hints = get_type_hints(function)
             expected.update((name, _classes(hints.get(name))) for name in names)

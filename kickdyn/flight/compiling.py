@@ -92,6 +92,7 @@ def side_by_side(
     """
 
     def rates(scene: Any, state: Any, rate: Any) -> None:
+        """Fill in the rates of all lanes."""
         for i in range(LANES):
             left = state[LEFT + i]
             ax, ay, az, k = straight(
@@ -181,6 +182,7 @@ def _refusing(model: CoefficientModel) -> Coefficient:
     function, (low, high), (least, most) = model.function, model.reynolds, model.spin
 
     def within(reynolds: float, spin_parameter: float) -> float:
+        """Return the coefficient; nan outside the range."""
         if low <= reynolds <= high and least <= spin_parameter <= most:
             return function(reynolds, spin_parameter)
         return math.nan

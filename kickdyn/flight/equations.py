@@ -107,6 +107,7 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
     most = 2.0 * ball.mass / (air.density * ball.cross_section)
 
     def coefficient(reynolds: float) -> float:
+        """Return C_D without spin, 0 where it is not known."""
         try:
             value = float(drag(reynolds, 0.0))
         except Exception:  # a model of one's own, where nobody may ever fly
@@ -114,6 +115,7 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
         return max(value, 0.0) if value < math.inf else 0.0  # not known: no bound
 
     def length(speed: Array) -> Array:
+        """Return the drag lengths at speeds [m]."""
         with np.errstate(divide="ignore", over="ignore"):
             decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
             step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)

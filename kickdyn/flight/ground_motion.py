@@ -110,6 +110,7 @@ def slide(
     spin_change = shell / ball.radius * push * across
 
     def states(t: Array) -> BallState:
+        """Return the sliding ball at times `(n,)` [s]."""
         t = t[:, None]
         moved = level * t - 0.5 * speed_change * t * t
         return BallState(
@@ -151,12 +152,14 @@ def roll(
     height = float(state.position[2])
 
     def push(u: float, v: float) -> tuple[float, float]:
+        """Return the acceleration by the air of a rolling ball [m/s2]."""
         if acting is None:
             return 0.0, 0.0
         ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
         return share * ax, share * ay
 
     def rates(_: float, states: Any) -> list[float]:
+        """Return the rates of place and velocity of a rolling ball."""
         u, v = float(states[2]), float(states[3])
         ax, ay = push(u, v)
         speed = math.hypot(u, v)
@@ -193,6 +196,7 @@ def roll(
     rolled = joined(arcs, begin)
 
     def states(t: Array) -> BallState:
+        """Return the rolling ball at times `(n,)` [s]."""
         plane = rolled(np.minimum(t, at))
         late = np.clip(t - at, 0.0, final - at)  # in the straight line to rest
         speeds = left - fading * late

@@ -64,6 +64,7 @@ def joined(arcs: Sequence[FlightArc], begin: Array) -> Callable[[Array], Array]:
     path = OdeSolution([pieces[0].t_old, *(p.t for p in pieces)], pieces) if pieces else None
 
     def states(t: Array) -> Array:
+        """Return the states at times, shape `(states, n)`."""
         if path is None or not t.size:  # scipy's solution takes no empty array
             return np.tile(begin[:, None], (1, t.size))
         return np.asarray(path(t))
@@ -212,6 +213,7 @@ def _root(of: Callable[[Array], float], piece: DenseOutput, ended: float) -> flo
     """Return when a value falls through zero between the start of a step and `ended`."""
 
     def value(t: float) -> float:
+        """Return the event's function along the step."""
         return of(piece(t))
 
     began = float(piece.t_old)

@@ -269,6 +269,7 @@ def _result(
     start, end, last = solution.y[:, 0], float(solution.t[-1]), solution.y[:, -1]
 
     def sample(t: float) -> tuple[Array, Array, float]:
+        """Return the contact's quantities at a time [s]."""
         return motion.contact_at(t, solution.sol(t))
 
     peak_force, deflection = _peaks(sample, solution.t)

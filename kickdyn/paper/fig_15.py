@@ -79,6 +79,7 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
     assert goal.time is not None
 
     def flown(velocity: Array) -> Flight:
+        """Return the flight from a launch velocity."""
         state = BallState(velocity=velocity, spin=launch.spin)
         return fly(state, launch.ball, launch.air, tol=1e-13)
 

@@ -136,6 +136,7 @@ class Goal(ReprMixin):
         return f"Goal({', '.join(f'{name}={value} {unit}' for name, value, unit in self._named())})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield from self._named()
         yield "distance", self.distance, "m"
 

@@ -82,6 +82,7 @@ class KickPlan(ReprMixin):
     phases: tuple[SwingPhase, SwingPhase] | None = None
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "posture", self.q, "rad"
         yield "joint velocity", self.v, "rad/s"
@@ -96,6 +97,7 @@ class KickPlan(ReprMixin):
             yield "warning", line, ""
 
     def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
         return self.path._picture()
 
     @property

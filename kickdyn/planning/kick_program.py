@@ -92,6 +92,7 @@ def scatter_cost(
     plain = Contact(contact.normal, contact.restitution, contact.friction)
 
     def radius(posture: Posture, v: Array) -> float:
+        """Return the scatter's radius of a kick [m]."""
         try:
             impact = strike(posture, v, target.ball, plain)
         except NoImpact:  # far from feasible
@@ -348,6 +349,7 @@ class KickProgram:
         latest = ProgramPoint(self, np.clip(start, low, high), cost, scale)
 
         def at(x: Array) -> ProgramPoint:
+            """Return the point of the program at the unknowns, computed once."""
             nonlocal latest
             if not np.array_equal(latest.x, x):
                 latest = ProgramPoint(self, x, cost, scale)
@@ -473,6 +475,7 @@ def explain_infeasible(program: KickProgram) -> str:
         anywhere = KickProgram(leg, target, limits=program.limits)
 
         def distance(posture: Posture, v: Array) -> float:
+            """Return how far the ball is from its place, squared [m2]."""
             off = program.position_rows @ (anywhere.ball_centre_at(posture) - program.ball_centre)
             return float(off @ off)
 

@@ -315,6 +315,7 @@ class LaunchFamily:
             return None
 
         def condition(y: Array, _: Trajectory) -> tuple[float, Array]:
+            """Return the distance from a plane across the curve, and its slope."""
             return float(across @ (y - x)), across
 
         return solve_launch(
@@ -332,9 +333,11 @@ class LaunchFamily:
         """Return the member between two at which a function of members is 0; None without one."""
 
         def member(part: float) -> LaunchSolution | None:
+            """Return the member at a part of the way from a to b."""
             return {0.0: a, 1.0: b}.get(part) or self._between(a, b, part)
 
         def at(part: float) -> float:
+            """Return the value at a part of the way; nan where there is no member."""
             found = member(part)
             return math.nan if found is None else value(found)
 
@@ -383,6 +386,7 @@ class LaunchFamily:
         chord = b.unknowns - a.unknowns
 
         def rate(member: LaunchSolution) -> float:
+            """Return how fast the condition changes along the curve."""
             sizes, slope = self._coarse.sizes(member.unknowns), member.condition(goal)[1]
             tangent = self._tangent(member)
             ahead = math.copysign(1.0, float(tangent @ (chord / sizes)))

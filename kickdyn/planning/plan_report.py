@@ -78,6 +78,7 @@ class Wall(NamedTuple):
         start = path.launch.position
 
         def beyond(time: float) -> float:
+            """Return how far the ball is beyond the wall at a time [m]."""
             return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
 
         if beyond(path.duration) < 0.0:

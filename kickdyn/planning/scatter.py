@@ -81,6 +81,7 @@ def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array
     """
 
     def landing(change: Array) -> Array:
+        """Return where a changed launch lands, shape `(2,)` [m]."""
         start = BallState(state.position, state.velocity + change[:3], state.spin + change[3:6])
         path = fly(start, ball, _with_drag(air, change[6]), tol=TOL)
         if path.status != "landed" or not path.duration > 0.0:

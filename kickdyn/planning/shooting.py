@@ -118,6 +118,7 @@ class ShootingProblem:
             g = downward(self.ball, self.air)
 
             def fall(at: float) -> tuple[Array, Array]:
+                """Return position and velocity of the parabola."""
                 place = ballistic(velocity, g, np.array([at]))[0]
                 return place[:3], place[3:6]
 
@@ -134,6 +135,7 @@ class ShootingProblem:
         evaluations = 0
 
         def rates(_: float, flat: Array) -> list[float]:
+            """Return the rates of all flights."""
             nonlocal evaluations
             evaluations += 1
             if evaluations > MOST_EVALUATIONS:
@@ -160,13 +162,16 @@ class ShootingProblem:
         last = found.y[:, -1]
 
         def states(at: float) -> Array:
+            """Return the states of all flights at a time."""
             return np.asarray(last if at == time else found.sol(at)).reshape(len(lanes), 7)
 
         def state(at: float) -> tuple[Array, Array]:
+            """Return position and velocity of the first flight."""
             first = states(at)[0]
             return first[:3], first[3:6]
 
         def slope(at: float) -> Array:
+            """Return the derivatives of the position."""
             where = states(at)[:, :3]
             return np.asarray(((where[1:] - where[0]) / nudges[:unknowns, None]).T)
 

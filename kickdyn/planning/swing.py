@@ -45,6 +45,7 @@ class Swing(ReprMixin):
     follow_through: SwingPhase
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", self.status, ""
         if self.limit:
             yield "limit", self.limit, ""

@@ -56,6 +56,7 @@ class SwingPhase(ReprMixin):
     _q: PPoly
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "joints", ", ".join(self.chain.names), ""
         yield "duration", self.duration, "s"
         yield "nodes", len(self._a.x), ""
@@ -138,6 +139,7 @@ def make_phase(
     s = np.linspace(0.0, duration, len(accelerations))
 
     def integrate(values: Array) -> tuple[PPoly, PPoly, PPoly]:
+        """Return position, velocity and acceleration as polynomials."""
         slopes = np.diff(values, axis=0) / np.diff(s)[:, None]
         acceleration = PPoly(np.array([slopes, values[:-1]]), s)
         velocity = acceleration.antiderivative()

@@ -303,6 +303,7 @@ class Leg(JointTable, ReprMixin):
         return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "robot", self.name, ""
         yield "contact frame", self.frame, ""
         yield "mass", float(pin.computeTotalMass(self._model)), "kg"
@@ -590,6 +591,7 @@ class Posture(ReprMixin):
         return f"Posture({self.leg.name}, q=[{angles}])"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "leg", self.leg.name, ""
         joints = self.leg.display_values(self.q)
         moved = {name: shown for name, shown in joints.items() if shown[0] or len(joints) <= SHOWN}

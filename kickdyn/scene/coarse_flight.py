@@ -132,6 +132,7 @@ def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:
     acceleration = acceleration_function(ball, air)
 
     def rates(y: State) -> State:
+        """Return the rates of a state."""
         _, _, z, vx, vy, vz, left = y
         ax, ay, az, k = acceleration(height + z, vx, vy, vz, left * wx, left * wy, left * wz)
         return vx, vy, vz, ax, ay, az, -k * left

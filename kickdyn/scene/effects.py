@@ -71,9 +71,11 @@ def judge_effects(
     through = {effect.name: [o for o in effect.through if o in bounds] for effect in effects}
 
     def is_implied(name: str, out: list[str]) -> bool:
+        """Return whether an effect acts only through others that are out."""
         return bool(through[name]) and all(outer in out for outer in through[name])
 
     def together(out: list[str]) -> float:
+        """Return how far all of these effects together can move the end [m]."""
         found = [changes[name] for name in out if not is_implied(name, out)]
         errors = [error for _, error in found if error != EXACT]
         return envelope.shift(math.fsum(a for a, _ in found), *errors)
@@ -136,15 +138,18 @@ def _of_air(
     """Return an effect of the air, bounded by its acceleration; `change` returns air without it."""
 
     def without(scene: Scene, launch: BallState) -> Scene:
+        """Return the scene with the changed air."""
         assert scene.air is not None
         return scene.replace(air=change(scene.air, scene.ball, launch))
 
     def neglected(envelope: Envelope) -> tuple[float, LaunchError]:
+        """Return the change of acceleration, and the error of the launch."""
         ball, air, *_ = envelope.environment
         assert air is not None
         return envelope.difference(change(air, ball, envelope.launch)), EXACT
 
     def is_in(scene: Scene) -> bool:
+        """Return whether the effect acts in a scene."""
         return scene.air is not None and scene.air.density > 0.0 and acts(scene.air)
 
     return Effect(

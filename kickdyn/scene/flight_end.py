@@ -108,6 +108,7 @@ def exact_end(launch: BallState, environment: FlightEnvironment, tol: float) -> 
     course = follow(launch, ball, air, ground, tol, plane=plane)
 
     def by_refinement() -> float:
+        """Return the error by a course with a finer tolerance [m]."""
         finer = follow(launch, ball, air, ground, 1e-2 * tol, plane=plane)
         if finer.status != course.status:
             return math.inf

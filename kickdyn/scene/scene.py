@@ -169,6 +169,7 @@ class Scene(ReprMixin):
         return tuple(lines)
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
         yield "contact point", self.posture.contact_point, "m"

@@ -50,6 +50,7 @@ def _valid(condition: Callable[[Any], bool], advice: str) -> Check:
     """Return a check of a condition; its message ends in the advice."""
 
     def check(name: str, value: Any) -> Any:
+        """Return a value that meets the condition."""
         if not condition(value):
             raise InvalidInput(f"{name} is {validation.brief(value)}: {advice}")
         return value
@@ -63,6 +64,7 @@ def _by_joint(unit: str, **limits: float) -> Check:
     is_table = _valid(lambda value: isinstance(value, dict), advice)
 
     def check(name: str, value: Any) -> dict[str, float]:
+        """Return the numbers of a table by joint."""
         found, faults = {}, []
         for joint, entry in is_table(name, value).items():
             try:

@@ -120,6 +120,7 @@ def _simulate_everything(scene: Scene, effects: Sequence[Effect]) -> Simulation:
     end = exact_end(launch, environment, FINEST)
 
     def numerical_error() -> float:
+        """Return the error of the numbers at the end [m]."""
         if isinstance(impact, Impact) or not end.ended:
             return end.error()
         slopes = end_slopes(launch, environment)

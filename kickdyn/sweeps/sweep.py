@@ -178,6 +178,7 @@ def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> Callable[[int], tup
     solver.prepare()
 
     def write(k: int) -> tuple[int, float]:
+        """Write a chunk; return its number of postures and its highest speed [m/s]."""
         first, count = store.chunks.span(k)
         rows, status = solver(first, count)
         store.write(k, rows, status)

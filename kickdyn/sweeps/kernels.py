@@ -111,7 +111,8 @@ def fill_variables(
         return np.concatenate(list(each))
     nx, _, nz = kick.direction
     with np.errstate(all="ignore"):  # of doubtful postures
-        p = model.axes @ answer[: NORMAL + 1]
+        x, y, z = model.axes.T[:, :, None]  # not as a matrix: its rounding depends on the processor
+        p = x * answer[TANGENT] + y * answer[ACROSS] + z * answer[NORMAL]
         level = p[0] * p[0] + p[1] * p[1]
         size, spin = np.sqrt(level + p[2] * p[2]), ball.radius / ball.inertia
         found = {

@@ -273,7 +273,7 @@ def test_every_shape_is_drawn_in_the_frame_that_it_names():
     ellipsoid, *capsule = [part for part in leg_parts(leg) if part.joint == 2]
     assert [ellipsoid.rgba] + [part.rgba for part in capsule] == [(1, 0, 0, 1)] + [PLAIN] * 3
     body = human.model.frames[human.model.getFrameId("shank")].placement.translation
-    np.testing.assert_allclose(ellipsoid.pose[:3, 3], body + (0.1, 0.2, 0.3))
+    np.testing.assert_allclose(ellipsoid.pose[:3, 3], body + np.array((0.1, 0.2, 0.3)))
     heights = [(part.pose[2, 3] - body[2], part.shape.radius) for part in capsule[1:]]
     np.testing.assert_allclose(heights, [(-0.7, 0.5), (1.3, 0.5)])
     viewer = recording_viewer()

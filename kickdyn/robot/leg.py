@@ -36,7 +36,8 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
+from kickdyn.robot.urdf_file import build_model, read_urdf, shipped_urdf
+from kickdyn.robot.visuals import RobotFile
 
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
@@ -54,7 +55,7 @@ class Leg(JointTable, ReprMixin):
     Attributes:
         name: of the robot.
         frame: name of the contact frame.
-        urdf: the checked file it came from, None for `from_model`.
+        file: the checked file it came from, None for `from_model`.
         joint_names: without the universe, in the model's order.
         nq, nv: sizes of configuration and velocity.
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
@@ -71,7 +72,7 @@ class Leg(JointTable, ReprMixin):
         self,
         model: Any,
         frame: str,
-        urdf: UrdfFile | None = None,
+        file: RobotFile | None = None,
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
@@ -80,7 +81,7 @@ class Leg(JointTable, ReprMixin):
         super().__init__(model.copy())
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
-        self.frame, self.urdf = frame, urdf
+        self.frame, self.file = frame, file
         self.frame_id = frame_id(self._model, frame)
         contact_frame = self._model.frames[self.frame_id]
         self.contact_joint = int(contact_frame.parentJoint)
@@ -268,7 +269,7 @@ class Leg(JointTable, ReprMixin):
         for support in stances:
             if not isinstance(support, Support):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
-        return Leg(self.model, self.frame, self.urdf, stances, *self._options[1:])
+        return Leg(self.model, self.frame, self.file, stances, *self._options[1:])
 
     def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
@@ -283,7 +284,7 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         pairs = tuple((first, second) for first, second in loops)
         supports, _, cone = self._options
-        return Leg(self.model, self.frame, self.urdf, supports, pairs, cone)
+        return Leg(self.model, self.frame, self.file, supports, pairs, cone)
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
@@ -291,7 +292,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        return Leg(model, self.frame, self.urdf, *self._options)
+        return Leg(model, self.frame, self.file, *self._options)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
@@ -333,7 +334,7 @@ class Leg(JointTable, ReprMixin):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model with the frame's name; the workspace is made anew."""
-        return (Leg, (self.model, self.frame, self.urdf, *self._options))
+        return (Leg, (self.model, self.frame, self.file, *self._options))
 
     def __repr__(self) -> str:
         """Name the leg, its joints and its contact frame."""

@@ -135,9 +135,7 @@ class Leg(JointTable, ReprMixin):
         return cls(model, frame, urdf)
 
     @classmethod
-    def from_mjcf(
-        cls, path: str | PathLike[str], frame: str, *, base: str = "fixed"
-    ) -> "Leg":
+    def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
         r"""Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
         Of the file come masses, joints, ranges (`range`; without one, the joint is unlimited),

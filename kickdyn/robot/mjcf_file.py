@@ -136,7 +136,7 @@ class _Reader:
             element[at : at + 1] = list(inner)
 
     def _inside(self, what: str, name: str, folder: Path) -> Path | None:
-        """Return a regular file inside the model's folder, links followed; None if it is missing."""
+        """Return a regular file in the model's folder, links followed; None if it is missing."""
         if not name or "://" in name:
             raise ValueError(f"{what} {name!r} is refused: it must be the name of a file")
         try:
@@ -173,9 +173,7 @@ class _Reader:
             file = self._inside("mesh", name, folder)
             ending = Path(name).suffix.lower()
             if ending not in MESHES:
-                raise ValueError(
-                    f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read"
-                )
+                raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
             mesh.set("name", mesh.get("name") or Path(name).stem)
             if file is None:
                 mesh.set("file", f"{number}.obj")

@@ -18,8 +18,8 @@ import pinocchio as pin
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.mjcf_file import MjcfFile
+from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.urdf_file import check_base
 
 STAND_IN = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -83,8 +83,8 @@ def _compiled(file: MjcfFile, size: float) -> Any:
 def build_mjcf_model(compiled: Any, name: str, frame: str, base: str) -> Any:
     """Return the `pin.Model` of the tree of bodies that moves a frame.
 
-    Its q is MuJoCo's `qpos` of these joints with quaternions in the order xyzw. Of a free joint, the
-    linear velocity is in the base's axes (in MuJoCo the world's).
+    Its q is MuJoCo's `qpos` of these joints with quaternions in the order xyzw. The linear velocity
+    of a free joint is in the base's axes (in MuJoCo the world's).
 
     Args:
         compiled: a `mujoco.MjModel`.
@@ -115,12 +115,14 @@ def _root_of(compiled: Any, frame: str) -> int | None:
     """Return the root of the tree that moves a body, site or geom; None if there is no such one."""
     import mujoco
 
-    kinds = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE, mujoco.mjtObj.mjOBJ_GEOM
-    of_body = (lambda i: i, lambda i: compiled.site_bodyid[i], lambda i: compiled.geom_bodyid[i])
-    for kind, body_of in zip(kinds, of_body, strict=True):
+    for kind, bodies in (
+        (mujoco.mjtObj.mjOBJ_BODY, range(compiled.nbody)),
+        (mujoco.mjtObj.mjOBJ_SITE, compiled.site_bodyid),
+        (mujoco.mjtObj.mjOBJ_GEOM, compiled.geom_bodyid),
+    ):
         number = mujoco.mj_name2id(compiled, kind, frame)
         if number >= 0:
-            body = int(body_of(number))
+            body = int(bodies[number])
             return int(compiled.body_rootid[body]) if compiled.body_weldid[body] else None
     return None
 
@@ -252,7 +254,10 @@ class _Builder:
         compiled, data = self.compiled, mujoco.MjData(self.compiled)
         dofs = [d + k for _, _, d, j in self.columns if d >= 0 for k in range(model.nvs[j])]
         known = [
-            model.idx_vs[j] + k for _, _, d, j in self.columns if d >= 0 for k in range(model.nvs[j])
+            model.idx_vs[j] + k
+            for _, _, d, j in self.columns
+            if d >= 0
+            for k in range(model.nvs[j])
         ]
         draw = np.random.default_rng(0)
         for _ in range(3):
@@ -286,7 +291,9 @@ class _Builder:
             wrong = ~(np.abs(ours - theirs) <= SAME * scale)
             if wrong.any():
                 first = known[int(np.argwhere(wrong)[0][0])]
-                joint = [n for n, v in zip(model.names, model.idx_vs, strict=True) if v <= first][-1]
+                joint = [n for n, v in zip(model.names, model.idx_vs, strict=True) if v <= first][
+                    -1
+                ]
                 raise InvalidInput(
                     f"the joint-space inertia differs from MuJoCo's, at joint {joint!r} first: the "
                     "model has something that this reader does not know (such as the armature of "
@@ -319,7 +326,10 @@ def effort_limits(compiled: Any) -> Array:
         if compiled.actuator_forcelimited[number]:
             force = float(np.abs(compiled.actuator_forcerange[number]).min())
         kinds = (compiled.actuator_gaintype, compiled.actuator_biastype, compiled.actuator_dyntype)
-        if tuple(int(kind[number]) for kind in kinds) == direct and compiled.actuator_ctrllimited[number]:
+        if (
+            tuple(int(kind[number]) for kind in kinds) == direct
+            and compiled.actuator_ctrllimited[number]
+        ):
             control = float(np.abs(compiled.actuator_ctrlrange[number]).min())
             force = min(force, abs(float(compiled.actuator_gainprm[number, 0])) * control)
         driven[joint] = True
@@ -351,7 +361,9 @@ _JOINTS: dict[int, Callable[[Array], Any]] = {
     2: _aligned(
         pin.JointModelPrismaticUnaligned, pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
     ),
-    3: _aligned(pin.JointModelRevoluteUnaligned, pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
+    3: _aligned(
+        pin.JointModelRevoluteUnaligned, pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+    ),
 }
 """Joints by MuJoCo's `jnt_type`: free, ball, slide, hinge."""
 

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.mesh_file import read_mesh
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
-from kickdyn.view.mesh_file import read_mesh
 
 Rgba = tuple[float, ...]
 

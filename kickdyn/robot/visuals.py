@@ -30,6 +30,8 @@ class Visual:
         mesh: name of the mesh file as it is written; empty for other shapes.
         rgba: colour, 0 to 1; None where the file gives none.
         has_texture: whether the file colours it by a picture, which is not read.
+        vertices, faces: of a mesh that was read with the robot's file, in place of `mesh`: shape
+            `(n, 3)` [m, frame of the visual], and indices of vertices, shape `(m, 3)`.
     """
 
     frame: str
@@ -39,6 +41,8 @@ class Visual:
     mesh: str = ""
     rgba: tuple[float, ...] | None = None
     has_texture: bool = False
+    vertices: Array | None = None
+    faces: Array | None = None
 
 
 @dataclass(frozen=True)

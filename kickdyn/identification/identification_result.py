@@ -73,6 +73,8 @@ class Identification(ReprMixin):
         residuals: fitted less measured positions, of all flights in a row, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
+        widening: factor by which the deviations are larger than those of independent samples,
+            because neighbouring residuals go together.
         comparison: drag models, the best first.
     """
 
@@ -86,6 +88,7 @@ class Identification(ReprMixin):
     residuals: Array
     used: NDArray[np.bool_]
     noise: float
+    widening: float
     comparison: tuple[ModelScore, ...] = ()
 
     def _rows(self) -> Iterable[Row]:
@@ -191,6 +194,11 @@ class Identification(ReprMixin):
                     f"{name} is {value:.3g} with a standard deviation of "
                     f"{self.deviations[name]:.2g}: more than half its value"
                 )
+        if self.widening > 1.0:
+            lines.append(
+                "neighbouring residuals go together, as in smoothed tracks: the standard "
+                f"deviations are widened by {self.widening:.2g}"
+            )
         aside = int((~self.used).sum())
         if aside:
             lines.append(f"{aside} of {self.used.size} samples are outliers and were left out")

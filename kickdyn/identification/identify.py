@@ -8,7 +8,8 @@ those of the flight that starts with them,
 with :math:`x` the solution of the equations of `kickdyn.flight.forces` and :math:`\sigma` the noise
 of a coordinate, estimated from the residuals. The last term says that a spin is of the order of
 :math:`\omega_0` = 100 rad/s; it decides only what the measurement leaves open. The covariance of
-the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals.
+the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals,
+widened where neighbouring residuals go together.
 """
 
 from __future__ import annotations
@@ -434,13 +435,15 @@ def _answer(problem: _Problem, estimate: _Estimate) -> Identification:
     kept = estimate.residuals[estimate.used]
     freedom = max(kept.size - estimate.values.size, 1)
     noise = math.sqrt(float(kept @ kept) / freedom)
+    widening = _widening(problem, estimate)
+    spread = noise * widening
     jacobian = np.vstack(
-        [estimate.jacobian[estimate.used], _spin_rows(problem, estimate.values.size, noise)]
+        [estimate.jacobian[estimate.used], _spin_rows(problem, estimate.values.size, spread)]
     )
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     _, singular, right = np.linalg.svd(jacobian / size, full_matrices=False)
     inverse = np.where(singular > 1e-14 * singular[0], 1.0 / singular, 1e14 / singular[0])
-    root = (right.T * inverse) / size[:, None] * noise
+    root = (right.T * inverse) / size[:, None] * spread
     values = estimate.values.copy()
     launches: list[BallState] = []
     for i, axes in enumerate(estimate.axes):
@@ -456,8 +459,27 @@ def _answer(problem: _Problem, estimate: _Estimate) -> Identification:
     return Identification(
         problem.tracks, problem.ball, problem.air_of(shared), tuple(launches), tuple(problem.names),
         values, root @ root.T, estimate.residuals.reshape(-1, 3),
-        estimate.used.reshape(-1, 3)[:, 0], noise,
+        estimate.used.reshape(-1, 3)[:, 0], noise, widening,
     )  # fmt: skip
+
+
+def _widening(problem: _Problem, estimate: _Estimate) -> float:
+    r"""Return by how much residuals that go together widen the deviations, 1 where they do not.
+
+    With a correlation :math:`\rho` of neighbouring residuals, n samples say as much as
+    :math:`n (1 - \rho) / (1 + \rho)` independent ones (Bayley & Hammersley 1946).
+    """
+    pairs, squares, first = 0.0, 0.0, 0
+    rows = np.where(estimate.used, estimate.residuals, 0.0).reshape(-1, 3)
+    for track in problem.tracks:
+        part = rows[first : first + len(track)]
+        pairs += float((part[1:] * part[:-1]).sum())
+        squares += float((part * part).sum())
+        first += len(track)
+    correlation = min(pairs / squares, 0.98) if squares > 0.0 else 0.0
+    if correlation < 2.0 / math.sqrt(estimate.used.sum()):  # as by chance
+        return 1.0
+    return math.sqrt((1.0 + correlation) / (1.0 - correlation))
 
 
 def _score(model: str | Air, problem: _Problem) -> ModelScore:

@@ -161,9 +161,11 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         return validation.floats(name, value)  # which says what is wrong
-    finite = np.isfinite(array).reshape(len(array), -1).all(axis=1) if array.ndim else np.array([])
+    finite = np.isfinite(array)
+    while finite.ndim > 1:
+        finite = finite.all(axis=-1)
     bad = np.flatnonzero(np.logical_not(finite))
-    if bad.size:
+    if array.ndim and bad.size:
         row = array[bad[0]]
         raise InvalidInput(
             f"{name}[{bad[0]}] is {row.tolist()}: every entry must be finite; leave out the "

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep extremes test test-all docs package lint browser clean
+.PHONY: sweep extremes mutants test test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them
 PYTHONS ?= 3.11 3.12 3.13
@@ -15,9 +15,13 @@ sweep: $(VENV)/.run
 	$(BIN)/python -m kickdyn.posture_sweep --out build/sweep.nc --plot build/sweep.png --view build/kick.html
 
 ## extremes: kickdyn against 50 digits where numbers get difficult
-extremes: $(VENV)/.run
-	$(PIP) --editable ".[accuracy]"
+extremes: $(VENV)/.dev
 	$(BIN)/python tests/extremes
+
+## mutants: changes the code on purpose, a hundred times, and counts how often a test notices
+mutants: $(VENV)/.dev
+	mkdir -p build
+	$(BIN)/python tests/mutants.py --json build/mutants.json
 
 ## test: the whole suite
 test: $(VENV)/.dev browser

@@ -17,7 +17,7 @@ import numpy as np
 from by_hand import fly_by_hand
 
 import kickdyn as kd
-from kickdyn.accuracy.references.exact_flight import heyoka_landings
+from kickdyn.accuracy.heyoka_flight import heyoka_landings
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 

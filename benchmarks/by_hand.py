@@ -7,14 +7,14 @@ from scipy.integrate import solve_ivp
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import forces
+from kickdyn.flight.forces import acceleration_function
 
 
 def fly_by_hand(
     states: kd.BallState, ball: kd.Ball, air: kd.Air, method: str = "RK45", rtol: float = 1e-9
 ) -> Array:
     """Return landing points at the height of the launch, shape `(n, 3)` [m]."""
-    acting = forces(ball, air)
+    acting = acceleration_function(ball, air)
 
     def rates(_: float, y: Array) -> tuple[float, ...]:
         _, _, z, vx, vy, vz, wx, wy, wz = y.tolist()

@@ -43,6 +43,7 @@ def main(wanted: list[str]) -> None:
 
 
 def _commands(kind: str, text: str) -> list[list[str]]:
+    """Return the command lines of a snippet of Python, or of a shell's lines."""
     if kind == "python":
         return [[sys.executable, "-c", text]]
     lines = [shlex.split(line) for line in text.replace("\\\n", " ").splitlines()]

@@ -111,7 +111,7 @@ def main() -> None:
     exact.prepare()
     read.prepare()
     kernel = Kernel(model, human, postures)
-    launched = launches(model, KICK, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
+    launched = launches(model, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
     struck, by_hand, flown, swept = best(
         (loop(human), FEW),
         (lambda: fly_by_hand(launched, KICK.ball, air), len(launched.position)),

@@ -4,8 +4,6 @@
 first used, so `import kickdyn` is quick and loads neither Pinocchio nor numba.
 """
 
-from __future__ import annotations
-
 import os
 
 import lazy_loader

@@ -2,8 +2,6 @@
 
 __version__: str
 
-from .accuracy.references.pinocchio_impact import EngineImpact as EngineImpact
-from .accuracy.references.pinocchio_impact import engine_strike as engine_strike
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState

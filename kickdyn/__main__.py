@@ -1,7 +1,5 @@
 """The commands without the console script: `python -m kickdyn COMMAND`."""
 
-from __future__ import annotations
-
 from kickdyn.cli.commands import main
 
 if __name__ == "__main__":

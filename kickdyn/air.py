@@ -1,7 +1,5 @@
 """The air the ball flies through, and which of its effects are modelled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -35,7 +33,11 @@ def viscosity_of(temperature: float) -> float:
 
 
 def standard_atmosphere(altitude: float) -> tuple[float, float]:
-    """Return temperature [K] and pressure [Pa] of the standard atmosphere up to 11 km [m]."""
+    r"""Return temperature [K] and pressure [Pa] at an altitude up to 11 km [m].
+
+    With :math:`H = r z / (r + z)`, :math:`T = T_0 - L H` and
+    :math:`p = p_0 (T / T_0)^{g_0 / (R L)}` (U.S. Standard Atmosphere 1976).
+    """
     height = 6_356_766 * altitude / (6_356_766 + altitude)  # geopotential
     temperature = 288.15 - 0.0065 * height
     exponent = 9.80665 / (GAS_CONSTANT * 0.0065)
@@ -98,7 +100,7 @@ class Air(ValueEquality, ReprMixin):
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        """Return every value, and the models by name, in a line."""
+        """Return the class with all its values, models by their names, in a line."""
         names = self._names()
         return (
             f"Air(density={self.density:.6g}, viscosity={self.viscosity:.6g}, "
@@ -108,7 +110,7 @@ class Air(ValueEquality, ReprMixin):
         )
 
     def _names(self) -> dict[str, object]:
-        """Return the models and the wind, by their names where they have one."""
+        """Return the models and the wind; those that have a name, by it."""
         models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
         return {
             key: getattr(model, "name", getattr(model, "__name__", model))
@@ -116,6 +118,7 @@ class Air(ValueEquality, ReprMixin):
         }
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         names = self._names()
         yield "density", self.density, "kg/m3"
         yield "viscosity", self.viscosity, "Pa s"
@@ -129,7 +132,7 @@ class Air(ValueEquality, ReprMixin):
         cls,
         drag: str | Coefficient | None = "brazuca",
         lift: str | Coefficient | None = "saturating",
-    ) -> Air:
+    ) -> "Air":
         """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind.
 
         The paper prints no coefficients; those of kickdyn's default ball stand in. It has neither
@@ -146,7 +149,7 @@ class Air(ValueEquality, ReprMixin):
         temperature_c: float | None = None,
         pressure: float | None = None,
         **options: Any,
-    ) -> Air:
+    ) -> "Air":
         """Return dry air at an altitude; values left out are those of the standard atmosphere.
 
         Args:
@@ -173,7 +176,7 @@ class Air(ValueEquality, ReprMixin):
 
     @property
     def wind_at(self) -> Wind:
-        """The wind as a function of height, however it was given."""
+        """The wind [m/s] as a function of the height [m], also where it is the same everywhere."""
         if callable(self.wind):
             return self.wind
         steady = tuple(self.wind.tolist())

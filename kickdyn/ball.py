@@ -1,7 +1,5 @@
 """The ball and its state of motion."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,13 +18,14 @@ SMALLEST = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Ball(ReprMixin):
-    """A ball, by default a thin spherical shell, the paper's Eq. (22).
+    """A ball, by default a thin spherical shell, as the paper's (after Eq. 23).
 
     The default is the middle of a size 5 ball's range: 410-450 g and 68-70 cm around
     (IFAB, Laws of the Game 2023/24, Law 2).
 
     Args:
-        mass: [kg], above 0.
+        mass: [kg], above 0; inf is an obstacle that cannot move, for an impact alone: its impulse
+            and joint impulses are those of the limit of ever heavier balls.
         radius: [m], above 0.
         inertia_factor: moment of inertia over mass times radius squared, above 0: 2/3 of a thin
             shell, which is the most a ball can have; 2/5 of a solid ball; inf, a particle: it has a
@@ -41,9 +40,12 @@ class Ball(ReprMixin):
     inertia_factor: float = 2.0 / 3.0
 
     def __post_init__(self) -> None:
-        mass = validation.number("ball mass", self.mass, above=0, unit="kg")
+        """Check the values and store them as floats."""
+        immovable = isinstance(self.mass, float) and self.mass == math.inf
+        if not immovable:
+            mass = validation.number("ball mass", self.mass, above=0, unit="kg")
+            object.__setattr__(self, "mass", mass)
         radius = validation.number("ball radius", self.radius, above=0, unit="m")
-        object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "radius", radius)
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return
@@ -51,25 +53,34 @@ class Ball(ReprMixin):
             "inertia factor", self.inertia_factor, above=0, at_most=2.0 / 3.0
         )
         object.__setattr__(self, "inertia_factor", factor)
-        if not (SMALLEST <= self.inertia < math.inf and factor * self.mass >= SMALLEST):
+        finite = immovable or SMALLEST <= self.inertia < math.inf
+        if not (finite and factor * self.mass >= SMALLEST):
             raise InvalidInput(
                 f"ball mass {self.mass:g} kg and radius {self.radius:g} m give an inertia of "
                 f"{self.inertia:g} kg m2: mass, inertia and their inverses must be finite, above 0"
             )
 
+    def check_movable(self, what: str) -> None:
+        """Raise `InvalidInput` for an obstacle, which `what` cannot be for."""
+        if self.mass == math.inf:
+            raise InvalidInput(
+                f"ball mass is inf, an obstacle that cannot move: {what} needs a finite mass"
+            )
+
     def _rows(self) -> Iterable[Row]:
+        """Return mass, radius and moment of inertia for `print`."""
         yield "mass", self.mass, "kg"
         yield "radius", self.radius, "m"
         yield "inertia", self.inertia, "kg m2"
 
     @classmethod
-    def paper(cls) -> Ball:
+    def paper(cls) -> "Ball":
         """Return the ball of the paper's Table 3: 0.45 kg, radius 0.1 m."""
         return cls(mass=0.45, radius=0.1)
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2 (Eq. 22)."""
+        """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2."""
         return self.inertia_factor * self.mass * self.radius * self.radius
 
     @property
@@ -140,7 +151,7 @@ class BallState(ValueEquality):
             object.__setattr__(self, name, value if value.ndim else float(value))
 
     @classmethod
-    def computed(cls, position: Array, velocity: Array, spin: Array) -> BallState:
+    def computed(cls, position: Array, velocity: Array, spin: Array) -> "BallState":
         """Return the state at time 0 of finite arrays of shape `(3,)`, which it owns from then on.
 
         It skips the checks, which take as long as an impact: for values computed from checked ones.

@@ -1,7 +1,5 @@
 """The contact between foot and ball."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -54,7 +52,7 @@ class Contact(ValueEquality, ReprMixin):
         object.__setattr__(self, "offset", offset)
 
     def __repr__(self) -> str:
-        """Return all values in a line."""
+        """Return the class with all its values, in a line."""
         normal, offset = format_value(self.normal), ""
         if self.offset is not None:
             offset = f", offset={format_value(self.offset)} m"
@@ -62,6 +60,7 @@ class Contact(ValueEquality, ReprMixin):
         return f"Contact(normal={normal}, {values})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "normal", self.normal, ""
         yield "restitution", self.restitution, ""
         yield "friction", self.friction, ""

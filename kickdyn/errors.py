@@ -1,12 +1,17 @@
 """Errors of kickdyn: one clear line that names the value and what would be valid."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 
 class KickdynError(Exception):
-    """Base class of every error that kickdyn raises on purpose."""
+    """Base class of every error that kickdyn raises on purpose; its message is one printable line.
+
+    Args:
+        message: line breaks in it, as of an array that is quoted, become blanks.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(" ".join(line.strip() for line in message.splitlines())))
 
 
 class InvalidInput(KickdynError, ValueError):
@@ -26,7 +31,7 @@ class FaultyFile(InvalidInput):
         self.faults = tuple(printable(fault) for fault in faults)
         super().__init__(f"{self.source}: {'; '.join(self.faults)}")
 
-    def __reduce__(self) -> tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]:
+    def __reduce__(self) -> "tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]":
         return (type(self), (self.source, self.faults))
 
 
@@ -35,10 +40,12 @@ class UrdfError(FaultyFile):
 
 
 class SceneError(FaultyFile):
-    """A scene file that is refused; each of its faults has a line of its own."""
+    """A scene file that is refused; of several faults, each has a line of its own."""
 
     def __str__(self) -> str:
-        """Return the file's name and a line per fault."""
+        """Return the file's name and its fault in one line, or a line per fault."""
+        if len(self.faults) == 1:
+            return f"{self.source}: {self.faults[0]}"
         return "\n".join([f"{self.source}:", *self.faults])
 
 
@@ -56,4 +63,6 @@ class EnergyCreated(KickdynError):
 
 def printable(text: str) -> str:
     """Return a text with its control characters as escapes, which a terminal would obey."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

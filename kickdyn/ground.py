@@ -1,6 +1,4 @@
-"""The ground the ball comes down on, and what it is made of."""
-
-from __future__ import annotations
+"""The level ground that a ball lands on, and the surfaces that it bounces and rolls on."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,12 +13,13 @@ class Surface:
     """How a ball bounces and rolls on a level surface.
 
     Args:
-        name: of it.
-        restitution: along the vertical, 0 to 1.
+        name: by which messages and results call it.
+        restitution: ratio of vertical speeds after and before a bounce, 0 to 1.
         friction: Coulomb's coefficient, 0 or more.
-        rolling_deceleration: of a ball that rolls, air apart [m/s2], above 0.
-        tangential_restitution: of the contact point while it grips, -1 to 1; 0 leaves the ball
-            rolling, and rubbery balls turn back a little.
+        rolling_deceleration: deceleration of a rolling ball without the drag of the air [m/s2],
+            above 0.
+        tangential_restitution: of the contact point while it grips, -1 to 1. With 0 the ball rolls
+            after the bounce; a value above 0 reverses the motion of the contact point.
         source: where the numbers come from.
 
     Raises:
@@ -112,11 +111,12 @@ class Ground(ReprMixin):
             raise InvalidInput(f"surface is {self.surface!r}: it must be a name or a Surface")
 
     def __repr__(self) -> str:
-        """Name height and surface, in a line."""
+        """Return the class with its height and the name of its surface, in a line."""
         name = self.surface.name if isinstance(self.surface, Surface) else None
         return f"Ground(height={self.height:g}, surface={name!r})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "height", self.height, "m"
         if isinstance(self.surface, Surface):
             yield "surface", self.surface.name, ""

@@ -1,6 +1,4 @@
-"""A plane in the ball's way: a wall, a goal line."""
-
-from __future__ import annotations
+"""Planes at which a flight ends: walls and goal lines."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -51,16 +49,18 @@ class Plane(ValueEquality, ReprMixin):
         object.__setattr__(self, "reached_by", part)
 
     def __repr__(self) -> str:
-        """Return every value, in a line."""
+        """Return the class with all its values, in a line."""
         place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"
         return f"Plane({place}, reached_by={self.reached_by.value!r})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "point", self.point, "m"
         yield "normal", self.normal, ""
         yield "reached by", f"the ball's {self.reached_by}", ""
 
-    def gap(self, ball: Ball, position: Array) -> float:
+    @validation.check_arguments
+    def gap(self, ball: Ball, position: ArrayLike) -> float:
         r"""Return how far a ball still is from reaching the plane along its normal [m], 0 or more.
 
         :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
@@ -72,6 +72,7 @@ class Plane(ValueEquality, ReprMixin):
         Raises:
             InvalidInput: the ball is beyond it already.
         """
+        position = validation.vector("position", position, 3, unit="m")
         radii = {ReachedBy.FRONT: -1.0, ReachedBy.CENTRE: 0.0, ReachedBy.BACK: 1.0}
         away = float(self.normal @ (position - self.point)) + radii[self.reached_by] * ball.radius
         scale = max(ball.radius, float(abs(self.point).max()), float(abs(position).max()))

@@ -1,7 +1,5 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
-from __future__ import annotations
-
 from kickdyn.cli.command import run
 from kickdyn.cli.posture_sweep_command import posture_sweep
 

@@ -6,6 +6,11 @@ import pinocchio as pin
 import kickdyn as kd
 
 
+def by_pinocchio(*kick, **options):
+    """Strike by Pinocchio's solver."""
+    return kd.strike(*kick, engine="pinocchio", **options)
+
+
 def random_rotation(rng):
     q = rng.normal(size=4)
     return pin.Quaternion(q / np.linalg.norm(q)).matrix()
@@ -98,3 +103,26 @@ def floating_kick(rng, **contact):
     contact = kd.Contact(normal, rng.uniform(0, 1), **contact)
     options = {"ball_velocity": np.zeros(3), "ball_spin": 20 * rng.normal(size=3)}
     return (posture, v, kd.Ball(), contact), options
+
+
+def in_units(leg, metre, kilogram):
+    """The same leg in units of which so many make a metre and a kilogram, without gravity."""
+    model, sliding = leg.model, slides(leg)
+    model.gravity = pin.Motion.Zero()
+    for k in range(1, model.njoints):
+        body = model.inertias[k]
+        moments = kilogram * metre**2 * body.inertia
+        model.inertias[k] = pin.Inertia(kilogram * body.mass, metre * body.lever, moments)
+        model.jointPlacements[k].translation *= metre
+    model.armature = model.armature * kilogram * metre ** (2 - 2 * sliding)
+    for frame in model.frames:
+        frame.placement.translation *= metre
+    return kd.Leg.from_model(model, leg.frame)
+
+
+def slides(leg):
+    """1 for velocities along axes, 0 for those about axes; joints do not mix them."""
+    model, data = leg.model, leg.model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    motions = [np.reshape(joint.S, (6, -1)) for joint in list(data.joints)[1:]]
+    return np.concatenate([1.0 * axes[:3].any(axis=0) for axes in motions])

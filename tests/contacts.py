@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ class BareContact:
     restitution: float
     friction: float
     normal: np.ndarray
+    ball: ClassVar = kd.Ball()  # laws ask only whether it can move
 
     def delassus(self):
         return self.matrix

@@ -1,4 +1,4 @@
-"""Feeds kickdyn broken robots, scenes and command lines: `python tests/fuzz.py --seconds 600`.
+"""Feeds kickdyn broken files and command lines: `python tests/fuzz.py --seconds 600`.
 
 Whatever comes in, an answer or one clear refusal comes out: no other exception, no traceback, no
 crash of the process, no hang, no memory that grows. Each input runs in a child process that the
@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 import traceback
+import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -29,6 +30,7 @@ GROWTH = 150
 
 NUMBERS = [
     *("nan", "inf", "-inf", "0", "-0.0", "-1", "1e-320", "1e-300", "1e300", "1e999", "1e15"),
+    *("1e308", "-1e308", "1e-308", "1e155", "1e-145", "1.7976931348623157e308"),
     *("9" * 5000, "0x10", "1_000", "١٢", "1,5", "1e", "--3", "", "true", "null", "1 2 3", "3.14"),
 ]
 NAMES = [
@@ -55,6 +57,8 @@ NAMES += [
 
 def seeds(kind: str) -> list[str]:
     """Return good files to begin with."""
+    if kind == "mesh":
+        return meshes()
     files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
     return [file.read_text("utf-8") for file in files]
 
@@ -64,11 +68,37 @@ def scenes() -> list[Path]:
     return sorted((ROOT / "scenes").glob("*.toml"))
 
 
+def meshes() -> list[str]:
+    """Return a box in every format, and as a zip, a letter per byte after a line with the ending.
+
+    COLLADA may be a zip, also one that stands in a comment of a file that is COLLADA as well.
+    """
+    import trimesh
+
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    content = {ending: box.export(file_type=ending) for ending in ("obj", "ply", "stl", "dae")}
+    content["stl "] = box.export(file_type="stl_ascii")
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("manifest.xml", "<dae_root>a.dae</dae_root>")
+        file.writestr("a.dae", content["dae"])
+    content["dae "] = packed.getvalue()
+    content["dae  "] = content["dae"].replace(
+        b"<asset>", b"<!--" + packed.getvalue() + b"--><asset>"
+    )
+    return [
+        f"{ending}\n{body if isinstance(body, str) else body.decode('latin-1')}"
+        for ending, body in content.items()
+    ]
+
+
 def broken(draw: random.Random, texts: list[str]) -> str:
     """Return one of the texts with one to four things wrong."""
     text = draw.choice(texts)
     for _ in range(draw.randint(1, 4)):
-        text = draw.choice([number, quoted, cut, doubled, spliced, typed, line])(draw, text, texts)
+        text = draw.choice([number, quoted, cut, doubled, spliced, typed, line, nested])(
+            draw, text, texts
+        )
     return text[:200_000]
 
 
@@ -125,6 +155,14 @@ def line(draw: random.Random, text: str, texts: list[str]) -> str:
     return "".join(lines)
 
 
+def nested(draw: random.Random, text: str, texts: list[str]) -> str:
+    """Put in a line of deeply dotted keys, of empty elements, or of blanks."""
+    size, at = draw.choice([3, 40, 1000, 40_000]), draw.choice([0, text.find("\n") + 1, len(text)])
+    new = draw.choice(["a." * size + "a = 1\n", "[" + "a." * size + "a]\n", "<a/>" * size,
+                       "<a>" * size, " " * size, "a = " + "[" * size + "\n"])  # fmt: skip
+    return text[:at] + new * draw.choice([1, 1, 3]) + text[at:]
+
+
 def swapped(draw: random.Random, text: str, belongs: object, new: str) -> str:
     """Return the text with one run of letters that belong together replaced."""
     at = draw.randrange(len(text) + 1)
@@ -169,7 +207,7 @@ def command(draw: random.Random) -> list[str]:
 
 def run(kind: str, what: str, folder: Path) -> None:
     """Feed one input; anything but an answer or a refusal is an exception here."""
-    {"urdf": run_urdf, "scene": run_scene, "cli": run_cli}[kind](what, folder)
+    {"urdf": run_urdf, "mesh": run_mesh, "scene": run_scene, "cli": run_cli}[kind](what, folder)
 
 
 def run_urdf(text: str, folder: Path) -> None:
@@ -192,6 +230,25 @@ def run_urdf(text: str, folder: Path) -> None:
         return
     assert np.isfinite(hit.impulse).all(), "an answer is finite"
     assert np.isfinite(hit.joint_impulses).all(), "an answer is finite"
+
+
+def run_mesh(text: str, folder: Path) -> None:
+    """Read a mesh, whose first line is its ending."""
+    import numpy as np
+
+    import kickdyn as kd
+    from kickdyn.view.mesh_file import read_mesh
+
+    ending, _, body = text.partition("\n")
+    ending = ending.strip() if ending.strip() in ("obj", "ply", "stl") else "dae"
+    (folder / f"mesh.{ending}").write_bytes(body.encode("latin-1", "replace"))
+    try:
+        parts = read_mesh(f"mesh.{ending}", folder)
+    except kd.KickdynError as refusal:
+        said = str(refusal)
+        assert said.isprintable(), f"a refusal is one line: {said!r}"
+        return
+    assert all(np.isfinite(part.vertices).all() for part in parts), "an answer is finite"
 
 
 def run_scene(text: str, folder: Path) -> None:
@@ -301,7 +358,7 @@ class Child:
 def inputs(seed: int, kinds: list[str]):  # type: ignore[no-untyped-def]
     """Yield inputs without end, the same for the same seed."""
     draw = random.Random(seed)
-    texts = {kind: seeds(kind) for kind in ("urdf", "scene")}
+    texts = {kind: seeds(kind) for kind in ("urdf", "mesh", "scene") if kind in kinds}
     while True:
         kind = draw.choice(kinds)
         yield kind, "\x01".join(command(draw)) if kind == "cli" else broken(draw, texts[kind])
@@ -312,7 +369,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kinds", nargs="+", default=["urdf", "urdf", "scene", "scene", "cli"])
+    parser.add_argument(
+        "--kinds", nargs="+", default=["urdf", "urdf", "mesh", "scene", "scene", "cli"]
+    )
     asked = parser.parse_args()
     child, faults, sizes, fed = Child(), {}, [], 0
     end = time.monotonic() + asked.seconds

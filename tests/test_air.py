@@ -1,5 +1,6 @@
 import dataclasses
 import math
+import pickle
 import re
 from importlib import import_module
 
@@ -22,6 +23,8 @@ from kickdyn.air import AIRS
         ("wind", lambda h: (1, math.nan, 0), "wind at height 0 .*finite"),
         ("wind", lambda: (1, 2, 3), "wind is a function that raised TypeError"),
         *[("buoyancy", value, "buoyancy is .*True or False") for value in (1, None, "no")],
+        ("drag", 10**400, "drag model is 1000.*: it must be a finite number"),
+        ("lift", math.nan, "lift model is nan: it must be a finite number"),
         ("drag", "brazooka", "drag model 'brazooka' is unknown: choose stokes, .*brazuca, "),
         ("lift", "", "lift model '' is unknown: choose saturating, wang"),
     ],
@@ -58,6 +61,18 @@ def test_paper_air_is_table_3():
         *([0, 0, 0], False),
     )
     assert kd.Air.paper(drag=None, lift=None).drag is None
+
+
+def test_zero_celsius_is_273_15_kelvin():
+    # U.S. Standard Atmosphere 1976: 15 degC at sea level, 1.2250 kg/m3
+    assert kd.Air.at(0, 15, 101_325).density == pytest.approx(1.2250, rel=1e-5)
+
+
+def test_the_wind_is_read_only_after_unpickling():
+    air = pickle.loads(pickle.dumps(kd.Air(wind=(1, 2, 3))))
+    assert air == kd.Air(wind=(1, 2, 3))
+    with pytest.raises(ValueError, match="read-only"):
+        air.wind[0] = 5.0
 
 
 @pytest.mark.parametrize("name", drag.MODELS)
@@ -126,7 +141,7 @@ def test_a_number_is_told_how_it_becomes_a_model(kind, number):
     assert getattr(kd.Air(**{kind: made}), kind)(1e5, 0.2) == number
 
 
-@pytest.mark.parametrize("nonsense", [True, np.nan, "0.25"])
+@pytest.mark.parametrize("nonsense", [True, np.nan, 10**400, "0.25"])
 def test_what_is_no_coefficient_is_not_told_so(nonsense):
-    with pytest.raises(kd.InvalidInput, match="is unknown: choose"):
+    with pytest.raises(kd.InvalidInput, match=r"is unknown: choose|must be a finite number"):
         kd.Air(drag=nonsense)

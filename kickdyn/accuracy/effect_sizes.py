@@ -1,7 +1,5 @@
 """What each physical effect of a scene changes at the impact, and where the ball's path ends."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,7 +24,7 @@ LEAST = 1e-9
 
 @dataclass(frozen=True)
 class EffectSize:
-    """What leaving one effect out changes, everything else modelled.
+    """What neglecting one effect changes, everything else modelled.
 
     Attributes:
         effect: its name.
@@ -67,9 +65,9 @@ def measure_effects(
 
 @styled()
 def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TOLERANCE) -> Figure:
-    """Return how far leaving out each effect moves the end, as bars on a logarithmic scale.
+    """Return how far neglecting each effect moves the end, as bars on a logarithmic scale.
 
-    A line is drawn at the tolerance [m]: half of it is there for all that is left out.
+    A line is drawn at the tolerance [m]: half of it is there for all neglected effects.
     """
     figure = Figure(figsize=(8.0, 1.6 + 0.32 * len(sizes)))
     axes: Any = figure.subplots()
@@ -82,7 +80,7 @@ def effect_figure(title: str, sizes: Sequence[EffectSize], tolerance: float = TO
         text = f"{size.end:.2g}" if known else "no answer" if size.why_not else f"below {LEAST:g}"
         axes.text(1.15 * (size.end if known else low), place, text, va="center", fontsize=8)
     axes.axvline(tolerance, color="tab:red", linestyle="--", label=f"tolerance {tolerance:g} m")
-    axes.set(title=title, xlabel="leaving it out moves the end by [m]", xscale="log")
+    axes.set(title=title, xlabel="neglecting it moves the end by [m]", xscale="log")
     axes.set_xlim(low, high)
     axes.set_yticks(range(len(sizes)), [size.effect for size in sizes])
     axes.set_ylim(len(sizes) - 0.5, -0.5)

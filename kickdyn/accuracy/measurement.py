@@ -1,11 +1,10 @@
 """Error against cost: one measurement, the Pareto front of many, and their picture."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from timeit import Timer
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -51,20 +50,11 @@ def mark_front(rows: Sequence[Measurement]) -> list[Measurement]:
 
 
 def shortest_time(run: Callable[[], object]) -> float:
-    """Return the shortest of three mean times of this process that a call takes [s].
-
-    The shortest counts, for whatever else runs only adds.
-    """
-    began = time.process_time()
-    run()
-    best = time.process_time() - began
-    repeats = max(1, math.ceil(BRIEFEST_TIMING / max(best, 1e-6)))
-    for _ in range(3 - (repeats == 1)):
-        began = time.process_time()
-        for _ in range(repeats):
-            run()
-        best = min(best, (time.process_time() - began) / repeats)
-    return best
+    """Return the shortest of three mean times of this process that a call takes [s]."""
+    timer = Timer(run, timer=time.process_time)
+    once = timer.timeit(1)
+    number = max(1, math.ceil(BRIEFEST_TIMING / max(once, 1e-6)))
+    return min(once, *(total / number for total in timer.repeat(3 - (number == 1), number)))
 
 
 @styled()

@@ -1,7 +1,5 @@
 """Coefficients of a ball in the air as functions of Reynolds number and spin parameter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
@@ -11,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 
 Coefficient = Callable[[float, float], float]
 """A function `(reynolds, spin_parameter) -> coefficient`."""
 
-_REGISTERED: dict[tuple[str, str], CoefficientModel] = {}
+_REGISTERED: "dict[tuple[str, str], CoefficientModel]" = {}
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,9 @@ class CoefficientModel:
     refuses: bool = False
     branch_free: tuple[float, Coefficient] | None = None
 
-    def __reduce__(self) -> tuple[Callable[..., CoefficientModel], tuple[Any, ...]]:
+    def __reduce__(self) -> "tuple[Callable[..., CoefficientModel], tuple[Any, ...]]":
         """Pickle a registered model by its name, any other by its values."""
-        if _REGISTERED.get((self.kind, self.name)) is self:
+        if is_registered(self):
             return _registered, (self.kind, self.name)
         return CoefficientModel, tuple(getattr(self, field.name) for field in fields(self))
 
@@ -91,6 +90,7 @@ class ConstantCoefficient:
         value = self.value
 
         def model(reynolds: float, spin_parameter: float = 0.0) -> float:
+            """Return the value."""
             return value
 
         return model
@@ -106,9 +106,21 @@ def registry(*models: CoefficientModel) -> dict[str, CoefficientModel]:
     return {model.name: model for model in models}
 
 
+def is_registered(model: Coefficient) -> bool:
+    """Return whether a coefficient is one of those that come with kickdyn."""
+    return isinstance(model, CoefficientModel) and (
+        _REGISTERED.get((model.kind, model.name)) is model
+    )
+
+
 def _registered(kind: str, name: str) -> CoefficientModel:
     """Return a model of one of the registries, which `kickdyn.aerodynamics` fills on import."""
     return _REGISTERED[kind, name]
+
+
+def is_known(model: Coefficient) -> bool:
+    """Return whether a coefficient is constant or one of the registries."""
+    return is_registered(model) or isinstance(model, ConstantCoefficient)
 
 
 def find_model(
@@ -121,15 +133,16 @@ def find_model(
     """
     if choice is None or callable(choice):
         return choice
-    if isinstance(choice, Real) and not isinstance(choice, bool) and math.isfinite(choice):
+    if isinstance(choice, Real) and not isinstance(choice, bool):
+        value = validation.number(f"{kind} model", choice)
         raise InvalidInput(
-            f"{kind} model is the number {float(choice):g}: pass "
-            f"kickdyn.aerodynamics.drag.constant({float(choice):g}) for a coefficient that is the "
+            f"{kind} model is the number {value:g}: pass "
+            f"kickdyn.aerodynamics.drag.constant({value:g}) for a coefficient that is the "
             f"same everywhere, or choose {', '.join(models)}"
         )
     if not isinstance(choice, str) or choice not in models:
         raise InvalidInput(
-            f"{kind} model {choice!r} is unknown: choose {', '.join(models)}, "
+            f"{kind} model {validation.brief(choice)} is unknown: choose {', '.join(models)}, "
             "or pass a function of (reynolds, spin_parameter)"
         )
     return models[choice]

@@ -4,9 +4,8 @@ r"""Drag coefficients :math:`C_D(Re, Sp)` of spheres and soccer balls.
 
 To add a model, write a function `(reynolds, spin_parameter) -> float` with floats and `math` only,
 and give it an entry in `MODELS` at the end of this file, with its range and its source.
+Tests require its row in `docs/theory.md` and its formula in `tests/extremes/exact_coefficients.py`.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -95,6 +94,7 @@ def without_spin(ball: SoccerBall) -> Callable[[float], float]:
     speed, steep = 1.0 / REYNOLDS_PER_SPEED, 1.0 / v_s  # divisions take longest
 
     def coefficient(reynolds: float) -> float:
+        """Return C_D without spin."""
         v = speed * reynolds
         over = min(max(v - v_max, 0.0), 20.0)
         near = over * (1.0 + over * (1 / 2 + over * (1 / 3 + over * (1 / 4))))
@@ -116,6 +116,7 @@ def spinning(ball: SoccerBall) -> Coefficient:
     level = without_spin(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
+        """Return C_D with spin."""
         part = min(_PER_LIMIT * spin_parameter, _ENDLESS)
         square = part * part
         eighth = math.sqrt(math.sqrt(math.sqrt(1.0 + square * square * square * square)))
@@ -129,6 +130,7 @@ def soccer(ball: SoccerBall) -> Coefficient:
     fast = spinning(ball)
 
     def coefficient(reynolds: float, spin_parameter: float = 0.0) -> float:
+        """Return C_D at any Reynolds number."""
         weight = smoothstep(reynolds, 2e4, FAST)
         if weight == 0.0:
             return sphere(reynolds)

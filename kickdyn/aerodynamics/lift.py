@@ -4,8 +4,6 @@ r"""Lift (Magnus) coefficients :math:`C_L(Re, Sp)` of soccer balls.
 (Eq. 13). A new model is one function and one entry in `MODELS` below, as for drag.
 """
 
-from __future__ import annotations
-
 import math
 
 from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry
@@ -38,7 +36,7 @@ def saturating(reynolds: float, spin_parameter: float) -> float:
     `nathan` (baseballs) 0.26.
     """
     drop = (_PLATEAU - _without_spin(reynolds)) * _PER_DROP
-    return min(max(drop, 0.0), 1.0) * 0.47 * spin_parameter / (0.135 + spin_parameter)
+    return drop * 0.47 * spin_parameter / (0.135 + spin_parameter)
 
 
 def wang(reynolds: float, spin_parameter: float) -> float:

@@ -5,8 +5,6 @@ r"""Coefficients :math:`\beta(Re, Sp)` of the torque by which the air brakes a b
 beta for soccer balls: golf's stands in, uncertain by a factor of 2.
 """
 
-from __future__ import annotations
-
 import math
 
 from kickdyn.aerodynamics.coefficient_model import CoefficientModel, registry

@@ -1,7 +1,5 @@
 """How every command runs and ends: 0 done, 2 bad input with a line per fault, 1 anything else."""
 
-from __future__ import annotations
-
 import io
 import sys
 from collections.abc import Callable, Iterator
@@ -17,11 +15,7 @@ from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, pri
 def busy(activity: str) -> Iterator[Callable[[str], None]]:
     """Show on standard error, while it is a terminal, what a command is doing.
 
-    Args:
-        activity: a few words, such as "planning the swing".
-
-    Yields:
-        A function that replaces the activity shown.
+    It yields a function that replaces the activity shown, such as "planning the swing".
     """
     from rich.console import Console  # takes a tenth of a second to import
 

@@ -1,8 +1,7 @@
 """The commands of `kickdyn`: a table, from which each is imported when it is called."""
 
-from __future__ import annotations
-
 import re
+from difflib import get_close_matches
 from importlib import import_module
 from typing import NoReturn
 
@@ -22,7 +21,10 @@ COMMANDS = {
     "identify": "Fit launch, spin and drag to a measured ball track.",
     "view": "Show a scene file as a 3-D page or a picture.",
 }
-"""Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`."""
+"""Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`.
+
+Tests require an example and the option `--json` in its help, and its row in `docs/commands.md`.
+"""
 
 
 class _FileOrName(click.types.StringParamType):
@@ -49,43 +51,37 @@ def _names(param: click.Parameter) -> list[str]:
 
 
 class _Commands(click.Group):
-    """A group that lists the commands of the table without importing them."""
+    """A group whose commands are a summary each until one of them is called, and imported."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of all commands."""
-        return [*COMMANDS, *self.commands]
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that is named first; an unknown one is refused with a suggestion."""
+        near = get_close_matches(args[0][:100], self.commands, 1)
+        if near and near[0] != args[0] and not args[0].startswith("-"):
+            ctx.fail(f"No such command '{args[0]}'. Did you mean '{near[0]}'?")
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, _imported(name) if name in COMMANDS else command, rest
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command, imported now, or None where there is none of that name."""
-        if cmd_name not in COMMANDS:
-            return super().get_command(ctx, cmd_name)
-        name = cmd_name.replace("-", "_")
-        command: click.Command = getattr(import_module(f"kickdyn.cli.{name}_command"), name)
-        for param in command.params:
-            if param.type is click.STRING and re.search("FILE|DIR|SCENE", param.metavar or ""):
-                param.type = _FileOrName()
-        return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a line of help for each command."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, self._summary(name)) for name in self.list_commands(ctx)])
-
-    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Return the commands, and the options before them, that begin so."""
-        names = [name for name in self.list_commands(ctx) if name.startswith(incomplete)]
-        items = [CompletionItem(name, help=self._summary(name)) for name in names]
-        return [*items, *click.Command.shell_complete(self, ctx, incomplete)]
-
-    def _summary(self, name: str) -> str:
-        """Return what a command does, in one line."""
-        return COMMANDS.get(name) or self.commands[name].get_short_help_str()
+def _imported(name: str) -> click.Command:
+    """Return a command of the table, its parameters ready for completion."""
+    name = name.replace("-", "_")
+    command: click.Command = getattr(import_module(f"kickdyn.cli.{name}_command"), name)
+    for param in command.params:
+        if param.type is click.STRING and re.search("FILE|DIR|SCENE", param.metavar or ""):
+            param.type = _FileOrName()
+    return command
 
 
 @click.group("kickdyn", _Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="kickdyn")
 def kickdyn_command() -> None:
     """Impact of a leg on a ball: impulses, launch, flight."""
+
+
+for _name, _summary in COMMANDS.items():
+    kickdyn_command.add_command(click.Command(_name, short_help=_summary))
 
 
 @kickdyn_command.command("completion", short_help="Make bash, zsh or fish complete commands.")

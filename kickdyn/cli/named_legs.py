@@ -1,10 +1,8 @@
 """Legs by the names that command lines have for them."""
 
-from __future__ import annotations
-
+import os
 from pathlib import Path
 
-from kickdyn.core.files import exists
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.kicking_chain import kicking_chain
@@ -18,20 +16,16 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 
 
 def load_leg(name: str, frame: str | None = None) -> Leg:
-    """Return a leg by name: a shipped one, the kicking leg of a robot, or a URDF file's.
+    """Return a leg by one of the names `LEGS` (a robot's kicking leg), or that of a URDF file.
 
-    Args:
-        name: one of `LEGS`, or the path of a URDF file.
-        frame: the contact frame; by default a robot's toe, or the frame `toe` of a file.
-
-    Raises:
-        InvalidInput: no such leg, file or frame; `UrdfError` if the file is refused.
+    The contact frame is by default a robot's toe, or the frame `toe` of a file. Raises
+    `InvalidInput`, or `UrdfError` if the file is refused.
     """
     if name in SHIPPED:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
     if name in ROBOTS:
         return kicking_chain(Leg.from_robot(name, frame, legs_only=True)).leg
-    if not exists(name) and not Path(name).suffix:
+    if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
         return Leg.from_urdf(name, frame or "toe")

@@ -1,8 +1,7 @@
 """The command `kickdyn paper`: the paper's tables and figures, item by item."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable
 from itertools import chain
 from pathlib import Path
 
@@ -10,27 +9,24 @@ import click
 from matplotlib.figure import Figure
 
 from kickdyn.cli.command import busy
-from kickdyn.core.files import check_distinct, check_outputs, write_json
-from kickdyn.core.plot_style import styled
+from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.errors import InvalidInput
 from kickdyn.paper.item import Item
 from kickdyn.paper.paper_report import show
 from kickdyn.paper.reproduce import Section, chosen
-from kickdyn.sweeps.sweep_plot import save_figure
 
 
 @click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--only", metavar="ITEM", help='One table or figure, such as "table 2".')
 @click.option("--json", "json_file", metavar="FILE", help="Write all items; - is stdout.")
 @click.option("--figures", metavar="DIR", help="Draw the figures into a folder, made if missing.")
-@click.option("--view", metavar="FILE.html", help="Write a 3-D page of the flights of --only.")
 @click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
               help="Show every item with each choice of coefficients.")  # fmt: skip
 def paper(
     only: str | None,
     json_file: str | None,
     figures: str | None,
-    view: str | None,
     sensitivity: bool,
 ) -> None:
     """Reproduce the ICRA 2005 paper's tables and figures, item by item.
@@ -41,53 +37,36 @@ def paper(
     drawings = {}
     if figures is not None:
         drawings = {_file(section, figures): section.draw for section in sections if section.draw}
-    check_distinct(view, json_file, *drawings)
-    check_outputs(view, json_file=json_file)
-    shown = None if view is None else _with_flights(sections)
+    check_outputs(json_file=json_file)
     if figures is not None and drawings:
         try:
             Path(figures).mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InvalidInput(f"{figures} cannot be made ({error.strerror})") from None
-        check_outputs(*drawings)
+        check_outputs(*drawings, json_file=json_file)
     items: dict[str, list[Item]] = {}
     others: dict[str, list[Item]] = {}
     with busy("reproducing") as report:
         for section in sections:
             report(f"reproducing {section.name}")
-            items[section.name] = section.items()
-        for section in sections:
-            if sensitivity and section.sensitivity:
-                report(f"reproducing {section.name} with other coefficients")
-                others[section.name] = section.sensitivity()
+            items[section.name], varying = section.compare()
+            if sensitivity and varying:
+                others[section.name] = varying
         for file, draw in drawings.items():
             report(f"drawing {file.name}")
             save_figure(_figure(draw), file)
-    if view is not None and shown is not None and shown.flights is not None:
-        from kickdyn.view.page import page
-
-        page(shown.flights(), caption=shown.name).save(view)
     if json_file is not None:
         every = chain(*items.values(), *others.values())
         write_json(json_file, [item.as_json() for item in every])
     if json_file != "-":
         show(items, others)
-        for written in (*drawings, view):
-            if written is not None:
-                click.echo(f"wrote {written}")
-
-
-def _with_flights(sections: Sequence[Section]) -> Section:
-    """Return the one section that has flights to show."""
-    found = [section for section in sections if section.flights]
-    if len(found) != 1:
-        raise InvalidInput('--view shows one figure: add --only "fig 8" or --only "fig 10"')
-    return found[0]
+        for written in drawings:
+            click.echo(f"wrote {written}")
 
 
 def _file(section: Section, folder: str) -> Path:
     """Return the file that a figure is drawn into."""
-    name = section.name.lower().replace(". ", "_").replace("-", "_").replace("/", "_")
+    name = re.sub(r"\W+", "_", (section.also or section.name).lower())
     return Path(folder) / f"{name}.png"
 
 

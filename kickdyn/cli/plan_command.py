@@ -1,7 +1,5 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,18 +9,18 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
+from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
-from kickdyn.planning.free_kick import OVER, Wall
 from kickdyn.planning.goal import Arc, Goal
 from kickdyn.planning.kick import plan_kick
-from kickdyn.planning.kick_cost import KickObjective
+from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.plan_report import PlanReport, unreachable_json
+from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
 from kickdyn.planning.swing import plan_swing
 from kickdyn.robot.leg import Leg
 
@@ -35,6 +33,7 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
     """Return a callback of click that reads so many numbers."""
 
     def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
+        """Return the numbers of an option's text; None where it is not given."""
         if text is None:
             return None
         try:
@@ -51,7 +50,7 @@ def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
     return read
 
 
-def _spread(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
+def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
     """Return the standard deviations that an option names, by source."""
     if text is None:
         return None
@@ -90,8 +89,8 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Which, where two launches meet the goal.")  # fmt: skip
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-              show_default=True, help="One of ours, a URDF file, or a robot by name, such as g1: "
-              "its right leg, on a fixed base.")  # fmt: skip
+              show_default=True, help="A leg of kickdyn, a URDF file, or a robot by name, such "
+              "as g1: its right leg, on a fixed base.")  # fmt: skip
 @click.option("--frame", metavar="NAME", help="Link or joint whose origin strikes the ball.")
 @click.option(
     "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
@@ -99,13 +98,14 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
               "of the foot of the straight leg; of a robot's, with its knees bent. "
-              "(Free in Python, where -0.7042 is human's default here.)")  # fmt: skip
+              "(In Python, it is free by default; for human, -0.7042 is this one.)")  # fmt: skip
 @click.option("--ball-at", callback=TRIPLE, metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
               "self-motion.")  # fmt: skip
 @click.option("--objective",
               type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
-              help="What is made least, or most where it says so [joint-speed].")  # fmt: skip
+              help="What is made least, or most by most-joint-impulse.  "
+              "[default: joint-speed]")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
@@ -114,8 +114,11 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 )
 @click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Of the air [m/s].")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="20 degC at sea level, the paper's, or none.")  # fmt: skip
-@click.option("--robust", "spread", callback=_spread, metavar="ERRORS",
+              help="20 degC at sea level; density and viscosity of the paper's "
+              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
+              show_default=True, help="In kg and m, or by name.")  # fmt: skip
+@click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
               help="Make the scatter of the landing least, for standard deviations such as "
               "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
@@ -148,7 +151,8 @@ def plan(
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
-    spread: dict[str, float] | None,
+    ball: Ball,
+    uncertainty: dict[str, float] | None,
     json_file: str | None,
     view: str | None,
     swing: bool,
@@ -171,9 +175,9 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg, ball = load_leg(leg_name, frame), Ball()
+    leg = load_leg(leg_name, frame)
     _check_files(swing, view, plot, json_file)
-    if spread is not None and objective is not None:
+    if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
     if ball_height is None and ball_at is None:
         ball_height = _lying_height(leg, ball, offset)
@@ -184,8 +188,10 @@ def plan(
                 goal,
                 ball,
                 _windy(AIRS[air], wind),
-                objective=(objective or KickObjective.JOINT_SPEED) if spread is None else "scatter",
-                spread=spread,
+                objective=(objective or KickObjective.JOINT_SPEED)
+                if uncertainty is None
+                else "scatter",
+                uncertainty=uncertainty,
                 restitution=restitution,
                 friction=friction,
                 spin=spin or (0.0, 0.0, 0.0),
@@ -204,7 +210,7 @@ def plan(
         if json_file is not None:
             write_json(json_file, unreachable_json(goal, error))
         raise
-    report = PlanReport(planned, swung, wall, goal_mouth, spread, not no_limits)
+    report = PlanReport(planned, swung, wall, goal_mouth, uncertainty, not no_limits)
     _write(report, json_file, view, plot)
 
 
@@ -213,7 +219,7 @@ def _check_files(swing: bool, view: str | None, plot: str | None, json_file: str
     if plot is not None:
         if not swing:
             raise InvalidInput(f"plot is {plot!r}: the swing is drawn, so add --swing")
-        from kickdyn.sweeps.sweep_plot import check_name
+        from kickdyn.core.plot_style import check_name
 
         check_name(plot)
     check_outputs(view, plot, json_file=json_file)
@@ -240,7 +246,7 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
     """Write a report to the files that are named, and to the screen."""
     sentences = report.sentences()
     if plot is not None and report.swing is not None:
-        from kickdyn.sweeps.sweep_plot import save_figure
+        from kickdyn.core.plot_style import save_figure
         from kickdyn.view.swing_plot import swing_figure
 
         save_figure(swing_figure(report.swing), plot)

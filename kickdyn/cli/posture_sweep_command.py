@@ -1,7 +1,5 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
-from __future__ import annotations
-
 import math
 import sys
 import threading
@@ -11,18 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+import numpy as np
 import xarray as xr
-from rich import progress as bars
-from rich.console import Console
 
 from kickdyn.air import AIRS
+from kickdyn.ball import Ball
+from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.named_legs import SHIPPED, load_leg
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.sweeps.dataset import describe
-from kickdyn.sweeps.grid import IN_MEMORY, Grid, read_postures
+from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import Summary
@@ -40,14 +40,14 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
               show_default=True,
-              help="The leg: one of ours, a URDF file, or the leg of a robot of kickdyn[robots] on "
+              help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
               "its fixed base (g1, talos, ...).")  # fmt: skip
 @click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
               "robot, its right foot]")  # fmt: skip
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
-              "Default: a kick's range of hip, knee and ankle, each 5 deg; of another leg of up "
-              "to three joints, every joint's range, each 10 deg.")  # fmt: skip
+              "Default of human and testbed: a range of hip, knee and ankle, "
+              "in steps of 5 deg.")  # fmt: skip
 @click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
@@ -55,19 +55,24 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="For the flight: 20 degC at sea level, the paper's, or none.")  # fmt: skip
+              help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
+              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
+              show_default=True, help="In kg and m, or by name. The impulse on an obstacle that "
+              "cannot move is always listed, as immovable_impulse.")  # fmt: skip
+@click.option("--law", default="newton", show_default=True,
+              type=click.Choice([*map(str, ImpactLaw)]),
+              help="Of the impact; all but newton compute each posture on its own, a thousand "
+              "times slower.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
-              "number, which can be resumed. Without it, of more than a million only the best, the "
-              "front, marginals and a sample are kept, for --json.")  # fmt: skip
+              "number, which can be resumed. Without it, no posture is kept but the best and the "
+              "front, for --json.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Compute what DIR.zarr lacks.")
 @click.option("--threads", type=click.IntRange(1, 1024),
               help="Threads of this process.  [default: one per core]")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1, 1024), metavar="N",
               help="Processes that fill DIR.zarr, instead of threads.")  # fmt: skip
-@click.option("--cluster", metavar="tcp://HOST:PORT",
-              help="Scheduler of dask.distributed whose workers fill DIR.zarr "
-              "(kickdyn[cluster]).")  # fmt: skip
 @click.option("--tolerance", default=CARRY_TOLERANCE, show_default=True,
               help="Largest error of a carry [m]: in the plane of the leg, carries are "
               "interpolated between flights; 0 flies every ball.")  # fmt: skip
@@ -87,11 +92,12 @@ def posture_sweep(
     restitution: float,
     friction: float,
     air: str,
+    ball: Ball,
+    law: str,
     out: str | None,
     resume: bool,
     threads: int | None,
     workers: int | None,
-    cluster: str | None,
     tolerance: float,
     where: str | None,
     json_file: str | None,
@@ -108,8 +114,9 @@ def posture_sweep(
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(
-        speed=speed, attack=angle, restitution=restitution, friction=friction, air=AIRS[air]
-    )
+        speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
+        ball=ball, air=AIRS[air],
+    )  # fmt: skip
     postures = read_postures(leg, joints or (KICKING if leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
     store = out if out is not None and Path(out).suffix == ".zarr" else None
@@ -117,25 +124,22 @@ def posture_sweep(
     if file is not None:
         check_netcdf_name(file)
     if plot is not None:
-        from kickdyn.sweeps.sweep_plot import check_name, save_figure, sweep_figure
+        from kickdyn.core.plot_style import check_name, save_figure
+        from kickdyn.sweeps.sweep_plot import sweep_figure
 
         check_name(plot)
     check_outputs(file, plot, view, json_file=json_file)
-    if store is None and (resume or workers is not None or cluster is not None):
-        raise InvalidInput(
-            "--resume, --workers and --cluster are for a Zarr store: name it with --out DIR.zarr"
-        )
-    keeps_postures = out is not None or grid.size <= IN_MEMORY
-    detailed = plot is not None or not keeps_postures
-    summary = Summary(describe(leg, grid, kick, tolerance), where, detailed=detailed)
+    if store is None and (resume or workers is not None):
+        raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
+    summary = Summary(describe(leg, grid, kick, tolerance), where)
 
     data: xr.Dataset | None = None
     found: Iterator[xr.Dataset]
     with _progress_bar(grid.size) as progress:
-        if keeps_postures:
+        if out is not None:
             data = sweep(
                 leg, postures, kick, store=store, resume=resume, tolerance=tolerance,
-                threads=threads, workers=workers, cluster=cluster, progress=progress,
+                threads=threads, workers=workers, progress=progress,
             )  # fmt: skip
             found = (block for _, block in blocks(data))
         else:
@@ -151,17 +155,18 @@ def posture_sweep(
         lines = [*paper_lines(leg, kick), *lines]
     if plot is not None:
         save_figure(sweep_figure(summary, lines), plot)
-    if view is not None and made_page is not None:
+    if made_page is None and (live or view is not None):
+        reason = "" if where is None else f" where {where}"
+        click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
+        view = None
+    elif made_page is not None and view is not None:
         made_page.save(view)
     if file is not None and data is not None:
         save_netcdf(data, file)
     if json_file is not None:
-        kept = {} if keeps_postures else {"kept": summary.as_json()}
-        write_json(json_file, {**as_json(leg, kick, summary, lines), **kept})
+        write_json(json_file, as_json(leg, kick, summary, lines))
     if json_file != "-":
         show(leg, kick, summary, lines)
-        if not keeps_postures:
-            click.echo("No posture is kept; --json writes the best, the front and a sample.")
         for name in (out, plot, view, json_file):
             if name is not None:
                 click.echo(f"wrote {name}")
@@ -175,32 +180,31 @@ def posture_sweep(
 
 @contextmanager
 def _progress_bar(size: int) -> Iterator[Progress | None]:
-    """Show a bar with postures per second, time left and best speed while stderr is a terminal."""
+    """Show a bar with time left and best ball speed while stderr is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
-    columns = (
-        bars.TextColumn("postures"), bars.BarColumn(8), bars.TaskProgressColumn(show_speed=True),
-        bars.TimeRemainingColumn(compact=True), bars.TextColumn("{task.fields[best]}"),
-    )  # fmt: skip
-    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("sweep", total=size, best="starting (the first sweep compiles)")
-        best = -math.inf
+    best = 0.0
+
+    def text(speed: float | None) -> str | None:
+        """Return what stands beside the progress bar."""
+        return f"best {speed:.4g} m/s" if speed else None
+
+    label = "postures (the first sweep compiles)"
+    with click.progressbar(length=size, label=label, file=sys.stderr, item_show_func=text) as bar:
 
         def progress(count: int, speed: float) -> None:
+            """Move the bar on by a number of postures, and keep the best speed [m/s]."""
             nonlocal best
-            best = max(best, speed) if speed == speed else best
-            bar.update(task, advance=count, best=f"best {best:.4g} m/s" if best > 0 else "")
+            best = float(np.fmax(best, speed))
+            bar.update(count, best)
 
         yield progress
 
 
-def _page(lines: Sequence[ReportLine], kick: Kick) -> Page:
-    """Return the page of the best kick; raise `InvalidInput` where there is none."""
+def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":
+    """Return the page of the best kick, the first line; None without any."""
     from kickdyn.view.page import page
 
-    for line in lines:
-        impact = line.outcome.impact
-        if impact is not None:
-            return page(impact, fly(impact.ball_after, kick.ball, kick.air))
-    raise InvalidInput("no posture of the grid can kick so: there is nothing to view")
+    impact = lines[0].outcome.impact if lines else None
+    return None if impact is None else page(impact, fly(impact.ball_after, kick.ball, kick.air))

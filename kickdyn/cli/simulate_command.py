@@ -1,15 +1,12 @@
 """The command `kickdyn simulate`: where the ball of a scene ends, and how exact that is."""
 
-from __future__ import annotations
-
-import math
 from typing import Any
 
 import click
 
 from kickdyn.cli.command import busy
 from kickdyn.core.console import screen_width, wrapped
-from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.files import check_outputs, finite, write_json
 from kickdyn.scene.simulate import simulate as simulate_scene
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
@@ -54,19 +51,14 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "time": float(answer.end.time),
         "ball_velocity": answer.launch.velocity.tolist(),
         "ball_spin": answer.launch.spin.tolist(),
-        "error": _finite(answer.error),
-        "model_error": _finite(answer.model_error),
-        "numerical_error": _finite(answer.numerical_error),
-        "end_deviation": _finite(answer.end_deviation),
+        "error": finite(answer.error),
+        "model_error": finite(answer.model_error),
+        "numerical_error": finite(answer.numerical_error),
+        "end_deviation": finite(answer.end_deviation),
         "method": answer.method,
         "evaluations": answer.evaluations,
         "effects": [
-            verdict._asdict() | {"bound": _finite(verdict.bound)} for verdict in answer.verdicts
+            verdict._asdict() | {"bound": finite(verdict.bound)} for verdict in answer.verdicts
         ],
         "warnings": [*answer.scene.notes, *answer.warnings],
     }
-
-
-def _finite(value: float) -> float | None:
-    """Return a number, None where it is not finite."""
-    return value if math.isfinite(value) else None

@@ -1,7 +1,5 @@
 """The command `kickdyn tradeoff`: error against cost of methods, or what each effect changes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -17,12 +15,12 @@ from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure, measure_eff
 from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table, screen_width
-from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.files import check_outputs, finite, write_json
+from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
 from kickdyn.scene.simulate import simulate
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
-from kickdyn.sweeps.sweep_plot import check_name, save_figure
 
 TITLES = {
     "impact": "Impulse of a kick, posture a of Table 2 at 10 m/s; against 50 digits; *: the front",
@@ -63,12 +61,13 @@ def tradeoff(
 
 def _compare_methods(impact: bool, flight: bool, json_file: str | None, plot: str | None) -> None:
     """Measure the methods, and write and print what was asked for."""
-    from kickdyn.accuracy.flight_methods import measure_flights  # need mpmath
+    from kickdyn.accuracy.flight_methods import measure_flights
     from kickdyn.accuracy.impact_methods import measure_impacts
 
     with busy("measuring") as show:
 
         def report(name: str) -> None:
+            """Show which method is measured."""
             show(f"measuring {name}")
 
         rows = {
@@ -123,7 +122,7 @@ def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None
     console = Console(highlight=False, width=screen_width())
     impulse = float(np.linalg.norm(whole.impact.impulse))
     console.print(
-        f"{scene.name}: {impulse:.4g} N s, {whole.end_text}. What leaving one effect out changes:",
+        f"{scene.name}: {impulse:.4g} N s, {whole.end_text}. What neglecting one effect changes:",
         markup=False,
     )
     console.print(_effect_table(sizes))
@@ -135,7 +134,7 @@ def _document(whole: Simulation, sizes: Sequence[EffectSize]) -> dict[str, Any]:
     """Return what JSON can hold: nan is null."""
     effects = [dataclasses.asdict(size) for size in sizes]
     for effect in effects:
-        effect |= {name: None for name in ("end", "impulse") if math.isnan(effect[name])}
+        effect |= {name: finite(effect[name]) for name in ("end", "impulse")}
     return {
         "scene": whole.scene.name,
         "status": whole.status,

@@ -1,15 +1,17 @@
 """`kickdyn view`: a scene file as a 3-D page or a picture."""
 
-from __future__ import annotations
+from typing import Any
 
 import click
+import numpy as np
 
 from kickdyn.cli.command import busy
 from kickdyn.core import validation
-from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.files import check_outputs, finite, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.simulate import simulate_as_instant
+from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.view.screenshot import find_browser
 
@@ -43,7 +45,6 @@ def view(
         find_browser(png)
     # rich and meshcat take a second to import, which --help need not wait for
     from kickdyn.core.console import screen_width, wrapped
-    from kickdyn.view.caption import scene_numbers
     from kickdyn.view.page import page
 
     scene = load_scene(scene_file)
@@ -53,11 +54,40 @@ def view(
             show(f"drawing {file}")
             page(simulation).save(file, at)
     if json_file is not None:
-        assert isinstance(simulation.impact, Impact)
-        write_json(json_file, scene_numbers(simulation, simulation.impact))
+        write_json(json_file, _document(simulation))
         if json_file == "-":
             return
     width = screen_width()
     click.echo("\n".join(wrapped(line, width, indent=8) for line in str(simulation).splitlines()))
     for file in filter(None, (*pages, json_file)):
         click.echo(f"wrote {file}")
+
+
+def _document(simulation: Simulation) -> dict[str, Any]:
+    """Return the numbers of a scene: SI units, joint angles in degrees as given."""
+    from kickdyn.view.impulses import joint_impulses_in_world
+
+    impact, end = simulation.impact, simulation.end
+    assert isinstance(impact, Impact)
+    leg, after = impact.posture.leg, impact.ball_after
+    impulses = joint_impulses_in_world(impact)
+    return {
+        "scene": simulation.scene.name,
+        "leg": leg.name,
+        "frame": leg.frame,
+        "angles": {
+            name: round(value, 9) + 0.0
+            for name, (value, _) in leg.display_values(impact.posture.q).items()
+        },
+        "impulse": impact.impulse.tolist(),
+        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
+        "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
+        "ball_velocity": after.velocity.tolist(),
+        "ball_spin": after.spin.tolist(),
+        "launch_angle": float(after.elevation),
+        "end": end.position.tolist(),
+        "time": float(end.time),
+        "error": finite(simulation.error),
+        "warnings": list(simulation.warnings),
+        "neglected": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
+    }

@@ -1,7 +1,5 @@
 """Compiling with numba, and keeping the machine code on disk, for compiling takes seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from threading import Event
 from typing import Any

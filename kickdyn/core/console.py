@@ -1,13 +1,10 @@
 """Width of the terminal, and tables and text laid out for it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from textwrap import fill
 
 from rich import box
 from rich.console import Console
-from rich.measure import Measurement
 from rich.table import Table
 
 WIDE = 200
@@ -21,12 +18,6 @@ def screen_width() -> int:
     """Return the number of characters in a line of the terminal; `WIDE` if there is none."""
     screen = Console()
     return screen.width if screen.is_terminal else WIDE
-
-
-def fits(table: Table, width: int) -> bool:
-    """Return whether a table fits in a width [characters] without a broken cell."""
-    wide = Console(width=WIDE)
-    return Measurement.get(wide, wide.options, table).maximum <= width
 
 
 def empty_table(title: str) -> Table:

@@ -1,8 +1,7 @@
 """Reading files safely, and writing them so that nothing half-written is left behind."""
 
-from __future__ import annotations
-
 import json
+import math
 import os
 import stat
 import sys
@@ -24,23 +23,10 @@ def shipped(folder: str) -> Path:
     return packaged if packaged.exists() else package.parent / folder
 
 
-def exists(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file or folder exists; also False for a name that no file can have."""
-    return os.path.exists(path)  # noqa: PTH110 Path.exists raises where a name is too long
-
-
 def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]) -> str:
-    """Return the text of a regular UTF-8 file of limited size.
+    """Return the text of a regular UTF-8 file of at most `most` bytes, or raise `error`.
 
-    Args:
-        path: the file.
-        source: its name in errors.
-        most: largest size [bytes].
-        error: what is raised.
-
-    Raises:
-        FaultyFile: as `error`: no such file, no regular file, too large, not UTF-8, or not
-            readable.
+    The error calls the file `source`.
     """
     try:
         status = os.stat(path)  # noqa: PTH116 a path of any kind
@@ -82,10 +68,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary file to write, which replaces `path` at the end; after an error, delete it.
 
-    The temporary name keeps the suffix, by which many writers choose the format.
-
-    Raises:
-        InvalidInput: the file cannot be written.
+    The temporary name keeps the suffix, by which many writers choose the format. A file that was
+    there before keeps its permissions. Raises `InvalidInput` where the file cannot be written.
     """
     check_writable(path)
     file = Path(path).resolve()  # a link stays a link
@@ -93,34 +77,25 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         draft = Path(folder) / file.name
         try:
             yield draft
+            if file.exists():
+                draft.chmod(stat.S_IMODE(file.stat().st_mode))
             draft.replace(file)
         except OSError as error:
             raise _refused(path, error) from None
 
 
-def check_distinct(*paths: str | os.PathLike[str] | None) -> None:
-    """Raise `InvalidInput` where two outputs are the same file; None is none."""
-    # not Path.resolve, which raises where links lead in a circle
-    files = [os.path.realpath(path) for path in paths if path is not None]
-    for file in files:
-        if files.count(file) > 1:
-            raise InvalidInput(
-                f"{Path(file).name} is named for two outputs: give each its own file"
-            )
-
-
 def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None = None) -> None:
-    """Raise `InvalidInput` unless all files can be written and are distinct; None is none.
+    """Raise `InvalidInput` unless all files can be written and are distinct.
 
-    Args:
-        files: to be written.
-        json_file: another; `-` is stdout.
+    None is no file, and a `json_file` of `-` is stdout.
     """
-    named = (None if json_file == "-" else json_file, *files)
+    named = [file for file in (None if json_file == "-" else json_file, *files) if file is not None]
     for file in named:
-        if file is not None:
-            check_writable(file)
-    check_distinct(*named)
+        check_writable(file)
+    real = [Path(file).resolve() for file in named]
+    for each in real:
+        if real.count(each) > 1:
+            raise InvalidInput(f"{each.name} is named for two outputs: give each its own file")
 
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
@@ -129,19 +104,20 @@ def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
 
 
 def _reason(error: Exception) -> str:
-    """Return what the system says of an error."""
+    """Return the operating system's description of an error."""
     return getattr(error, "strerror", None) or str(error)
 
 
 def write_json(path: str, document: object) -> None:
-    """Write a document as JSON, completely or not at all; `-` is stdout.
-
-    Raises:
-        ValueError: it contains NaN or inf, which JSON does not have.
-    """
+    """Write a document as JSON, completely or not at all; `-` is stdout, NaN a `ValueError`."""
     text = json.dumps(document, indent=2, allow_nan=False) + "\n"
     if path == "-":
         sys.stdout.write(text)
         return
     with replacing(path) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def finite(value: float) -> float | None:
+    """Return a number for JSON: None, which is null there, where it is not finite."""
+    return value if math.isfinite(value) else None

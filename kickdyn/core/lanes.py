@@ -4,8 +4,6 @@ A matrix lies flat in memory, one row of `LANES` numbers after the other, so tha
 become vector instructions.
 """
 
-from __future__ import annotations
-
 import math
 import types
 from collections.abc import Callable
@@ -47,7 +45,10 @@ def _number(typing_context: Any, x: Any) -> Any:
 
 
 def _reread(kind: Any) -> Callable[..., Any]:
+    """Return the generator of code that takes the bits of its argument for another kind."""
+
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        """Return the bits of the argument as another type."""
         return builder.bitcast(arguments[0], kind)
 
     return generate

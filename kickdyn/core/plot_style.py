@@ -1,12 +1,19 @@
-"""Style of plots: `@styled()` decorates what makes or writes one."""
-
-from __future__ import annotations
+"""Style of plots, for which `@styled()` decorates what makes one, and writing them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from kickdyn.core.files import replacing
+from kickdyn.errors import InvalidInput
+
+ENDINGS = (".png", ".svg", ".pdf")
+"""Endings of the formats that plots are written in."""
 
 STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
@@ -36,3 +43,16 @@ def styled() -> Iterator[None]:
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
         yield
+
+
+def check_name(path: str | PathLike[str]) -> None:
+    """Raise `InvalidInput` unless the name ends as a picture's does."""
+    if Path(path).suffix.lower() not in ENDINGS:
+        raise InvalidInput(f"{path} has no known ending: plots are written as {', '.join(ENDINGS)}")
+
+
+def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
+    """Write a figure as PNG, SVG or PDF, by its ending; raise `InvalidInput` if that fails."""
+    check_name(path)
+    with replacing(path) as draft, styled():  # labels of ticks are made here
+        figure.savefig(draft, dpi=150)

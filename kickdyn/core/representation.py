@@ -1,7 +1,5 @@
 """Representation of results in a terminal and in Jupyter, and equality by value."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from html import escape
@@ -14,10 +12,10 @@ Row = tuple[str, object, str]
 """A line of a representation: name, value, unit."""
 
 WIDTH, HEIGHT, MARGIN = 360.0, 140.0, 12.0
-"""Of a drawing [px]."""
+"""Size and margin of a drawing [px]."""
 
 WARNED = 3
-"""Warnings that are shown; others are counted."""
+"""Number of warnings that are shown; the others are counted."""
 
 ROUNDING = 1e-12
 """Share of a vector's largest entry below which an entry is shown as 0."""
@@ -66,11 +64,11 @@ class Printed:
     """Represents an object by its `str`, which is a table already."""
 
     def __repr__(self) -> str:
-        """Return the table."""
+        """Return the table as text."""
         return str(self)
 
     def _repr_html_(self) -> str:
-        """Return the table in fixed pitch."""
+        """Return the table as HTML, in a font of fixed width."""
         return f"<pre>{escape(str(self))}</pre>"
 
 
@@ -84,6 +82,13 @@ class ValueEquality:
 
     def __hash__(self) -> int:
         return hash(self._values())
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore what was pickled; numpy forgets that its arrays are read-only."""
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+        self.__dict__.update(state)
 
     def _values(self) -> tuple[Any, ...]:
         """Return the fields, arrays as tuples of shape and entries."""
@@ -108,11 +113,9 @@ def format_value(value: object) -> str:
 
 
 def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
-    """Return a path in a vertical plane as an SVG, both axes to one scale.
+    """Return a path in a vertical plane as an SVG, both axes to one scale, some points marked.
 
-    Args:
-        line: the path, shape `(n, 2)`: forward and up [m].
-        dots: points on it to mark, shape `(k, 2)` [m].
+    Path and points have the columns forward and up [m].
     """
     low, high = line.min(axis=0), line.max(axis=0)
     span = np.maximum(high - low, 1e-9 * np.abs(line).max() + 1e-300)
@@ -121,6 +124,7 @@ def side_view(line: NDArray[np.float64], *, dots: NDArray[np.float64]) -> str:
     origin = MARGIN, HEIGHT - MARGIN
 
     def placed(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points of the picture [px] for points of the path [m]."""
         return np.asarray(origin + (points - low) * (scale, -scale))
 
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed(line))

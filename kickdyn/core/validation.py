@@ -1,12 +1,12 @@
 """Checks of values from outside: each returns the value or raises `InvalidInput` in one line."""
 
-from __future__ import annotations
-
+import functools
+import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
-from functools import lru_cache
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Any, NoReturn, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,8 @@ from kickdyn.errors import InvalidInput
 
 Array = NDArray[np.float64]
 Choice = TypeVar("Choice", bound=StrEnum)
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 LONGEST = 200
 """Characters of a value that a message shows."""
@@ -82,14 +84,14 @@ def floats(name: str, value: ArrayLike, *, unit: str = "") -> Array:
 
 
 def read_only(array: Array) -> Array:
-    """Return a copy that cannot be written to."""
+    """Return a copy of an array that cannot be written to."""
     own = array.copy()
     own.setflags(write=False)
     return own
 
 
 def brief(value: object) -> str:
-    """Return the representation of a value, cut if it is long."""
+    """Return the `repr` of a value, cut after `LONGEST` characters."""
     try:
         text = repr(value)
     except ValueError:  # an integer of thousands of digits
@@ -104,18 +106,64 @@ def _holds_bool(value: object) -> bool:
     return any(map(_holds_bool, value))
 
 
-def check_type(kind: type, *, optional: bool = False, **values: object) -> None:
-    """Raise `InvalidInput` for a value that is not of a type, or None if `optional`."""
+def check_type(*kinds: type, **values: object) -> None:
+    """Raise `InvalidInput` for a value that is of none of the types."""
     for name, value in values.items():
-        if not (isinstance(value, kind) or (optional and value is None)):
-            valid = f"kickdyn.{kind.__name__}" + (" or None" if optional else "")
-            raise InvalidInput(f"{name} is {value!r}: it must be a {valid}")
+        if not isinstance(value, kinds):
+            _refuse_type(name, value, kinds)
+
+
+def check_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
+    """Return a function that raises `InvalidInput` where an argument is not of its annotated type.
+
+    It checks annotations of classes, such as `Air | None`, `bool` and `str`. Numbers and what
+    becomes an array are left to the function, which converts them.
+    """
+    names = list(inspect.signature(function).parameters)
+    expected: dict[str, tuple[type, ...]] = {}
+
+    @functools.wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> Result:
+        """Return the function's result, its arguments checked."""
+        if not expected:  # at the first call: annotations may name what is defined further down
+            hints = get_type_hints(function)
+            expected.update((name, _classes(hints.get(name))) for name in names)
+        for name, value, kinds in zip(names, args, expected.values(), strict=False):
+            if not isinstance(value, kinds):
+                _refuse_type(name, value, kinds)
+        for name, value in kwargs.items():
+            if name in expected and not isinstance(value, expected[name]):
+                _refuse_type(name, value, expected[name])
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def _classes(hint: object) -> tuple[type, ...]:
+    """Return the classes of a type annotation, `object` where values are converted to it."""
+    parts = get_args(hint) if isinstance(hint, UnionType) else (hint,)
+    kinds = [get_origin(part) or part for part in parts]
+    converted = (int, float, Any)
+    if any(kind in converted or not isinstance(kind, type) for kind in kinds):
+        return (object,)
+    return (*kinds, np.bool_) if bool in kinds else tuple(kinds)
+
+
+def _refuse_type(name: str, value: object, kinds: tuple[type, ...]) -> NoReturn:
+    """Raise `InvalidInput` that names the types that a value may have."""
+    names = {type(None): "None", bool: "True", np.bool_: "False"}
+    *others, last = (
+        names.get(kind)
+        or f"a {'kickdyn.' if kind.__module__.startswith('kickdyn') else ''}{kind.__name__}"
+        for kind in kinds
+    )
+    valid = f"{', '.join(others)} or {last}" if others else last
+    raise InvalidInput(f"{name} is {brief(value)}: it must be {valid}")
 
 
 def flag(name: str, value: object) -> bool:
     """Return `value` if it is True or False, or raise `InvalidInput`."""
-    if not isinstance(value, bool | np.bool_):
-        raise InvalidInput(f"{name} is {value!r}: it must be True or False")
+    check_type(bool, np.bool_, **{name: value})
     return bool(value)
 
 
@@ -128,7 +176,7 @@ def choice(name: str, value: object, kind: type[Choice]) -> Choice:
         raise InvalidInput(f"{name} is {brief(value)}: it must be one of {valid}") from None
 
 
-@lru_cache
+@functools.lru_cache
 def _member(kind: type[StrEnum], value: object) -> StrEnum:
     """Return the member of a value: kept, because the enum takes longer to find it."""
     return kind(value)  # type: ignore[arg-type]

@@ -1,18 +1,13 @@
-"""Gravity, and three-vectors as Python's floats: numpy takes several times as long on so few.
+"""Three-vectors as Python's floats: numpy takes several times as long on so few.
 
 For stacks of vectors there is `np.cross`, for the matrix of a cross product `pin.skew`.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable
 
 import numpy as np
 
 from kickdyn.core.validation import Array
-
-GRAVITY = 9.81
-"""Acceleration of gravity along -z of the world frame [m/s2], of flights, torques and legs."""
 
 Triple = tuple[float, float, float]
 
@@ -23,7 +18,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def cross3(a: Iterable[float], b: Iterable[float]) -> Triple:
-    """Return the cross product of three floats each."""
+    """Return the cross product of two vectors of three floats, as a tuple."""
     ax, ay, az = a
     bx, by, bz = b
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

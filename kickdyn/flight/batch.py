@@ -1,9 +1,7 @@
 """Thousands of flights at once: the answers of `fly`, in machine code."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -16,14 +14,15 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
-from kickdyn.flight.equations import tolerances
-from kickdyn.flight.flight_result import FlightStatus, outside_ranges
-from kickdyn.flight.fly import MAX_SPEED, check_scene, drops
+from kickdyn.flight.equations import MAX_SPEED, tolerances
+from kickdyn.flight.flight_result import ROUNDING, FlightStatus, outside_ranges, refinements
+from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
 from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
 from kickdyn.ground import Ground
 
 
+@validation.check_arguments
 def fly_many(
     states: BallState,
     ball: Ball,
@@ -32,6 +31,7 @@ def fly_many(
     tol: float = 1e-9,
     *,
     time_limit: float = 1000.0,
+    error: bool = False,
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
@@ -49,6 +49,8 @@ def fly_many(
         ground: where the flights end; None ends each at the height of its launch.
         tol: relative tolerance of the integration, 1e-13 to 1e-2.
         time_limit: after which a ball that will not come down is left alone [s].
+        error: whether to estimate the error of each landing point from a second flight, as
+            `Flight.error` does; it takes three times as long, and more with functions of your own.
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
@@ -61,7 +63,6 @@ def fly_many(
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
             function that cannot be compiled.
     """
-    check_scene(states, ball, air, ground)
     if states.position.ndim != 2:
         raise InvalidInput(
             f"launches have shape {states.position.shape}: fly_many takes (n, 3), fly takes one"
@@ -69,19 +70,16 @@ def fly_many(
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
     drop = drops(states.position, ball, ground)
-    closed = _have_closed_form(states, ball, air)
-    too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
-    integrated = np.flatnonzero(~closed & ~too_fast)
-    nodes, evaluations = np.full((len(drop), 16), np.nan), np.zeros(len(drop), np.int64)
-    status = np.full(len(drop), FAILED, np.int8)
-    fall = _closed_forms(states.velocity[closed], downward(ball, air), drop[closed], time_limit)
-    nodes[closed], status[closed] = fall
-    if air is not None and len(integrated):
-        scenes = _scenes(states, ball, air, drop, tol)[integrated]
-        flown = _integrate(scenes, states.velocity[integrated], ball, air, tol, time_limit)
-        nodes[integrated], status[integrated], evaluations[integrated] = flown
-    outside = _outside(states, nodes, integrated, ball, air)
-    data = _variables(states, nodes, status, evaluations, outside)
+    flown = _flown(states, ball, air, drop, time_limit, tol)
+    outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
+    data = _variables(states, *flown, outside)
+    if validation.flag("error", error):
+        others = [
+            _flown(states, ball, air, drop, time_limit, *finer).nodes
+            for finer in refinements(tol, flown.nodes[:, 0], air)
+        ]
+        meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
+        data["error"] = ("flight", _errors(states, flown, others, tol), meaning)
     attributes = {
         "title": "flights of a ball",
         "source": f"kickdyn {__version__}",
@@ -92,6 +90,52 @@ def fly_many(
         "tol": tol,
     }
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+
+
+class _Flown(NamedTuple):
+    """What `march` finds out about n flights: nodes `(n, 16)`, status and evaluations `(n,)`."""
+
+    nodes: Array
+    status: NDArray[np.int8]
+    evaluations: NDArray[np.int64]
+
+
+def _flown(
+    states: BallState,
+    ball: Ball,
+    air: Air | None,
+    drop: Array,
+    time_limit: float,
+    tol: float,
+    longest: Array | None = None,
+) -> _Flown:
+    """Return all flights, by closed form or by integration in steps of at most `longest` [s]."""
+    closed = _have_closed_form(states, ball, air)
+    too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
+    integrated = np.flatnonzero(~closed & ~too_fast)
+    nodes, evaluations = np.full((len(drop), 16), np.nan), np.zeros(len(drop), np.int64)
+    status = np.full(len(drop), FAILED, np.int8)
+    fall = _closed_forms(states.velocity[closed], downward(ball, air), drop[closed], time_limit)
+    nodes[closed], status[closed] = fall
+    if air is not None and len(integrated):
+        scenes = _scenes(states, ball, air, drop, tol, longest)[integrated]
+        flown = _integrate(scenes, states.velocity[integrated], ball, air, tol, time_limit)
+        nodes[integrated], status[integrated], evaluations[integrated] = flown
+    return _Flown(nodes, status, evaluations)
+
+
+def _errors(states: BallState, flown: _Flown, others: list[Array], tol: float) -> Array:
+    """Return the estimate of `Flight.error` for each flight [m], nan where it failed."""
+    nodes = flown.nodes
+    length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
+    speed, error = validation.length(nodes[:, 4:7]), np.maximum(1e-3 * tol, 1e-12) * length
+    for other in others:
+        late = speed * np.abs(other[:, 0] - nodes[:, 0])
+        moved = np.maximum(validation.length(other[:, 1:4] - nodes[:, 1:4]), late)
+        error = np.maximum(error, np.where(np.isnan(moved), math.inf, 2.0 * moved))
+    error = np.where(flown.evaluations > 0, error, ROUNDING * length)
+    error += ROUNDING * np.abs(states.position).max(axis=1, initial=0.0)
+    return np.where(flown.status == FAILED, math.nan, error)
 
 
 def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray[np.bool_]:
@@ -142,8 +186,10 @@ def _integrate(
     return flown
 
 
-def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) -> Array:
-    """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 8)`."""
+def _scenes(
+    states: BallState, ball: Ball, air: Air, drop: Array, tol: float, longest: Array | None
+) -> Array:
+    """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 9)`."""
     decays = states.spin.any(axis=1) & brakes(air, np.ones(3))
     if callable(air.wind):
         wind = np.array([_speed(air, height) for height in states.position[:, 2].tolist()])
@@ -151,7 +197,8 @@ def _scenes(states: BallState, ball: Ball, air: Air, drop: Array, tol: float) ->
         wind = np.full(len(drop), math.hypot(*air.wind))
     _, near, slow = tolerances(states.velocity, drop, wind, ball, air, tol)
     height = states.position[:, 2]
-    columns = [height, states.spin, decays, drop, near, slow]
+    steps = np.full(len(drop), math.inf) if longest is None else longest
+    columns = [height, states.spin, decays, drop, near, slow, steps]
     return np.ascontiguousarray(np.column_stack(columns), dtype=np.float64)
 
 

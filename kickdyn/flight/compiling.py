@@ -4,8 +4,6 @@ numba compiles a Python function only where all it calls is compiled too, and ke
 only under a name that says all it is made of: `fingerprint` makes that name.
 """
 
-from __future__ import annotations
-
 import builtins
 import copy
 import hashlib
@@ -32,7 +30,7 @@ from kickdyn.ball import Ball
 from kickdyn.core import lanes
 from kickdyn.core.lanes import HOW, LANES, inlined, mathematics
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.forces import Forces, Reynolds, forces, reynolds_number
+from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
 
 SIZE = 7 * LANES
 
@@ -62,8 +60,7 @@ WRAPPED = (CoefficientModel, ConstantCoefficient)
 def compiled_rates(ball: Ball, air: Air) -> Any:
     """Return the rates of many flights side by side, `side_by_side`, as machine code.
 
-    Raises:
-        InvalidInput: wind or a coefficient is something that numba cannot compile.
+    A wind or a coefficient that numba cannot compile raises `InvalidInput`.
     """
     whole, straight, bound = copy.copy(air), copy.copy(air), 0.0
     for name in ("drag", "lift", "torque"):
@@ -77,24 +74,25 @@ def compiled_rates(ball: Ball, air: Air) -> Any:
             object.__setattr__(straight, name, model.branch_free[1])
             bound = max(bound, model.branch_free[0])
     rates = side_by_side(
-        forces(ball, whole), forces(ball, straight), reynolds_number(ball, air), bound
+        acceleration_function(ball, whole),
+        acceleration_function(ball, straight),
+        reynolds_number(ball, air),
+        bound,
     )
     return _from_disk(rates, air)
 
 
 def side_by_side(
-    acting: Forces, straight: Forces, reynolds: Reynolds, bound: float
+    acting: Acceleration, straight: Acceleration, reynolds: Reynolds, bound: float
 ) -> Callable[[Any, Any, Any], None]:
     """Return a function of scene and state that fills in the rates of `LANES` states.
 
-    Args:
-        acting: the forces, as `forces` gives them.
-        straight: the same without branches, from the Reynolds number `bound` on.
-        reynolds: that number, as a function of height and velocity.
-        bound: 0 where `straight` and `acting` are the same.
+    From the Reynolds number `bound` on, `straight` is the same as the accelerations `acting`, but
+    without branches; where they are the same everywhere, the bound is 0.
     """
 
     def rates(scene: Any, state: Any, rate: Any) -> None:
+        """Fill in the rates of all lanes."""
         for i in range(LANES):
             left = state[LEFT + i]
             ax, ay, az, k = straight(
@@ -184,6 +182,7 @@ def _refusing(model: CoefficientModel) -> Coefficient:
     function, (low, high), (least, most) = model.function, model.reynolds, model.spin
 
     def within(reynolds: float, spin_parameter: float) -> float:
+        """Return the coefficient; nan outside the range."""
         if low <= reynolds <= high and least <= spin_parameter <= most:
             return function(reynolds, spin_parameter)
         return math.nan
@@ -255,14 +254,10 @@ def _known(value: Any) -> Any:
 def fingerprint(value: Any, *more: bytes) -> str | None:
     """Return a name that two functions share only if they, and all that they call, do the same.
 
-    Args:
-        value: a function, whose code, defaults, and the values of the names it uses count; a plain
-            value; or a tuple of those.
-        more: what counts besides.
-
-    Returns:
-        32 hexadecimal digits; None where it uses what has no plain value: an array, a module of
-        someone's own, a function that is compiled already.
+    Of a function, the code, the defaults and the values of the names it uses count; a plain value
+    and a tuple of those count as they are, and so does what comes after. The name has 32
+    hexadecimal digits. It is None where the function uses what has no plain value: an array, a
+    module of someone's own, a function that is compiled already.
     """
     digest = hashlib.sha256()
     try:

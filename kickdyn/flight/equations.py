@@ -5,11 +5,9 @@ of the launch:
 
 .. math:: \dot x = v, \quad \dot v = a(z, v, s\, \omega_0), \quad \dot s = -k s
 
-with a and k of `forces`. The displacement is from the launch, so that a hop of 1e-20 m at a height
-of 100 m has its digits.
+with a and k of `acceleration_function`. The displacement is from the launch, so that a hop of
+1e-20 m at a height of 100 m has its digits.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -21,7 +19,10 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import brakes, downward, forces
+from kickdyn.flight.forces import acceleration_function, brakes, downward
+
+MAX_SPEED = 299_792_458.0
+"""In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
 
 _PER_DECADE, _DECADES = 8, 3
 _FARTHEST = 15
@@ -39,7 +40,7 @@ class FlightEquations:
     def __init__(self, launch: BallState, ball: Ball, air: Air) -> None:
         self.begin: Array = np.concatenate([np.zeros(3), launch.velocity, [1.0]])
         self.fault: Exception | None = None
-        self._acting = forces(ball, air)
+        self._acting = acceleration_function(ball, air)
         self._height = float(launch.position[2])
         self._spin = tuple(launch.spin.tolist())
         self._brakes = brakes(air, launch.spin)
@@ -77,8 +78,9 @@ def tolerances(
     """
     g = max(abs(downward(ball, air)), 1e-5)  # a weight of less moves nothing for minutes
     drop = np.asarray(drop)
+    fallen = np.minimum(math.sqrt(2.0 * g) * np.sqrt(drop), MAX_SPEED)
     with np.errstate(over="ignore", invalid="ignore"):  # spoils its own flight only
-        fastest = np.maximum(validation.length(velocity), np.maximum(wind, np.sqrt(2.0 * g * drop)))
+        fastest = np.maximum(validation.length(velocity), np.maximum(wind, fallen))
         fastest = np.maximum(fastest, 1e-100)
         free = fastest * fastest / g
         slowed = free / drag_length(ball, air)(fastest)
@@ -105,6 +107,7 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
     most = 2.0 * ball.mass / (air.density * ball.cross_section)
 
     def coefficient(reynolds: float) -> float:
+        """Return C_D without spin, 0 where it is not known."""
         try:
             value = float(drag(reynolds, 0.0))
         except Exception:  # a model of one's own, where nobody may ever fly
@@ -112,6 +115,7 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
         return max(value, 0.0) if value < math.inf else 0.0  # not known: no bound
 
     def length(speed: Array) -> Array:
+        """Return the drag lengths at speeds [m]."""
         with np.errstate(divide="ignore", over="ignore"):
             decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
             step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)

@@ -1,25 +1,28 @@
 """The result of `fly`: path, apex, landing, error and warnings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from kickdyn.aerodynamics.coefficient_model import CoefficientModel
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel, is_known
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, side_view, warned
 from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
+
+ROUNDING = 4 * float(np.finfo(float).eps)
+"""Of a position, relative to its size."""
 
 
 class FlightStatus(StrEnum):
@@ -54,6 +57,7 @@ class Flight(ReprMixin):
     ground: Ground | None
     plane: Plane | None
     tol: float
+    _fly_again: "Callable[..., Flight]" = field(repr=False)
     launch: BallState
     apex: BallState
     landing: BallState
@@ -61,9 +65,9 @@ class Flight(ReprMixin):
     method: str
     evaluations: int
     _trajectory: Callable[[Array], Array] = field(repr=False)
-    _fly_again: Callable[..., Flight] = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "launch", self.launch.velocity, "m/s"
         yield "spin", self.launch.spin, "rad/s"
@@ -76,6 +80,7 @@ class Flight(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
         return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))
 
     @property
@@ -99,26 +104,30 @@ class Flight(ReprMixin):
 
         It is twice what the landing moves, in space or along the path in its time, when the
         tolerance is 10,000 times tighter (at tightest 1e-13), and below 1e-9 also when it is 100
-        times wider; never less than a thousandth of the tolerance's share of the flight's length.
-        For a closed form it is the rounding. Each of those flights is computed on first use.
+        times wider; never less than a thousandth of the tolerance's share of the flight's length,
+        and the rounding of the position is added. For a closed form the rounding is all. Each of
+        those flights is computed on first use; where the integrator gives one up, it is infinite.
+
+        Where the wind or a coefficient is a function of your own, the finer flight also takes at
+        least 500 steps: what lasts a 2000th of the flight, such as the time in which the ball
+        crosses a peak of C_D, counts.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
+        speed, grazing, moved = math.hypot(*self.landing.velocity), 1.0, 0.0
+        if self.status is FlightStatus.AT_PLANE and self.plane is not None:
+            across = abs(float(self.plane.normal @ self.landing.velocity))
+            grazing = speed / max(across, 1e-300)
+        rounding = ROUNDING * float(np.abs(self.launch.position).max()) * grazing
         if self.evaluations == 0:
-            grazing = 1.0
-            if self.status is FlightStatus.AT_PLANE and self.plane is not None:
-                speed = math.hypot(*self.landing.velocity)
-                across = abs(float(self.plane.normal @ self.landing.velocity))
-                grazing = speed / max(across, 1e-300)
-            length += float(np.abs(self.launch.position).max())
-            return 4 * float(np.finfo(float).eps) * length * grazing
-        tolerances = [max(1e-4 * self.tol, 1e-13)]
-        if self.tol < 1e-9:
-            tolerances.append(100 * self.tol)
-        speed, moved = math.hypot(*self.landing.velocity), 0.0
-        for other in (self._fly_again(tol=tol).landing for tol in tolerances):
+            return rounding + ROUNDING * length * grazing
+        for tol, longest in refinements(self.tol, self.duration, self.air):
+            try:
+                other = self._fly_again(tol=tol, max_step=longest).landing
+            except KickdynError:
+                return math.inf
             late = speed * abs(self.duration - float(other.time))
             moved = max(moved, late, float(np.linalg.norm(self.landing.position - other.position)))
-        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length)
+        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length) + rounding
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -154,7 +163,7 @@ class Flight(ReprMixin):
         short = abs(float(path.landing.position[0]) - there)  # the ground came first, by a hair?
         return path.landing if short <= tie * abs(before) else None
 
-    def __reduce__(self) -> tuple[Callable[[], Flight], tuple[()]]:
+    def __reduce__(self) -> "tuple[Callable[[], Flight], tuple[()]]":
         """Pickle what was flown; unpickling flies it again, to the same last bit."""
         return self._fly_again, ()
 
@@ -193,6 +202,20 @@ class Flight(ReprMixin):
         left = self._trajectory(np.outer(times, 0.5 * (nodes + 1.0)).ravel())[:, 6]
         turned = 0.5 * times * (left.reshape(*times.shape, len(nodes)) @ weights)
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
+
+
+def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float, Any]]:
+    """Return tolerance and longest step [s] of the flights that show the error of one at `tol`.
+
+    The duration is that of one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the
+    user's own may have features that are too narrow for the steps of an integration to see: an
+    estimate that compares two flights is then honest only if the steps of one are limited.
+    """
+    models = () if air is None else (air.drag, air.lift, air.torque)
+    known = all(model is None or is_known(model) for model in models)
+    own = air is not None and (callable(air.wind) or not known)
+    finer = (max(1e-4 * tol, 1e-13), duration / 500 if own else None)
+    return [finer, (100 * tol, None)] if tol < 1e-9 else [finer]
 
 
 def outside_ranges(
@@ -236,6 +259,7 @@ def profile(states: BallState, marked: tuple[BallState, ...]) -> str:
     ahead = ahead / math.hypot(*ahead)
 
     def seen(position: Array) -> Array:
+        """Return positions in the picture: distance ahead and height [m]."""
         return np.stack([(position - start)[..., :2] @ ahead, position[..., 2]], axis=-1)
 
     dots = np.array([seen(state.position) for state in marked])

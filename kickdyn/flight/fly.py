@@ -1,7 +1,5 @@
 """The flight of a ball, from launch to landing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -12,10 +10,10 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput, KickdynError
-from kickdyn.flight.equations import FlightEquations, tolerances
+from kickdyn.flight.equations import MAX_SPEED, FlightEquations, tolerances
 from kickdyn.flight.flight_result import Flight, FlightStatus, warning_of
 from kickdyn.flight.forces import (
     STILL,
@@ -29,10 +27,8 @@ from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 
-MAX_SPEED = 299_792_458.0
-"""In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
 
-
+@validation.check_arguments
 def fly(
     state: BallState,
     ball: Ball,
@@ -42,7 +38,7 @@ def fly(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
-    strict: bool = False,
+    max_step: float | None = None,
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the ground, or to a plane before.
 
@@ -55,74 +51,58 @@ def fly(
         air: None is the vacuum.
         ground: where the flight ends; None ends it with the ball's centre back at the height of
             the launch.
-        tol: relative tolerance of the integration, 1e-13 to 1e-2, of the flight's own lengths and
-            speeds.
+        tol: relative tolerance of each step of the integration, 1e-13 to 1e-2, of the flight's own
+            lengths and speeds. The steps' errors add up; `Flight.error` estimates their sum.
         plane: a wall or a goal line, where the flight ends if it comes there first. A ball that
             starts on it flies only if it leaves it.
         time_limit: after which a ball that will not come down is left alone [s].
-        strict: whether a coefficient outside its range is an error; else it is one of `warnings`.
+        max_step: longest step of the integration [s], or None. A step does not see what a function
+            of your own does between its 12 evaluations, such as a narrow peak of C_D;
+            `Flight.error` does.
 
     Raises:
         InvalidInput: an array of states, a ball that starts inside the ground, beyond the plane or
-            faster than `MAX_SPEED`, a bad tolerance, or a coefficient outside its range where that
-            is an error.
+            faster than `MAX_SPEED`, a bad tolerance, or a coefficient outside its range whose model
+            refuses that; others give one of `Flight.warnings`.
         KickdynError: the integrator gave up.
     """
-    check_launch(state, ball, air, ground, plane)
+    check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    ends = _Ends(
-        float(drops(state.position, ball, ground)), wall_of(plane, ball, state), time_limit
-    )
-    if air is None or _has_closed_form(state, ball, air, ends.drop):
-        solution = _closed_form(state, downward(ball, air), ends)
+    longest = math.inf
+    if max_step is not None:
+        longest = validation.number("max_step", max_step, above=0, unit="s")
+    drop, wall = float(drops(state.position, ball, ground)), wall_of(plane, ball, state)
+    limits = _Limits(drop, wall, time_limit, longest)
+    # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
+    again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
+                    max_step=max_step)  # fmt: skip
+    flown = partial(Flight, ball, air, ground, plane, tol, again)
+    if air is None or _has_closed_form(state, ball, air, drop):
+        path = _closed_form(flown, state, downward(ball, air), limits)
     else:
-        solution = _integrated(state, ball, air, ends, tol)
-    again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit)
-    path = Flight(ball, air, ground, plane, tol, *solution, again)
-    _refuse_outside(path, strict)
+        path = _integrated(flown, state, ball, air, limits, tol)
+    _refuse_outside(path)
     return path
 
 
-class _Ends(NamedTuple):
-    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s]."""
+class _Limits(NamedTuple):
+    """Where a flight ends: so far down [m], at a wall (normal and gap [m]), or after a time [s].
+
+    And the longest step of its integration [s].
+    """
 
     drop: float
     wall: tuple[Array, float] | None
     time_limit: float
+    longest_step: float
 
 
-class _Solution(NamedTuple):
-    """The computed fields of a `Flight`, in their order."""
-
-    launch: BallState
-    apex: BallState
-    landing: BallState
-    status: FlightStatus
-    method: str
-    evaluations: int
-    trajectory: Callable[[Array], Array]
-
-
-def check_launch(
-    state: BallState, ball: Ball, air: Air | None, ground: Ground | None, plane: Plane | None
-) -> None:
-    """Raise `InvalidInput` unless these are one launch and the types that a flight takes."""
-    check_scene(state, ball, air, ground)
-    validation.check_type(Plane, plane=plane, optional=True)
+def check_single(state: BallState) -> None:
+    """Raise `InvalidInput` unless this is one launch."""
     if state.position.shape != (3,):
-        raise InvalidInput(
-            f"launch has shape {state.position.shape}: fly takes one state, (3,); fly_many takes "
-            "many"
-        )
-
-
-def check_scene(state: BallState, ball: Ball, air: Air | None, ground: Ground | None) -> None:
-    """Raise `InvalidInput` unless these are of the types that flights take."""
-    validation.check_type(BallState, launch=state)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(Air, air=air, optional=True)
-    validation.check_type(Ground, ground=ground, optional=True)
+        shape = state.position.shape
+        raise InvalidInput(f"launch has shape {shape}: fly takes one, (3,); fly_many takes many")
 
 
 def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, float] | None:
@@ -133,10 +113,8 @@ def wall_of(plane: Plane | None, ball: Ball, state: BallState) -> tuple[Array, f
 def drops(position: Array, ball: Ball, ground: Ground | None) -> Array:
     """Return how far below its launch each flight ends [m], shape `()` or `(n,)`.
 
-    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame].
-
-    Raises:
-        InvalidInput: a ball starts inside the ground.
+    Positions of the ball's centre at the launch have shape `(3,)` or `(n, 3)` [m, world frame]; one
+    inside the ground raises `InvalidInput`.
     """
     if ground is None:
         return np.zeros(position.shape[:-1])
@@ -166,7 +144,7 @@ def _has_closed_form(state: BallState, ball: Ball, air: Air, drop: float) -> boo
     return 2.0 * ball.radius * air.density / air.viscosity * fastest < STILL
 
 
-def _closed_form(state: BallState, g: float, ends: _Ends) -> _Solution:
+def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends: _Limits) -> Flight:
     """Return the flight of a ball that only its weight acts on."""
     rise = float(state.velocity[2])
     fall, reach = time_to_fall(rise, ends.drop, g), math.inf
@@ -181,10 +159,12 @@ def _closed_form(state: BallState, g: float, ends: _Ends) -> _Solution:
         status = FlightStatus.LANDED
         last[2] = -ends.drop  # by definition; the formula says so but for rounding
     nodes = _at(state, 0.0, start), _at(state, top, apex), _at(state, end, last)
-    return _Solution(*nodes, status, "closed form", 0, partial(ballistic, state.velocity, g))
+    return flown(*nodes, status, "closed form", 0, partial(ballistic, state.velocity, g))
 
 
-def _integrated(state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float) -> _Solution:
+def _integrated(
+    flown: Callable[..., Flight], state: BallState, ball: Ball, air: Air, ends: _Limits, tol: float
+) -> Flight:
     """Return the flight of a ball through the air, integrated to its end."""
     speed = math.hypot(*state.velocity)
     if not speed <= MAX_SPEED:
@@ -218,7 +198,7 @@ def _integrated(state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float)
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model) or "buoyancy only"
     trajectory = joined(arcs, equations.begin)
-    return _Solution(
+    return flown(
         _at(state, 0.0, equations.begin),
         _at(state, top, highest),
         _at(state, end, last),
@@ -230,7 +210,7 @@ def _integrated(state: BallState, ball: Ball, air: Air, ends: _Ends, tol: float)
 
 
 def _arcs(
-    equations: FlightEquations, ends: _Ends, rtol: float, atol: Array
+    equations: FlightEquations, ends: _Limits, rtol: float, atol: Array
 ) -> tuple[list[FlightArc], FlightStatus]:
     """Return the arcs up to the apex and on to the end, and which end it is.
 
@@ -251,7 +231,8 @@ def _arcs(
     at, state = 0.0, begin
     for target in [apex, floor] if rises else [floor]:
         events = [target, *walls]
-        arc = fly_until(events, 5, equations.rates, (at, state), ends.time_limit, rtol, atol)
+        limits = ends.time_limit, rtol, atol, ends.longest_step
+        arc = fly_until(events, 5, equations.rates, (at, state), *limits)
         arcs.append(arc)
         at, state = arc.end, arc.state
         if arc.reached is not target:
@@ -289,14 +270,11 @@ def _at(launch: BallState, time: float, moved: Array) -> BallState:
     return BallState(launch.position + moved[:3], moved[3:6], moved[6] * launch.spin, time)
 
 
-def _refuse_outside(path: Flight, strict: bool) -> None:
-    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that.
-
-    If `strict`, every model does.
-    """
+def _refuse_outside(path: Flight) -> None:
+    """Raise `InvalidInput` where a flight leaves the range of a model that refuses that."""
     models = () if path.air is None else (path.air.drag, path.air.lift)
-    if strict or any(getattr(model, "refuses", False) for model in models):
+    if any(getattr(model, "refuses", False) for model in models):
         for model, share in path.outside():
-            if share > 0 and (strict or model.refuses):
+            if share > 0 and model.refuses:
                 warning = warning_of(model, share)
                 raise InvalidInput(f"the flight leaves a coefficient's range: {warning}")

@@ -1,9 +1,7 @@
 """A ball followed until it rests: flight, bounces, sliding, rolling."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,7 +14,7 @@ from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight, FlightStatus, profile, warning_of
-from kickdyn.flight.fly import check_launch, fly, wall_of
+from kickdyn.flight.fly import check_single, fly, wall_of
 from kickdyn.flight.ground_motion import GroundPhase, bounce, roll, slide
 from kickdyn.ground import Ground, Surface
 from kickdyn.plane import Plane
@@ -45,8 +43,10 @@ class Course(ReprMixin):
     flights: tuple[Flight, ...]
     bounces: tuple[BallState, ...]
     ground_phases: tuple[GroundPhase, ...]
+    _follow_again: "Callable[[], Course]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "launch", self.flights[0].launch.velocity, "m/s"
         yield "bounces", len(self.bounces), ""
@@ -56,7 +56,12 @@ class Course(ReprMixin):
         yield from warned(self.warnings)
 
     def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
         return profile(self.sample(np.linspace(0, self.duration, 257)), (*self.bounces, self.rest))
+
+    def __reduce__(self) -> "tuple[Callable[[], Course], tuple[()]]":
+        """Pickle what was followed; unpickling follows it again, to the same last bit."""
+        return self._follow_again, ()
 
     @property
     def launch(self) -> BallState:
@@ -118,6 +123,7 @@ class Course(ReprMixin):
         return BallState(position, velocity, spin, times)
 
 
+@validation.check_arguments
 def follow(
     state: BallState,
     ball: Ball,
@@ -127,6 +133,7 @@ def follow(
     *,
     plane: Plane | None = None,
     time_limit: float = 1000.0,
+    max_step: float | None = None,
 ) -> Course:
     """Let a ball fly, bounce and roll until it rests.
 
@@ -139,19 +146,20 @@ def follow(
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends it all, flying, sliding or rolling.
         time_limit: of every flight, and of rolling [s].
+        max_step: of every flight, as for `fly`.
 
     Raises:
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
             `fly`.
     """
-    check_launch(state, ball, air, ground, plane)
+    check_single(state)
     if ground is None:
         ground = Ground(float(state.position[2]) - ball.radius, "turf")
-    surface = ground.surface
+    start, surface = state, ground.surface
     if not isinstance(surface, Surface):
         raise InvalidInput("the ground has no surface: name one, such as Ground(surface='turf')")
     one_flight = partial(fly, ball=ball, air=air, ground=ground, tol=tol, plane=plane,
-                         time_limit=time_limit)  # fmt: skip
+                         time_limit=time_limit, max_step=max_step)  # fmt: skip
     flights, bounces, status = _bouncing(state, ball, surface, one_flight)
     phases: list[GroundPhase] = []
     if status is None:
@@ -159,7 +167,9 @@ def follow(
         phases = _grounded(state, ball, air, surface, tol, plane, time_limit)
         status = FlightStatus.AT_PLANE if phases[-1].at_wall else FlightStatus.AT_REST
         status = FlightStatus.BLOWN if phases[-1].blown else status
-    return Course(status, tuple(flights), tuple(bounces), tuple(phases))
+    again = partial(follow, start, ball, air, ground, tol, plane=plane, time_limit=time_limit,
+                    max_step=max_step)  # fmt: skip
+    return Course(status, tuple(flights), tuple(bounces), tuple(phases), again)
 
 
 def _bouncing(

@@ -11,8 +11,6 @@ Weight less buoyancy, drag (Eq. 12), lift (Eq. 13) and the torque that brakes th
 with u the velocity relative to the air.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -21,21 +19,25 @@ import numpy as np
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 
 STILL = 1e-100
 """Reynolds number below which no acceleration in double precision is left."""
 
 Reynolds = Callable[[float, float, float, float], float]
 
-Forces = Callable[
+Acceleration = Callable[
     [float, float, float, float, float, float, float], tuple[float, float, float, float]
 ]
 
 
 def downward(ball: Ball, air: Air | None) -> float:
-    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2]."""
+    r"""Return weight less buoyancy per mass, :math:`g (1 - \rho V / m)` [m/s2].
+
+    An obstacle, a ball of mass inf, raises `InvalidInput`.
+    """
+    ball.check_movable("a flight")
     if air is None or not air.buoyancy:
         return GRAVITY
     return GRAVITY * (1.0 - air.density * ball.volume / ball.mass)
@@ -53,7 +55,7 @@ def brakes(air: Air | None, spin: Array) -> bool:
     return air is not None and air.density > 0 and air.torque is not None and bool(spin.any())
 
 
-def forces(ball: Ball, air: Air) -> Forces:
+def acceleration_function(ball: Ball, air: Air) -> Acceleration:
     r"""Return a function of height, velocity and spin: acceleration and rate of spin decay.
 
     It takes z [m], vx, vy, vz [m/s], wx, wy, wz [rad/s] and returns ax, ay, az [m/s2] and k [1/s]
@@ -74,9 +76,10 @@ def forces(ball: Ball, air: Air) -> Forces:
     if air.torque is not None:
         creep = 8.0 * math.pi * air.viscosity * radius**3 / ball.inertia
 
-    def acting(
+    def acceleration(
         z: float, vx: float, vy: float, vz: float, wx: float, wy: float, wz: float
     ) -> tuple[float, float, float, float]:
+        """Return the acceleration [m/s2] and the rate of spin decay [1/s]."""
         blowing = wind(z)
         ux, uy, uz = vx - blowing[0], vy - blowing[1], vz - blowing[2]
         speed = math.sqrt(ux * ux + uy * uy + uz * uz)
@@ -93,7 +96,7 @@ def forces(ball: Ball, air: Air) -> Forces:
             ax, ay, az = ax + k * mx, ay + k * my, az + k * mz
         return ax, ay, az, brake * beta(reynolds, spin_parameter) * speed + creep
 
-    return acting
+    return acceleration
 
 
 def reynolds_number(ball: Ball, air: Air) -> Reynolds:
@@ -101,6 +104,7 @@ def reynolds_number(ball: Ball, air: Air) -> Reynolds:
     wind, per_speed = air.wind_at, 2.0 * ball.radius * air.density / air.viscosity
 
     def reynolds(z: float, vx: float, vy: float, vz: float) -> float:
+        """Return the Reynolds number at a height and a velocity."""
         blowing = wind(z)
         ux, uy, uz = vx - blowing[0], vy - blowing[1], vz - blowing[2]
         return per_speed * math.sqrt(ux * ux + uy * uy + uz * uz)
@@ -124,7 +128,7 @@ def time_to_fall(rise_speed: float, drop: float, g: float) -> float:
     else:
         root = math.hypot(rise_speed, math.sqrt(fallen))  # speeds below 1e-154 have no square
     if rise_speed < 0.0:
-        return 2.0 * drop / (root - rise_speed)  # Eq. (24), without cancellation
+        return 2.0 * drop / (root - rise_speed)  # root of Eq. (25), without cancellation
     return (rise_speed + root) / g if g > 0.0 else math.inf
 
 

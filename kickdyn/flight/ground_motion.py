@@ -1,7 +1,5 @@
 """What a ball does on level ground: it bounces, slides until it rolls, and rolls until it rests."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import downward, forces, time_to_fall
+from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
 from kickdyn.flight.integrate import Event, FlightArc, fly_until, joined
 from kickdyn.ground import Surface
 
@@ -112,6 +110,7 @@ def slide(
     spin_change = shell / ball.radius * push * across
 
     def states(t: Array) -> BallState:
+        """Return the sliding ball at times `(n,)` [s]."""
         t = t[:, None]
         moved = level * t - 0.5 * speed_change * t * t
         return BallState(
@@ -124,7 +123,8 @@ def slide(
         normal, gap = wall
         reached = time_to_fall(float(normal @ level), gap, float(normal @ speed_change))
     end = states(np.array([min(last, reached)]))
-    return GroundPhase(_at_start(state), _first(end), "slide", states, reached <= last)
+    start = BallState(state.position, state.velocity, state.spin)
+    return GroundPhase(start, _first(end), "slide", states, reached <= last)
 
 
 def roll(
@@ -148,16 +148,18 @@ def roll(
     tol = min(tol, 1e-9)
     resistance = surface.rolling_deceleration
     share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))
-    acting = None if air is None or air.density == 0 else forces(ball, air)
+    acting = None if air is None or air.density == 0 else acceleration_function(ball, air)
     height = float(state.position[2])
 
     def push(u: float, v: float) -> tuple[float, float]:
+        """Return the acceleration by the air of a rolling ball [m/s2]."""
         if acting is None:
             return 0.0, 0.0
         ax, ay, _, _ = acting(height, u, v, 0.0, 0.0, 0.0, 0.0)
         return share * ax, share * ay
 
     def rates(_: float, states: Any) -> list[float]:
+        """Return the rates of place and velocity of a rolling ball."""
         u, v = float(states[2]), float(states[3])
         ax, ay = push(u, v)
         speed = math.hypot(u, v)
@@ -194,6 +196,7 @@ def roll(
     rolled = joined(arcs, begin)
 
     def states(t: Array) -> BallState:
+        """Return the rolling ball at times `(n,)` [s]."""
         plane = rolled(np.minimum(t, at))
         late = np.clip(t - at, 0.0, final - at)  # in the straight line to rest
         speeds = left - fading * late
@@ -212,12 +215,8 @@ def roll(
     last = _first(states(np.array([final])))
     at_wall = reached is not None and not rests
     blown, calls = not rests and not at_wall, sum(arc.evaluations for arc in arcs)
-    return GroundPhase(_at_start(state), last, "roll", states, at_wall, blown, calls)
-
-
-def _at_start(state: BallState) -> BallState:
-    """Return a state at time 0."""
-    return BallState(state.position, state.velocity, state.spin)
+    start = BallState(state.position, state.velocity, state.spin)
+    return GroundPhase(start, last, "roll", states, at_wall, blown, calls)
 
 
 def _first(states: BallState) -> BallState:

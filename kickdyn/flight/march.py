@@ -1,6 +1,6 @@
 """Many flights in machine code: scipy's DOP853 without its Python.
 
-Coefficients, error estimate and first step are scipy's. The next step is 0.7 of what the estimate
+Coefficients and error estimate are scipy's. The next step is 0.7 of what the estimate
 allows, not 0.9: fewer are rejected, and as many evaluations give half the error. Events are not
 read off an interpolant: the step that crosses one is taken anew with the length that ends there, so
 that a node is as accurate as the steps are. Every flight has a lane, with its own time and step;
@@ -8,8 +8,6 @@ whichever ends makes room for the next.
 """
 
 # mypy: disable-error-code="no-untyped-def"
-
-from __future__ import annotations
 
 import math
 import zlib
@@ -47,12 +45,12 @@ for _k, _row in enumerate(_TABLE):
     _WHICH[_k, : len(_used)] = _used
     _WEIGHT[_k, : len(_used)] = _row[_used]
 
-T, H, DROP, ERROR, GROWTH, TAKEN, NEXT, SPAN, LOW, HIGH = range(10)
-"""Rows of a lane's numbers: time, step; drop to the landing; the step's error over what is
-tolerated, the factor that allows for the next one, whether it is taken; the next step, the whole
-step that an event lies in, and bounds of the event within it."""
+T, H, LONGEST, DROP, ERROR, GROWTH, TAKEN, NEXT, SPAN, LOW, HIGH = range(11)
+"""Rows of a lane's numbers: time, step and its limit; drop to the landing; the step's error over
+what is tolerated, the factor that allows for the next one, whether it is taken; the next step, the
+whole step that an event lies in, and bounds of the event within it."""
 
-_LANE_ROWS = 10
+_LANE_ROWS = 11
 
 _EPS = float(np.finfo(float).eps)
 
@@ -77,17 +75,11 @@ def compiled_march() -> Any:
 def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations):
     """Fly every row: load flights into lanes, step all lanes at once, see where each one stands.
 
-    Args:
-        rates_of: the compiled rates, `side_by_side`.
-        scenes: per row height, spin (3), whether it decays, drop, absolute tolerance of
-            displacement and of velocity.
-        velocities: at the launch, shape `(n, 3)` [m/s].
-        rtol: relative tolerance.
-        tol: absolute tolerance of the spin.
-        limit: of time [s].
-        out: shape `(n, 16)`: time and 7 states at the end, time and 7 states at the apex.
-        status: `LANDED`, `ALOFT` or `FAILED`.
-        evaluations: of the acceleration.
+    A scene is height, spin (3), whether it decays, drop, absolute tolerances of displacement and of
+    velocity, longest step; the velocity at the launch [m/s] has shape `(3,)`. The relative
+    tolerance is `rtol`, the absolute one of the spin `tol`, the limit of time `limit` [s]. Rows of
+    `out` are filled with time and 7 states at the end, then at the apex; `status` with `LANDED`,
+    `ALOFT` or `FAILED`.
     """
     n = len(out)
     rates, begin = np.zeros((STAGES + 1, SIZE)), np.empty((n, 8))
@@ -222,7 +214,7 @@ def _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane):
         scale[X + c * LANES + i] = scenes[row, 6]
         scale[U + c * LANES + i] = scenes[row, 7]
     y[LEFT + i], scale[LEFT + i] = 1.0, tol
-    lane[DROP, i] = scenes[row, 5]
+    lane[DROP, i], lane[LONGEST, i] = scenes[row, 5], scenes[row, 8]
 
 
 @njit
@@ -236,9 +228,10 @@ def _scaled_norm(i, a, y, rtol, scale):
 
 @njit
 def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations):
-    """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner, II.4.
+    """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner do.
 
-    A flight that cannot begin, or ends at once, is given a status.
+    The steps are relative to the flight's own times, as in `integrate`. A flight that cannot begin,
+    or ends at once, is given a status.
     """
     scene, scale, y = np.zeros(5 * LANES), np.ones(SIZE), np.zeros(SIZE)
     lane = np.zeros((_LANE_ROWS, LANES))
@@ -249,9 +242,9 @@ def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status
         rates_of(scene, y, rates[0])
         for i in range(min(LANES, n - first)):
             row = first + i
-            d0 = _scaled_norm(i, y, y, rtol, scale)
+            d0 = max(_scaled_norm(i, y, y, rtol, scale), 1.0)
             d1 = _scaled_norm(i, rates[0], y, rtol, scale)
-            h = 1e-6 if d0 < 1e-5 or d1 < 1e-5 else min(d0 / d1, (0.01 / d1) ** 0.125)
+            h = d0 / d1 * (0.01 / d0) ** 0.125 if d1 > 0.0 else limit
             starts[row, 7] = min(h, limit)
             evaluations[row], status[row] = 1, ALOFT
             for c in range(7):
@@ -351,7 +344,7 @@ def _set_step(i, h, limit, lane, counts):
     """Set the length of a lane's next step; return -1, or `FAILED` where no step helps."""
     t = lane[T, i]
     smallest = max(10.0 * _EPS * t, 1e-300)
-    lane[H, i] = min(max(h, smallest), limit - t)
+    lane[H, i] = min(max(min(h, lane[LONGEST, i]), smallest), limit - t)
     counts[_PHASE, i] = _FLYING
     vain = counts[_CALLS, i] > MAX_EVALUATIONS or (counts[_REJECTED, i] == 1 and h < smallest)
     return FAILED if vain else -1

@@ -1,7 +1,5 @@
 """Leg and ball just before they touch: checked input, and how fast the foot approaches the ball."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -14,7 +12,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
-from kickdyn.impact.contact_problem import ContactProblem, contact_axes
+from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
@@ -71,23 +69,6 @@ class Approach(NamedTuple):
         terms += abs(self.ball_before.velocity)
         return EPS * float(abs(self.contact.normal).dot(terms))
 
-    def impulse_rounding(self) -> float:
-        """Estimate which share of the impulse is rounding; tested against 50 digits.
-
-        Three things lose digits: a speed of approach of which much cancels; the Delassus matrix,
-        where a ball is heavy beside the leg that it sticks to (its condition, scaled to unit
-        diagonal); and the joint-space inertia, where supports or loops constrain the leg.
-        """
-        share = self.speed_rounding() / self.speed
-        if self.contact.friction > 0.0:
-            problem = self.contact_problem()
-            matrix = problem.delassus_in(contact_axes(problem.normal, problem.velocity))
-            scale = 1.0 / np.sqrt(matrix.diagonal())
-            share += EPS * float(np.linalg.cond(matrix * scale * scale[:, None]))
-        if self.posture.constraint_projector is not None:
-            share += EPS * self.posture.rounding_gain
-        return 2.0 * share
-
 
 def find_approach(
     posture: Posture,
@@ -99,14 +80,10 @@ def find_approach(
 ) -> Approach:
     r"""Check the arguments of `strike` and return the motion just before the impact.
 
-    The foot's velocity is :math:`J v`, and the speed of approach
-    :math:`n \cdot (J v - v_\mathrm{ball})`.
-
-    Raises:
-        NoImpact: the foot does not approach the ball, or by no more than 4 times the rounding of
-            the terms of which the speed is the sum.
-        InvalidInput: a wrong type or shape, a velocity that supports or loops do not allow, or
-            speeds whose energies leave double precision.
+    The foot's velocity is :math:`J v`, and the speed of approach :math:`n \cdot (J v -
+    v_\mathrm{ball})`. `NoImpact` is raised where that is not above 4 times the rounding of the
+    terms of which it is the sum, `InvalidInput` also for speeds whose energies leave double
+    precision.
     """
     is_posture, is_ball = isinstance(posture, Posture), isinstance(ball, Ball)
     if not (is_posture and is_ball and isinstance(contact, Contact)):  # cheaper than three calls
@@ -126,7 +103,8 @@ def find_approach(
     position = posture.contact_point + ball.radius * contact.normal
     before = BallState.computed(position, velocity, spin)
     # `dot` because `@` takes twice as long on three numbers.
-    if math.hypot(*v.tolist()) < MAX_SPEED:
+    joint_speed = math.hypot(*v.tolist())
+    if joint_speed < MAX_SPEED:
         foot_velocity = posture.jacobian.dot(v)
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # reported by `_closing_speed`
@@ -139,7 +117,9 @@ def find_approach(
         raise InvalidInput(
             f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"
         )
-    if speed < 1e-9 * (math.sqrt(np.vdot(v, v)) + fastest):  # few of its digits may be left
+    # A bound on the rounding, in any units, which takes less time to compute.
+    reach = math.sqrt(np.vdot(posture.jacobian, posture.jacobian))
+    if speed < 1e-14 * (reach * joint_speed + fastest + ball_speed):
         rounding = approach.speed_rounding()
         if speed <= 4.0 * rounding:
             raise NoImpact(

@@ -1,7 +1,5 @@
 """The strike through a compliant contact: leg and ball integrated while they touch."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -18,6 +16,7 @@ from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
+from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, Torque
@@ -98,9 +97,10 @@ class Collision(ReprMixin):
     evaluations: int
     tol: float
     _sample: Sample = field(repr=False)
-    _again: partial[Collision] = field(repr=False)
+    _again: "partial[Collision]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "contact time", 1e3 * self.contact_time, "ms"
         yield "peak force", self.peak_force, "N"
         yield "deflection", 1e3 * self.deflection, "mm"
@@ -113,17 +113,9 @@ class Collision(ReprMixin):
             [*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before)]
         )
 
-    def __reduce__(self) -> tuple[partial[Collision], tuple[()]]:
+    def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
         return (partial(self._again, tol=self.tol), ())
-
-    def __copy__(self) -> Collision:
-        """Return itself, because it does not change."""
-        return self
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Collision:
-        """Return itself."""
-        return self
 
     @cached_property
     def error(self) -> float:
@@ -154,6 +146,7 @@ class Collision(ReprMixin):
         )
 
 
+@validation.check_arguments
 def collide(
     posture: Posture,
     v: ArrayLike,
@@ -200,15 +193,19 @@ def collide(
         KickdynError: foot and ball do not separate, or the integrator failed.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
-    validation.check_type(Posture, posture=posture)
     check_unconstrained(posture.leg, "a contact that takes time is")
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    ball.check_movable("a contact that takes time")
+    far = max(largest(posture.contact_point), largest(posture.contact_lever))
+    validation.number("ball radius", ball.radius, at_least=1e-12 * far, unit="m")  # else rounding
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass
     hertz = _hertz_contact(approach, mass, contact_time, stiffness)
-    motion = CompliantContact(approach, hertz, torque)
+    expected = expected_contact_time(hertz.stiffness, mass, approach.speed, contact.restitution)
+    validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
+    motion = CompliantContact(approach, hertz, torque, expected)
     solution = _integrate(motion, approach, mass, tol)
     return _result(motion, approach, mass, solution, tol)
 
@@ -246,13 +243,8 @@ def _hertz_contact(
 
 def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
     """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
-    speed = approach.speed
-    expected = expected_contact_time(
-        motion.hertz.stiffness, mass, speed, approach.contact.restitution
-    )
-    validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
-    start, limit = motion.start(), MAX_CONTACT_TIMES * expected
-    atol = tol * motion.scales(start, expected, speed, mass)
+    expected, start = motion.expected, motion.start()
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(mass)
     with np.errstate(over="ignore", invalid="ignore"):  # reported below
         solution = integrate_until(
             motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0
@@ -277,6 +269,7 @@ def _result(
     start, end, last = solution.y[:, 0], float(solution.t[-1]), solution.y[:, -1]
 
     def sample(t: float) -> tuple[Array, Array, float]:
+        """Return the contact's quantities at a time [s]."""
         return motion.contact_at(t, solution.sol(t))
 
     peak_force, deflection = _peaks(sample, solution.t)

@@ -1,7 +1,5 @@
 """Equations of motion of leg and ball while they touch, with a compliant contact."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -26,7 +24,13 @@ CREEP = 1e-3
 smooth, so sticking points creep about that fast. For mu above 1 it is mu times as much: sticking
 needs a smaller part of the friction then, so that the creep is the same."""
 
-MAX_EVALUATIONS = 100_000
+MAX_EVALUATIONS = 60_000
+"""Evaluations of the equations of motion, each some 60 us; ordinary contacts take a few thousand,
+those that stick at a tolerance of 1e-13 up to 40,000."""
+
+FIRST_EVALUATIONS = 5_000
+"""Evaluations after which a contact is given up that would take more than the most, at the same
+pace to the end of the contact time that is expected."""
 
 
 class State(NamedTuple):
@@ -74,7 +78,9 @@ class CompliantContact:
     the ball's displacement, velocity and spin, the energy lost, and the work done.
     """
 
-    def __init__(self, approach: Approach, hertz: HertzContact, torque: Array | Torque) -> None:
+    def __init__(
+        self, approach: Approach, hertz: HertzContact, torque: Array | Torque, expected: float
+    ) -> None:
         posture, contact = approach.posture, approach.contact
         self.approach, self.hertz, self.torque = approach, hertz, torque
         self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
@@ -83,7 +89,7 @@ class CompliantContact:
         self.gravity = np.array(self.model.gravity.linear)
         self.friction = contact.friction
         self.creep = CREEP * approach.speed * max(contact.friction, 1.0)
-        self.evaluations = 0
+        self.evaluations, self.expected = 0, expected
         self.foot = posture.contact_point
         self.arm = posture.contact_lever
         self.normal = posture.rotation_world_joint.T @ contact.normal
@@ -101,13 +107,17 @@ class CompliantContact:
             [np.zeros(self.leg.nv), v, np.zeros(3), before.velocity, before.spin, [0.0, 0.0]]
         )
 
-    def scales(self, start: Array, time: float, speed: float, mass: float) -> Array:
-        """Return the scale of each entry of a column, for absolute tolerances."""
-        fast = float(np.abs(start[self.leg.nv : 2 * self.leg.nv]).max()) or speed
+    def scales(self, mass: float) -> Array:
+        """Return the scale of each entry of a column, for absolute tolerances, of a mass [kg].
+
+        The mass is the effective one of leg and ball along the normal.
+        """
+        time, speed = self.expected, self.approach.speed
         spin = float(np.abs(self.approach.ball_before.spin).max()) or speed / self.ball.radius
         energy = 0.5 * mass * speed * speed
-        nv = self.leg.nv
-        sizes = [[fast * time] * nv, [fast] * nv, [speed * time] * 3, [speed] * 3, [spin] * 3]
+        # of each joint as fast as that energy would make it alone: hinges and slides alike
+        fast = np.sqrt(2.0 * energy / self.approach.posture.inertia.diagonal())
+        sizes = [fast * time, fast, [speed * time] * 3, [speed] * 3, [spin] * 3]
         return np.concatenate([*sizes, [energy, energy]])
 
     def state(self, y: Array) -> State:
@@ -145,10 +155,16 @@ class CompliantContact:
     def rates(self, t: float, y: Array) -> Array:
         """Return the derivative of a column."""
         self.evaluations += 1
-        if self.evaluations > MAX_EVALUATIONS:
+        if not math.isfinite(t):
             raise KickdynError(
-                f"the contact has not ended after {MAX_EVALUATIONS} evaluations, at {t:g} s: the "
-                "equations of motion are too stiff"
+                "the integrator left double precision: torques, speeds or lengths are too large"
+            )
+        slow = self.evaluations * self.expected > MAX_EVALUATIONS * t
+        if self.evaluations > (FIRST_EVALUATIONS if slow else MAX_EVALUATIONS):
+            raise KickdynError(
+                f"the contact has not ended after {self.evaluations - 1} evaluations, at {t:g} of "
+                f"about {self.expected:g} s: the equations of motion are too stiff (friction "
+                f"{self.friction:g}, a light foot or a ball of small inertia)"
             )
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)

@@ -1,10 +1,7 @@
 """Several frictional contacts at once: impulses in Coulomb's cones, by Newton's method."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,27 +24,22 @@ def solve_cones(delassus: Array, free: Array, frictions: Array) -> tuple[Array, 
     from rest, then from random impulses. Under strong friction there can be several solutions: the
     first found is returned, thus sticking where everything can stick.
 
-    Args:
-        delassus: G, positive semidefinite, tangential axes first and normal last,
-            shape `(3 k, 3 k)` [1/kg].
-        free: g, velocities without impulses, shape `(3 k,)` [m/s].
-        frictions: mu, shape `(k,)`.
-
-    Returns:
-        p, shape `(3 k,)` [N s], and its `cone_residual`: the best found, be it small or not.
+    G is positive semidefinite, tangential axes first and normal last, `(3 k, 3 k)` [1/kg]; g, the
+    velocities without impulses, is `(3 k,)` [m/s]. Returned are p, `(3 k,)` [N s], and its
+    `cone_residual`: the best found, be it small or not.
     """
     width = np.maximum(frictions, 1.0)
     scale = np.repeat(1.0 / np.sqrt(_mobilities(delassus).max(axis=1)), 3)
     scale[2::3] /= width
     speed = float(np.abs(scale * free).max()) or 1.0
-    cones = Cones(delassus * scale * scale[:, None], scale * free / speed, np.minimum(frictions, 1))
-    short = 1.0 / _mobilities(cones.delassus)
+    cones = delassus * scale * scale[:, None], scale * free / speed, np.minimum(frictions, 1)
+    short = 1.0 / _mobilities(cones[0])
     long = short.copy()  # by the tangential scale: contacts that friction alone supports need it
     long[:, 1] /= width
     best, least = np.zeros(len(free)), math.inf
-    for start in _starts(cones):
+    for start in _starts(*cones[:2]):
         for lengths in (short, long):
-            found = newton_iterations(cones, start, lengths) * scale * speed
+            found = newton_iterations(*cones, start, lengths) * scale * speed
             residual = cone_residual(delassus, free, frictions, found)
             if residual < least:
                 best, least = found, residual
@@ -95,43 +87,27 @@ def _mobilities(delassus: Array) -> Array:
     return np.asarray(np.maximum(found, 1e-14 * found.max()))  # 0 could not be divided by
 
 
-class Cones(NamedTuple):
-    """Contacts, tangential axes first and normal last, in any units.
-
-    Attributes:
-        delassus: G, shape `(3 k, 3 k)`.
-        free: velocities without impulses, shape `(3 k,)`.
-        frictions: shape `(k,)`.
-    """
-
-    delassus: Array
-    free: Array
-    frictions: Array
-
-
-def _starts(cones: Cones) -> Iterator[Array]:
+def _starts(delassus: Array, free: Array) -> Iterator[Array]:
     """Yield impulses to start from: sticking everywhere, none, and random ones."""
-    yield -np.linalg.pinv(cones.delassus, rcond=1e-12, hermitian=True) @ cones.free
-    yield np.zeros(len(cones.free))
+    yield -np.linalg.pinv(delassus, rcond=1e-12, hermitian=True) @ free
+    yield np.zeros(len(free))
     rng = np.random.default_rng(0)
     for _ in range(100):  # the same in every call
-        start = rng.normal(size=len(cones.free))
+        start = rng.normal(size=len(free))
         start[2::3] = np.abs(start[2::3])
         yield start
 
 
-def newton_iterations(cones: Cones, start: Array, lengths: Array) -> Array:
+def newton_iterations(
+    delassus: Array, free: Array, frictions: Array, start: Array, lengths: Array
+) -> Array:
     """Return the best impulses along a damped Newton iteration from a start, shape `(3 k,)`.
 
-    The equations are those of `cone_residual`. Where G is singular, steps are the shortest.
-
-    Args:
-        cones: the contacts.
-        start: impulses, shape `(3 k,)`.
-        lengths: s and r of each contact, shape `(k, 2)`.
+    The equations are those of `cone_residual`, in any units, with s and r of each contact in
+    `lengths`, `(k, 2)`. Where G is singular, steps are the shortest.
     """
-    p = best = start
-    residual, slope = _equations(cones, p, lengths)
+    cones, p, best = (delassus, free, frictions), start, start
+    residual, slope = _equations(*cones, p, lengths)
     size = least = float(np.linalg.norm(residual))
     for _ in range(60):
         row = _row_scale(slope)
@@ -144,7 +120,7 @@ def newton_iterations(cones: Cones, start: Array, lengths: Array) -> Array:
         share = 1.0
         while True:
             there = p + share * step
-            residual, slope = _equations(cones, there, lengths)
+            residual, slope = _equations(*cones, there, lengths)
             now = float(np.linalg.norm(residual))
             if now < (1.0 - 1e-4 * share) * size or share < 1e-3 or not math.isfinite(now):
                 break
@@ -164,26 +140,28 @@ def _row_scale(matrix: Array) -> Array:
     return np.asarray(1.0 / np.where(largest > 0.0, largest, 1.0))
 
 
-def _equations(cones: Cones, p: Array, lengths: Array) -> tuple[Array, Array]:
+def _equations(
+    delassus: Array, free: Array, frictions: Array, p: Array, lengths: Array
+) -> tuple[Array, Array]:
     """Return the equations' residual, shape `(3 k,)`, and its derivative."""
     n = len(p)
     unit = np.eye(n)
-    velocities = cones.delassus @ p + cones.free
+    velocities = delassus @ p + free
     residual, slope = p.copy(), np.eye(n)
-    for i, (mu, (s, r)) in enumerate(zip(cones.frictions, lengths, strict=True)):
+    for i, (mu, (s, r)) in enumerate(zip(frictions, lengths, strict=True)):
         plane, normal = slice(3 * i, 3 * i + 2), 3 * i + 2
         pressed = p[normal] - r * velocities[normal]
         if pressed <= 0.0:  # apart: no impulse
             continue
-        residual[normal], slope[normal] = r * velocities[normal], r * cones.delassus[normal]
+        residual[normal], slope[normal] = r * velocities[normal], r * delassus[normal]
         target = p[plane] - s * velocities[plane]
         size = math.hypot(*target)
         if size <= mu * pressed:  # sticks
-            residual[plane], slope[plane] = s * velocities[plane], s * cones.delassus[plane]
+            residual[plane], slope[plane] = s * velocities[plane], s * delassus[plane]
             continue
         direction = target / size
-        pressed_p = unit[normal] - r * cones.delassus[normal]
-        target_p = unit[plane] - s * cones.delassus[plane]
+        pressed_p = unit[normal] - r * delassus[normal]
+        target_p = unit[plane] - s * delassus[plane]
         turn = (np.eye(2) - np.outer(direction, direction)) * (mu * pressed / size)
         residual[plane] -= mu * pressed * direction
         slope[plane] -= mu * np.outer(direction, pressed_p) + turn @ target_p

@@ -1,14 +1,12 @@
 """What supports and loops transmit in an impact, and whether the ground could supply it."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.constraints import ConstraintProjector, Support
+from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
 
 ROUNDING = 1e-12
@@ -32,64 +30,21 @@ class Footing(StrEnum):
     TILTED = "tilted"
 
 
-def named_impulses(
-    projector: ConstraintProjector | None, impulses: Array
-) -> tuple[dict[str, Array], dict[tuple[str, str], Array]]:
-    """Return the stacked impulses by support and by loop."""
-    if projector is None:
-        return {}, {}
-    supports, loops = projector.constraints.supports, projector.constraints.loops
-    parts = [impulses[block.rows] for block in projector.blocks]
-    by_support = zip((support.frame for support in supports), parts, strict=False)
-    return dict(by_support), dict(zip(loops, parts[len(supports) :], strict=True))
-
-
-def constraint_residuals(projector: ConstraintProjector | None, v: Array) -> tuple[float, float]:
-    """Return the largest velocity of a support [m/s, rad/s] and of a loop [m/s]."""
-    if projector is None:
-        return 0.0, 0.0
-    speeds = np.abs(projector.rows @ v)
-    split = sum(support.size for support in projector.constraints.supports)
-    return float(speeds[:split].max(initial=0.0)), float(speeds[split:].max(initial=0.0))
-
-
 def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for a leg with supports or loops.
-
-    Args:
-        leg: the leg.
-        what: for the message: what is derived for legs without them.
-    """
+    """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
     if leg.constraints is not None:
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
         )
 
 
-def footings(
-    projector: ConstraintProjector | None, impulses: Array, scale: float
-) -> dict[str, Footing]:
-    """Return `footing` of every support by name, from the stacked constraint impulses."""
-    if projector is None:
-        return {}
-    return {
-        support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, scale)
-        for support, block in zip(projector.constraints.supports, projector.blocks, strict=False)
-    }
-
-
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
     """Return how a support moves that the impact takes for fixed.
 
     The impulse alone presses the foot down: an impact is too short for weight. Friction's moment
-    about the normal is not judged.
-
-    Args:
-        support: with friction and sole, or those of the two that are to be judged.
-        impulse: on the robot at the support's frame, shape `(3,)` or `(6,)` [N s, N m s, world
-            axes]; the ground's normal is z.
-        rotation: from the frame's axes to the world's, shape `(3, 3)`.
-        scale: size of the impulse on the ball [N s].
+    about the normal is not judged. The impulse on the robot is at the support's frame, `(3,)` or
+    `(6,)` [N s, N m s, world axes], z the ground's normal; the rotation is from the frame's axes to
+    the world's, and the scale is the size of the impulse on the ball [N s].
     """
     none = ROUNDING * scale
     normal = float(impulse[2])

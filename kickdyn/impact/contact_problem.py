@@ -1,7 +1,5 @@
 """The contact problem that an impact law solves, and the solution it returns."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -117,12 +115,8 @@ def frictionless(problem: ContactProblem) -> Solution:
 def contact_axes(n: Array, u: Array) -> Array:
     """Return a rotation whose third column is n and whose first is along the sliding, if any.
 
-    Args:
-        n: unit normal, shape `(3,)`.
-        u: relative velocity, shape `(3,)`.
-
-    Returns:
-        From contact axes to the axes of n and u, shape `(3, 3)`.
+    It is from contact axes to the axes of the unit normal n and the relative velocity u, both
+    `(3,)`.
     """
     nx, ny, nz = normal = n.tolist()
     ux, uy, uz = u.tolist()

@@ -1,15 +1,13 @@
 """A compliant contact: Hertz's spring with the damping of Hunt and Crossley."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
+from scipy.integrate import OdeSolution, solve_ivp
 from scipy.optimize import brentq
 
 from kickdyn.core import validation
@@ -34,15 +32,23 @@ class HertzContact:
     stiffness: float
     damping: float
 
+    def __post_init__(self) -> None:
+        """Check the values and store them as floats."""
+        stiffness = validation.number("stiffness", self.stiffness, at_least=0, unit="N/m^1.5")
+        object.__setattr__(self, "stiffness", stiffness)
+        damping = validation.number("damping", self.damping, at_least=0, unit="s/m")
+        object.__setattr__(self, "damping", damping)
+
     def force(self, deflection: float, rate: float) -> float:
-        """Return the normal force [N] at a deflection [m] that grows at a rate [m/s]."""
+        """Return the normal force [N] at a deflection [m] that grows at a rate [m/s], unchecked."""
         if deflection <= 0.0:
             return 0.0
         return max(self.spring(deflection) * (1.0 + self.damping * rate), 0.0)
 
     def spring(self, deflection: float) -> float:
-        """Return the elastic part of the force [N], 0 or more."""
-        return float(self.stiffness * max(deflection, 0.0) ** 1.5)
+        """Return the elastic part of the force [N], 0 or more, at an unchecked deflection [m]."""
+        size = max(deflection, 0.0)  # its power as a product, which may be inf but raises nothing
+        return float(self.stiffness * size * math.sqrt(size))
 
 
 def matched_damping(restitution: float) -> float:
@@ -67,6 +73,7 @@ def matched_damping(restitution: float) -> float:
         return first
 
     def excess(w: float) -> float:  # in w = -ln(1 - e s), for s comes very close to 1/e
+        """Return by how much energy is not balanced, 0 at the root."""
         s = -math.expm1(-w) / e
         return (1.0 + e) * s - math.log1p(s) - w
 
@@ -111,6 +118,7 @@ def _unit_contact_time(restitution: float) -> float:
     contact = HertzContact(1.0, matched_damping(restitution))
 
     def rates(_: float, y: Array) -> list[float]:
+        """Return the rates of deflection and its speed, per unit of mass."""
         deflection, rate = y
         return [rate, -contact.force(deflection, rate)]
 
@@ -122,13 +130,26 @@ def _unit_contact_time(restitution: float) -> float:
 def integrate_until(
     event: Any, rates: Any, start: ArrayLike, limit: float, rtol: float, atol: Any, step: float
 ) -> Any:
-    """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns."""
+    """Run scipy's DOP853 until an event of (t, y) falls to 0; return what `solve_ivp` returns.
+
+    States at an event are an interpolant's, which is far less exact than the step. So the last step
+    is taken anew, to just beyond the event.
+    """
 
     def falling(t: float, y: Array) -> float:
+        """Return the event's function."""
         return float(event(t, y))
 
     falling.terminal, falling.direction = True, -1  # type: ignore[attr-defined]
-    return solve_ivp(
-        rates, (0.0, limit), np.asarray(start, dtype=np.float64), "DOP853",
-        events=falling, dense_output=True, rtol=rtol, atol=atol, max_step=step,
-    )  # fmt: skip
+    run = partial(solve_ivp, rates, method="DOP853", rtol=rtol, atol=atol, max_step=step,
+                  events=falling, dense_output=True)  # fmt: skip
+    found = run((0.0, limit), np.asarray(start, np.float64))
+    if found.status != 1:
+        return found
+    began, ended = found.t[-2:]
+    beyond = ended + 0.01 * (ended - began)
+    last = run((began, beyond), found.y[:, -2], first_step=beyond - began)
+    times = np.concatenate([found.t[:-1], last.t[1:]])
+    found.sol = OdeSolution(times, [*found.sol.interpolants[:-1], *last.sol.interpolants])
+    found.t, found.y = times, np.hstack([found.y[:, :-1], last.y[:, 1:]])
+    return found

@@ -1,10 +1,8 @@
 """The result of a strike, with the residuals that prove it."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -13,22 +11,22 @@ from numpy.typing import ArrayLike
 
 from kickdyn.ball import Ball, BallState
 from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.constraint_impulses import (
-    Footing,
-    constraint_residuals,
-    footings,
-    named_impulses,
-)
+from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.laws import ImpactLaw
-from kickdyn.impact.leg_response import LegResponse, digits_left, joint_digits, leg_response
+from kickdyn.impact.leg_response import LegResponse, leg_response
+from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
+from kickdyn.robot.constraints import ConstraintBlock, Support
 from kickdyn.robot.leg import Posture
+
+_LoopBlock = tuple[tuple[str, str], ConstraintBlock]
 
 RESIDUAL_ROUNDING = 1e-14
 """Residuals below it are rounding, whose digits differ from processor to processor."""
@@ -45,12 +43,14 @@ class Impact(ReprMixin):
         law: the impact law.
         solution: what the law returned.
         ball_after: motion of the ball just after.
+        response: of the leg, where it was computed with the impulse; None where it follows from it.
     """
 
     approach: Approach
     law: ImpactLaw
     solution: Solution
     ball_after: BallState
+    response: LegResponse | None = field(default=None, kw_only=True)
 
     @property
     def posture(self) -> Posture:
@@ -109,7 +109,7 @@ class Impact(ReprMixin):
     @cached_property
     def effective_mass(self) -> float:
         r"""Mass :math:`1 / (n^T J M^{-1} J^T n)` of the leg along the normal [kg], or inf."""
-        return self.posture.mass_along(self.contact.normal)
+        return self.posture.effective_mass(self.contact.normal)
 
     @property
     def condition(self) -> float:
@@ -119,6 +119,8 @@ class Impact(ReprMixin):
     @cached_property
     def leg_response(self) -> LegResponse:
         """What the impulse does to the leg; its parts are attributes of the impact, too."""
+        if self.response is not None:
+            return self.response
         return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
 
     @property
@@ -150,7 +152,8 @@ class Impact(ReprMixin):
 
         Shape `(6,)`, of a point foot `(3,)` [N s, N m s].
         """
-        return named_impulses(self.posture.constraint_projector, self.constraint_impulses)[0]
+        impulses = self.constraint_impulses
+        return {support.frame: impulses[block.rows] for support, block in self._blocks()[0]}
 
     @property
     def loop_impulses(self) -> dict[tuple[str, str], Array]:
@@ -158,7 +161,8 @@ class Impact(ReprMixin):
 
         The first frame takes the opposite.
         """
-        return named_impulses(self.posture.constraint_projector, self.constraint_impulses)[1]
+        impulses = self.constraint_impulses
+        return {loop: impulses[block.rows] for loop, block in self._blocks()[1]}
 
     @property
     def footing(self) -> dict[str, Footing]:
@@ -166,9 +170,11 @@ class Impact(ReprMixin):
 
         Where a support does not stand, `unilateral_strike` computes what happens.
         """
-        return footings(
-            self.posture.constraint_projector, self.constraint_impulses, math.hypot(*self.impulse)
-        )
+        impulses, size = self.constraint_impulses, math.hypot(*self.impulse)
+        return {
+            support.frame: footing(support, impulses[block.rows], block.rotation_world_frame, size)
+            for support, block in self._blocks()[0]
+        }
 
     @property
     def restitution_residual(self) -> float:
@@ -190,12 +196,12 @@ class Impact(ReprMixin):
     @property
     def support_residual(self) -> float:
         """Largest velocity of a supported frame just after [m/s, rad/s]: 0 but for rounding."""
-        return constraint_residuals(self.posture.constraint_projector, self.v_after)[0]
+        return self._fastest(self._blocks()[0])
 
     @property
     def loop_residual(self) -> float:
         """Largest velocity at which a loop opens just after [m/s]: 0 but for rounding."""
-        return constraint_residuals(self.posture.constraint_projector, self.v_after)[1]
+        return self._fastest(self._blocks()[1])
 
     @property
     def creates_energy(self) -> bool:
@@ -207,7 +213,7 @@ class Impact(ReprMixin):
         surface_speed = self.ball.radius * np.abs(self.ball_before.spin).max()
         speeds = (self.foot_velocity, self.ball_before.velocity, surface_speed)
         fastest = max(float(np.abs(speed).max()) for speed in speeds)
-        return self.energy_lost < -1e-12 * float(np.abs(self.impulse).max()) * fastest
+        return bool(self.energy_lost < -1e-12 * float(np.abs(self.impulse).max()) * fastest)
 
     @property
     def speed_ratio(self) -> float:
@@ -222,25 +228,32 @@ class Impact(ReprMixin):
         worst = int(np.argmax(sizes))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
 
+    @cached_property
+    def rounding(self) -> Rounding:
+        """Shares of the impulse and of the joints' linear impulses that may be rounding."""
+        return estimate_rounding(self.approach, self.solution, self.joint_impulses)
+
     @property
     def digits(self) -> float:
-        """Digits that rounding leaves of the impulse, about; velocities after may cancel more.
+        """Digits that rounding leaves of the impulse, at least: an estimate, see `Rounding`.
 
-        They are few where the speed of approach is little more than the rounding of its terms, or
-        where the ball is many times heavier than the leg that it sticks to.
+        Velocities after the impact may cancel more. Few are left where the speed of approach is
+        little more than the rounding of its terms, where the ball is many times heavier than the
+        leg that it sticks to, and where friction nearly jams the contact.
         """
-        return float(digits_left(self.approach.impulse_rounding()))
+        return float(digits_left(self.rounding.impulse))
 
     @property
     def joint_digits(self) -> Array:
         """Digits that rounding leaves of each joint's linear impulse, an estimate, `(njoints,)`."""
-        return joint_digits(self.joint_impulses, self.impulse, self.approach.impulse_rounding())
+        return digits_left(self.rounding.joints)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line for each joint outside its range, or faster before the impact than its limit."""
         return (*self.posture.warnings, *self.posture.leg.too_fast(self.v_before))
 
+    @validation.check_arguments
     def sensitivity(self, *, of_leg: bool = True) -> Sensitivity:
         """Return the derivatives of this impact; see `Sensitivity`.
 
@@ -278,12 +291,30 @@ class Impact(ReprMixin):
         """
         return uncertainty(self.sensitivity(), self.impulse, self.ball_after.velocity, spread)
 
+    def _blocks(self) -> tuple[list[tuple[Support, ConstraintBlock]], list[_LoopBlock]]:
+        """Return the leg's supports and its loops, each with its rows of the constraints."""
+        projector = self.posture.constraint_projector
+        if projector is None:
+            return [], []
+        supports, blocks = projector.constraints.supports, projector.blocks
+        loops = zip(projector.constraints.loops, blocks[len(supports) :], strict=True)
+        return list(zip(supports, blocks, strict=False)), list(loops)
+
+    def _fastest(self, constraints: Sequence[tuple[Any, ConstraintBlock]]) -> float:
+        """Return the largest velocity just after of constraints that hold [m/s, rad/s]."""
+        projector = self.posture.constraint_projector
+        if projector is None:
+            return 0.0
+        speeds = np.abs(projector.rows @ self.v_after)
+        return max((float(speeds[block.rows].max()) for _, block in constraints), default=0.0)
+
     def __getstate__(self) -> dict[str, Any]:
         """Pickle all of it, read or not, so that a copy has the same digits."""
         _ = self.leg_response, self.effective_mass
         return self.__dict__
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         yield "impulse on the ball", self.impulse, "N s"

@@ -1,7 +1,5 @@
 """The load of each joint in an impact: on its structure, along its axis, and its peak."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -43,6 +41,7 @@ class JointLoad(ReprMixin):
         return f"JointLoad({self.joint}: {format_value(structure)} N s{axis}{peak})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "joint", self.joint, ""
         rounding = ROUNDING * float(np.linalg.norm(self.structure + self.axis))
         for name, part in (("structure", self.structure), ("axis", self.axis)):
@@ -55,6 +54,7 @@ class JointLoad(ReprMixin):
             yield "peak moment", moment, "N m"
 
 
+@validation.check_arguments
 def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, JointLoad]:
     r"""Return the load of every joint by name, in the model's order.
 
@@ -67,7 +67,6 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
     Raises:
         InvalidInput: no impact, or a contact time below 1e-9 s.
     """
-    validation.check_type(Impact, impact=impact)
     per_time = None
     if contact_time is not None:
         time = validation.number("contact time", contact_time, at_least=SHORTEST_CONTACT, unit="s")

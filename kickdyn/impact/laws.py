@@ -1,10 +1,8 @@
 """The registry of impact laws: each maps a contact problem to the impulse on the ball.
 
 A new law is a module like `newton_law.py` with one function, a member of `ImpactLaw` and a line in
-`LAWS`.
+`LAWS`. `pinocchio_engine.py` and `unilateral.py` must refuse it where it does not apply.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -13,9 +11,10 @@ from enum import StrEnum
 import numpy as np
 
 from kickdyn.core import validation
+from kickdyn.core.validation import length
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.contact_problem import ContactProblem, Solution
-from kickdyn.impact.newton_law import solve_newton
+from kickdyn.impact.newton_law import SINGULAR, solve_newton
 from kickdyn.impact.paper_law import solve_paper
 from kickdyn.impact.stronge_law import solve_stronge
 
@@ -44,9 +43,15 @@ LAWS: dict[ImpactLaw, Callable[[ContactProblem], Solution]] = {
 def solve_contact(problem: ContactProblem, law: ImpactLaw) -> Solution:
     """Return the solution of a contact problem by an impact law.
 
-    Raises:
-        KickdynError: the law finds none, as for a leg and a ball whose masses are too unlike.
+    Where neither the leg nor the ball can move along the normal, `InvalidInput` is raised; where
+    the law finds none, as for masses that are too unlike, `KickdynError`.
     """
+    if problem.ball.mass == math.inf:
+        row = problem.normal @ problem.delassus_factor
+        if length(row) <= SINGULAR * np.abs(problem.delassus_factor).max():
+            raise InvalidInput(
+                "ball mass is inf, and the leg cannot move along the contact normal either"
+            )
     try:
         solution = LAWS[law](problem)
     except np.linalg.LinAlgError:
@@ -80,7 +85,7 @@ def normal_impulse(
     e = validation.number("restitution", restitution, at_least=0, at_most=1)
     inverse_mass = 0.0
     for name, mass in (("leg mass", leg_mass), ("ball mass", ball_mass)):
-        if mass != math.inf:
+        if not (isinstance(mass, float) and mass == math.inf):
             inverse_mass += 1.0 / validation.number(name, mass, above=0, unit="kg")
     if inverse_mass == 0.0:
         raise InvalidInput("leg mass and ball mass are both inf: one of them must move")

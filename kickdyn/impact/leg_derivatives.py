@@ -4,8 +4,6 @@ Supports and loops, A v = 0, hold before and after: where A changes, velocities 
 in kinetic energy, that keeps it so.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +11,7 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.leg_response import joint_wrench
+from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.robot.constraints import INDEPENDENT
 from kickdyn.robot.leg import Leg, Posture
 from kickdyn.robot.model_validation import listed
@@ -49,32 +47,22 @@ class _Load(NamedTuple):
 def leg_derivatives(
     posture: Posture, v: Array, v_after: Array, impulse: Array, constraint_impulses: Array
 ) -> LegDerivatives:
-    r"""Differentiate the leg's velocities.
+    r"""Differentiate the leg's velocities before and after an impulse p on the ball, `(3,)` [N s].
 
-    From :math:`M(q)\, (v^+ - v) = -J(q)^T p + A(q)^T \lambda`, at a fixed impulse p on the ball.
-
-    Args:
-        posture: of the leg.
-        v: joint velocity before, shape `(nv,)` [rad/s].
-        v_after: and after.
-        impulse: on the ball, shape `(3,)` [N s].
-        constraint_impulses: of supports and loops, as `Impact.constraint_impulses`.
-
-    Raises:
-        InvalidInput: a joint whose axes depend on its own angles (universal, composite, Euler).
+    From :math:`M(q)\, (v^+ - v) = -J(q)^T p + A(q)^T \lambda`, at a fixed p, with the impulses
+    :math:`\lambda` of supports and loops. A joint whose axes depend on its own angles (universal,
+    composite, Euler) raises `InvalidInput`.
     """
     leg, space = posture.leg, posture.leg.workspace
     check_fixed_axes(leg)
-    model, data, nv, still = space.model, space.data, leg.nv, space.still
+    model, data, nv, zero = space.model, space.data, leg.nv, space.zero_velocity
     wrench = np.concatenate([-impulse, np.zeros(3)])
     foot = _Load(leg.contact_joint, posture.rotation_world_joint, posture.contact_lever, wrench)
     loads = [foot, *(load for _, load in _constraint_loads(posture, constraint_impulses))]
     jacobians = [_jacobian(posture, load) for load in loads]
-    space.pushes.fill(0.0)
-    for load in loads:
-        space.pushes[load.joint] += joint_wrench(load.rotation.T, load.lever, load.wrench)
     jump = v_after - v
-    by_q = pin.computeRNEADerivatives(model, data, posture.q, still, jump, space.external)[0]
+    joint_impulses(posture, jump, -impulse, constraint_impulses)  # sets the external wrenches
+    by_q = pin.computeRNEADerivatives(model, data, posture.q, zero, jump, space.external)[0]
     unbalanced = np.array(by_q).reshape(nv, nv)
     for load, jacobian in zip(loads, jacobians, strict=True):
         # Pinocchio rotates the impulse with the body; this one is fixed in the world.
@@ -98,14 +86,11 @@ def leg_derivatives(
 
 
 def inertia_derivatives(posture: Posture, jump: Array) -> Array:
-    """Return d(v_after)/d(links' inertias), shape `(nv, 10 * links)`.
-
-    Args:
-        posture: of the leg.
-        jump: v_after - v, shape `(nv,)` [rad/s].
-    """
+    """Return d(v_after)/d(links' inertias), `(nv, 10 * links)`, for a jump of v [rad/s]."""
     space, nv = posture.leg.workspace, posture.leg.nv
-    rows = pin.computeJointTorqueRegressor(space.model, space.data, posture.q, space.still, jump)
+    rows = pin.computeJointTorqueRegressor(
+        space.model, space.data, posture.q, space.zero_velocity, jump
+    )
     return np.asarray(-constrained_inverse_inertia(posture) @ np.reshape(rows, (nv, -1)))
 
 
@@ -140,10 +125,7 @@ def constrained_inverse_inertia(posture: Posture) -> Array:
 
 
 def mass_to_inertia(posture: Posture) -> Array:
-    """Return d(inertias)/d(mass) of each link at fixed centre of mass and radii of gyration.
-
-    Shape `(10 * links, links)`.
-    """
+    """Return d(inertias)/d(mass) of each link at fixed shape, `(10 * links, links)`."""
     inertias = list(posture.leg.workspace.model.inertias)[1:]
     matrix = np.zeros((10 * len(inertias), len(inertias)))
     for i, inertia in enumerate(inertias):

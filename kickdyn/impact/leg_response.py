@@ -1,16 +1,13 @@
 """The leg's response to the impulse: velocity jump, joint impulses, constraint impulses."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from kickdyn.core.validation import Array, length
+from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross3, largest
-from kickdyn.impact.approach import EPS
 from kickdyn.robot.leg import Posture
 
 NO_CONSTRAINTS = np.zeros(0)
@@ -37,14 +34,9 @@ class LegResponse(NamedTuple):
 
 
 def leg_response(posture: Posture, v: Array, impulse: Array) -> LegResponse:
-    r"""Return the response of a leg that strikes the ball with an impulse.
+    """Return the response of a leg that strikes the ball with an impulse p, `(3,)` [N s].
 
     The velocity jump is :math:`-M^{-1} J^T p`, less what supports and loops block.
-
-    Args:
-        posture: of the leg.
-        v: joint velocity before, shape `(nv,)` [rad/s].
-        impulse: p, on the ball, shape `(3,)` [N s, world frame].
     """
     if posture.constraint_projector is None:
         jump, transmitted, unbalanced = free_response(posture, -impulse)
@@ -77,34 +69,29 @@ def joint_impulses(
     """Return what each joint transmits when an impulse acts on the foot, by Newton-Euler.
 
     The equations of motion, integrated over the impact, are the recursive Newton-Euler algorithm
-    without gravity and velocity, with the velocity jump for the acceleration.
-
-    Args:
-        posture: of the leg.
-        jump: change of the joint velocity, shape `(nv,)` [rad/s].
-        impulse: on the foot at its contact point, shape `(3,)` [N s, world frame].
-        constraint_impulses: of supports and loops, from `Posture.respond`.
-
-    Returns:
-        The 6-D impulse that each joint's parent exerts on its child, linear then angular, about
-        the joint's origin and in its frame, shape `(njoints, 6)` [N s, N m s]; and the joint-space
-        momentum left over, shape `(nv,)`, which is 0 but for rounding.
+    without gravity and velocity, with the jump of the joint velocity, `(nv,)` [rad/s], for the
+    acceleration. The impulse acts at the contact point, `(3,)` [N s, world frame]. The first result
+    is the impulse that each joint's parent exerts on its child, linear then angular, about the
+    joint's origin and in its frame, `(njoints, 6)` [N s, N m s]; the second is the joint-space
+    momentum left over, `(nv,)`, which is 0 but for rounding.
     """
     leg, space = posture.leg, posture.leg.workspace
-    pushes = space.pushes
-    pushes.fill(0.0)  # of the impact before
-    pushes[leg.contact_joint] = foot_wrench(posture, impulse)
+    wrenches = space.external_wrenches
+    wrenches.fill(0.0)  # of the impact before
+    wrenches[leg.contact_joint] = foot_wrench(posture, impulse)
     if posture.constraint_projector is not None and len(constraint_impulses):
         for block in posture.constraint_projector.blocks:
             part = constraint_impulses[block.rows]
-            pushes[block.joint] += joint_wrench(
+            wrenches[block.joint] += joint_wrench(
                 block.rotations_joint_world[0], block.levers[0], part
             )
             if block.other:
-                pushes[block.other] -= joint_wrench(
+                wrenches[block.other] -= joint_wrench(
                     block.rotations_joint_world[1], block.levers[1], part
                 )
-    unbalanced = pin.rnea(space.model, space.data, posture.q, space.still, jump, space.external)
+    unbalanced = pin.rnea(
+        space.model, space.data, posture.q, space.zero_velocity, jump, space.external
+    )
     return space.forces.copy(), unbalanced.copy()
 
 
@@ -118,11 +105,11 @@ def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array
     wrench = foot_wrench(posture, impulse)
     if posture.is_ill_conditioned:
         return posture.articulated_bodies.respond(leg.contact_joint, np.array(wrench))
-    model, data, still = space.model, space.data, space.still
-    space.pushes.fill(0.0)  # of the impact before
-    space.pushes[leg.contact_joint] = wrench
-    jump = pin.aba(model, data, posture.q, still, still, space.external).copy()
-    unbalanced = pin.rnea(model, data, posture.q, still, jump, space.external)
+    model, data, zero = space.model, space.data, space.zero_velocity
+    space.external_wrenches.fill(0.0)  # of the impact before
+    space.external_wrenches[leg.contact_joint] = wrench
+    jump = pin.aba(model, data, posture.q, zero, zero, space.external).copy()
+    unbalanced = pin.rnea(model, data, posture.q, zero, jump, space.external)
     return jump, space.forces.copy(), unbalanced.copy()
 
 
@@ -133,43 +120,13 @@ def foot_wrench(posture: Posture, impulse: Array) -> tuple[float, ...]:
 
 
 def joint_wrench(rotation: Array, lever: Array, impulse: Array) -> Array:
-    """Return an impulse at a point of a body about its joint's origin, in the joint's axes.
+    """Return an impulse at a point of a body about its joint's origin, in the joint's axes, `(6,)`.
 
-    Args:
-        rotation: from world axes to the joint's, shape `(3, 3)`.
-        lever: from the joint's origin to the point, in its axes, shape `(3,)` [m].
-        impulse: shape `(3,)`, or with its moment about the point `(6,)` [world axes].
-
-    Returns:
-        Linear, then angular, shape `(6,)`.
+    The rotation is from world axes to the joint's, the lever from the joint's origin to the point,
+    in its axes [m]; the impulse is linear, `(3,)`, or with its moment about the point `(6,)`.
     """
     linear = rotation.dot(impulse[:3]).tolist()
     wrench = np.array((*linear, *cross3(lever.tolist(), linear)))
     if len(impulse) == 6:
         wrench[3:] += rotation.dot(impulse[3:])
     return wrench
-
-
-def digits_left(share: float | Array) -> Array:
-    """Return how many digits a share of rounding leaves, 0 to 16."""
-    return np.asarray(np.clip(-np.log10(np.maximum(share, 1e-17)), 0.0, 16.0))
-
-
-def joint_digits(joint_impulses: Array, impulse: Array, share: float = 0.0) -> Array:
-    """Estimate how many digits of each joint's linear impulse rounding leaves, at least.
-
-    A joint's impulse is a sum of momenta from the foot on, whose error is a share of the foot's
-    impulse: a joint that transmits little of it has fewer digits. The share, 64 eps per joint, is
-    no proven bound: it was tested against 50 digits on chains of up to 500 joints.
-
-    Args:
-        joint_impulses: shape `(njoints, 6)` [N s, N m s].
-        impulse: on the foot, shape `(3,)` [N s].
-        share: of the impulse that is rounding itself.
-
-    Returns:
-        Shape `(njoints,)`, 0 to 16.
-    """
-    share += 64.0 * len(joint_impulses) * EPS
-    whole = max(float(length(impulse)), np.finfo(float).tiny)  # below, float64 has fewer digits
-    return digits_left(share / np.maximum(length(joint_impulses[:, :3]) / whole, share))

@@ -1,15 +1,16 @@
 """Newton's law: kinematic restitution and Coulomb's cone, solved exactly."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 from scipy.linalg import lapack
 
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, length
 from kickdyn.errors import KickdynError
 from kickdyn.impact.contact_problem import ContactProblem, Solution, contact_axes, frictionless
+
+SINGULAR = 1e-12
+"""Share of the Delassus matrix, of a leg at an obstacle, that counts as no mobility."""
 
 
 def solve_newton(problem: ContactProblem) -> Solution:
@@ -37,7 +38,11 @@ def solve_newton(problem: ContactProblem) -> Solution:
     free = before.copy()
     free[2] -= e * approach  # to be stopped by the impulse
     _, stick, singular = lapack.dposv(g_matrix, -free)
-    if singular:  # to rounding
+    if problem.ball.mass == math.inf:  # the limit of heavier balls: the least impulse, if any
+        stick = -np.linalg.pinv(g_matrix, rcond=SINGULAR, hermitian=True).dot(free)
+        left = length(g_matrix.dot(stick) + free) > SINGULAR * length(free)
+        stick = np.array([math.inf, 0.0, 0.0]) if left else stick
+    elif singular:  # to rounding
         stick = -np.linalg.solve(g_matrix, free)
     p1, p2, p3 = stick.tolist()
     if math.hypot(p1, p2) <= mu * p3:
@@ -50,7 +55,7 @@ def solve_newton(problem: ContactProblem) -> Solution:
         resistance = float(g_matrix[2].dot(direction))
         if resistance <= 0.0:
             continue
-        impulse = -free[2] / resistance * direction
+        impulse = _corrected(g_matrix, free, mu, angle, -float(free[2]) / resistance)
         x, y, _ = (g_matrix.dot(impulse) + free).tolist()
         if x * direction[0] + y * direction[1] > 0.0:  # friction would drive the sliding
             continue
@@ -73,6 +78,26 @@ def _energy_lost(
     u1, u2, u3 = before.tolist()
     tangential = p1 * (u1 + sliding_after[0]) + p2 * (u2 + sliding_after[1])
     return 0.5 * float(-p3 * u3 * (1.0 - e) - tangential)
+
+
+def _corrected(g_matrix: Array, free: Array, mu: float, angle: float, p: float) -> Array:
+    """Return the impulse in a direction of slip, after one step of Newton's method for p and angle.
+
+    Where the cone hardly resists along that direction, p alone would have few digits: a larger
+    impulse turns the sliding, which resists.
+    """
+    (g11, g12, g13), (_, g22, g23), (*_, g33) = g_matrix.tolist()
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = (g_matrix.dot(p * np.array([mu * c, mu * s, 1.0])) + free).tolist()
+    across, aside = mu * (g13 * c + g23 * s) + g33, g23 * c - g13 * s
+    turned = aside + mu * ((g22 - g11) * c * s + g12 * (c * c - s * s))
+    stiff = mu * p * (g11 * s * s - 2.0 * g12 * c * s + g22 * c * c) - (c * x + s * y)
+    missed = c * y - s * x
+    determinant = across * stiff - mu * p * aside * turned
+    if determinant and math.isfinite(determinant):
+        step = (mu * p * aside * missed - stiff * z) / determinant
+        angle, p = angle + (turned * z - across * missed) / determinant, p + step
+    return np.array([mu * p * math.cos(angle), mu * p * math.sin(angle), p])
 
 
 def slip_angles(g_matrix: Array, velocity: Array, mu: float) -> list[float]:

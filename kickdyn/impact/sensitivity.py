@@ -1,7 +1,5 @@
 """Derivatives of an impact by everything it depends on, by implicit differentiation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,7 +11,7 @@ import pinocchio as pin
 from kickdyn.ball import BallState
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.leg_derivatives import (
@@ -98,6 +96,7 @@ class Sensitivity(ReprMixin):
     at_boundary: bool
 
     def _rows(self) -> Iterable[Row]:
+        """Return what `print` shows: each quantity with its value and unit."""
         yield "branch", self.branch.value, "at its end" if self.at_boundary else ""
         yield "margin", self.margin, {"stick": "N s", "slip": "m/s"}.get(self.branch, "")
         for source, rows in self.impulse.items():
@@ -123,20 +122,11 @@ def sensitivity(
     .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
               \frac{\partial R}{\partial x} .
 
-    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics,
-    and from its regressor, projected on what supports and loops allow
-    (`kickdyn.impact.leg_derivatives`).
-
-    Args:
-        approach: leg and ball just before.
-        solution: of the contact problem, by law `newton`.
-        ball_after: motion of the ball just after.
-        response: of the leg.
-        of_leg: whether to include the sources in `OF_LEG`.
-
-    Raises:
-        InvalidInput: a support moves after the impact, or the axes of a joint depend on its own
-            angles.
+    What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
+    from its regressor, projected on what supports and loops allow
+    (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
+    own angles, raises `InvalidInput`; a derivative that leaves double precision raises
+    `KickdynError`.
     """
     _check_supports(approach, response)
     names = UNITS if of_leg else [name for name in UNITS if name not in OF_LEG]
@@ -145,7 +135,9 @@ def sensitivity(
     delassus = approach.contact_problem().delassus()
     fixed = _at_fixed_impulse(approach, solution, ball_after, response, at)
     residual_p, residual_x, tangent = _residual(approach, solution, delassus, fixed, at)
-    impulse = np.asarray(-np.linalg.solve(residual_p, residual_x), dtype=np.float64)
+    # the pseudo-inverse, for a leg at an obstacle may be unable to move across the normal
+    solve = np.linalg.solve if ball.mass < math.inf else lambda a, b: np.linalg.pinv(a) @ b
+    impulse = np.asarray(-solve(residual_p, residual_x), dtype=np.float64)
     frictionless = approach.contact.friction == 0.0
     if frictionless:  # the ball's rotation has no effect: these columns are rounding
         impulse[:, at["ball_radius"]] = impulse[:, at["ball_spin"]] = 0.0
@@ -160,8 +152,11 @@ def sensitivity(
     v_after = v_after - constrained_inverse_inertia(posture) @ posture.jacobian.T @ impulse
     sliding = fixed.after + delassus @ impulse
     branch, margin, slope, scale = _margin(approach, solution, fixed, impulse, sliding, tangent, at)
+    if not all(np.isfinite(rows).all() for rows in (impulse, velocity, spin, v_after, slope)):
+        raise KickdynError("derivatives of this impact leave double precision: it is too fast")
 
     def named(rows: Array) -> Jacobians:
+        """Return the columns of a derivative by the names of their sources."""
         rows.setflags(write=False)
         return {name: rows[:, place] for name, place in at.items()}
 
@@ -236,7 +231,7 @@ def _at_fixed_impulse(
     normal[:, at["normal"]] = projector
 
     velocity[:, at["ball_velocity"]] = np.eye(3)
-    velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass**2
+    velocity[:, at["ball_mass"]] = -p[:, None] / ball.mass / ball.mass
     moment = gain * (cross_n @ p)[:, None]
     spin[:, at["ball_spin"]] = np.eye(3)
     spin[:, at["ball_mass"]] = moment / ball.mass

@@ -1,6 +1,6 @@
 """The strike: everything about the instant when the foot hits the ball."""
 
-from __future__ import annotations
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,15 @@ from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import ImpactLaw, solve_contact
+from kickdyn.impact.pinocchio_engine import solve_by_pinocchio
 from kickdyn.robot.leg import Posture
+
+
+class ImpactEngine(StrEnum):
+    """What solves the equations of an impact: formulas, or `pin.impulseDynamics`."""
+
+    CLOSED_FORM = "closed-form"
+    PINOCCHIO = "pinocchio"
 
 
 def strike(
@@ -24,11 +32,12 @@ def strike(
     contact: Contact,
     law: str = "newton",
     *,
+    engine: str = "closed-form",
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> Impact:
-    r"""Strike a ball, in closed form (Eqs. 1-11 and 15-21).
+    r"""Strike a ball, in closed form (Eqs. 1-11 and 15-21) or by Pinocchio's solver.
 
     The relative velocity of the contact points before the impact and the Delassus matrix of leg and
     ball make a `ContactProblem`; an impact law solves it for the impulse p on the ball. Then
@@ -43,6 +52,9 @@ def strike(
         contact: normal, restitution and friction, and where on the foot.
         law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
             the sliding followed through the contact) or `paper`.
+        engine: `closed-form`, or `pinocchio`: `pin.impulseDynamics` on leg and ball as one model,
+            without friction. It is an independent computation of the same impact; the joint
+            impulses follow from its velocity jump.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: just before, shape `(3,)` [rad/s, world frame].
         strict: whether to refuse a result that creates energy.
@@ -51,22 +63,25 @@ def strike(
         NoImpact: foot and ball do not approach each other along the normal, or by no more than 4
             times the rounding of terms that cancel.
         EnergyCreated: `strict` is true and the law creates energy.
-        InvalidInput: a wrong shape, an entry that is not finite, or an unknown law.
+        InvalidInput: a wrong shape, an entry that is not finite, an unknown law or engine, or
+            friction with the engine `pinocchio`.
     """
     law = validation.choice("impact law", law, ImpactLaw)
     validation.flag("strict", strict)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
-    problem = approach.contact_problem()
-    solution = solve_contact(problem, law)
-    impact = Impact(approach, law, solution, ball_after(approach, solution))
-    if strict:
-        check_energy(impact)
+    if validation.choice("engine", engine, ImpactEngine) is ImpactEngine.CLOSED_FORM:
+        solution = solve_contact(approach.contact_problem(), law)
+        impact = Impact(approach, law, solution, ball_after(approach, solution))
+    else:
+        solution, ball_state, response = solve_by_pinocchio(approach, law)
+        impact = Impact(approach, law, solution, ball_state, response=response)
+    check_energy(impact, strict)
     return impact
 
 
-def check_energy(impact: Impact) -> None:
-    """Raise `EnergyCreated` if the law created energy."""
-    if impact.creates_energy:
+def check_energy(impact: Impact, strict: bool) -> None:
+    """Raise `EnergyCreated` if the law created energy and `strict` is true."""
+    if strict and impact.creates_energy:
         contact = impact.contact
         raise EnergyCreated(
             f"law {impact.law.value!r} creates {-impact.energy_lost:.3g} J in {impact.posture!r} "

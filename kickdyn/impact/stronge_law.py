@@ -1,13 +1,12 @@
 """Stronge's law: energetic restitution, with the sliding followed through the contact."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from operator import mul
 
 import numpy as np
+from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
@@ -254,25 +253,17 @@ def _value(series: Sequence[float], t: float) -> float:
 
 
 def _root(function: Callable[[float], float], high: float, low: float = 0.0) -> float:
-    """Return where a function changes sign between two points (false position, Illinois)."""
-    below, above = function(low), function(high)
-    if below == 0.0:
-        return low
-    for _ in range(100):
-        middle = (low * above - high * below) / (above - below)
-        here = function(middle)
-        moved = abs(middle - high)
-        if here * above < 0.0:
-            low, below = high, above
-        else:
-            below *= 0.5
-        high, above = middle, here
-        if here == 0.0 or moved <= 1e-16 * abs(middle):
-            break
-    return high
+    """Return where a function changes sign between two points, to rounding."""
+    return float(brentq(function, low, high, xtol=1e-300))
 
 
 def _solve(m11: float, m12: float, m22: float, c1: float, c2: float) -> tuple[float, float]:
-    """Return the solution of a symmetric 2 x 2 system."""
+    """Return the solution of a symmetric 2 x 2 system, the least one if its rank is 1.
+
+    That is so where a planar leg meets an obstacle: nothing there can move across its plane.
+    """
     determinant = m11 * m22 - m12 * m12
+    if determinant <= 1e-15 * m11 * m22:
+        square = (m11 + m22) ** 2 or 1.0
+        return (m11 * c1 + m12 * c2) / square, (m12 * c1 + m22 * c2) / square
     return (m22 * c1 - m12 * c2) / determinant, (m11 * c2 - m12 * c1) / determinant

@@ -1,7 +1,5 @@
 """Uncertainty of an impact: covariances of its sources, propagated to its results."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -78,7 +76,7 @@ class Uncertainty(Printed):
         Raises:
             InvalidInput: another result.
         """
-        if result not in UNIT_OF:
+        if not isinstance(result, str) or result not in UNIT_OF:
             raise InvalidInput(f"result {result!r} is unknown: choose {', '.join(UNIT_OF)}")
         parts = {source: float(np.trace(of[result])) for source, of in self.by_source.items()}
         total = sum(parts.values())
@@ -117,17 +115,7 @@ class Uncertainty(Printed):
 def uncertainty(
     slopes: Sensitivity, impulse: Array, velocity: Array, spread: Mapping[str, ArrayLike]
 ) -> Uncertainty:
-    """Propagate uncertainties through an impact, to first order; see `Uncertainty`.
-
-    Args:
-        slopes: derivatives of the impact.
-        impulse: on the ball, shape `(3,)` [N s].
-        velocity: of the ball just after, shape `(3,)` [m/s].
-        spread: standard deviations or covariances by source, as for `Impact.uncertainty`.
-
-    Raises:
-        InvalidInput: no source or an unknown one, or a spread that is none.
-    """
+    """Propagate uncertainties of sources through an impact, as `Impact.uncertainty` says."""
     if not spread:
         raise InvalidInput(f"no source is named: choose among {', '.join(UNITS)}")
     unknown = [name for name in spread if name not in UNITS]

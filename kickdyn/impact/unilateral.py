@@ -1,7 +1,5 @@
 """A strike from ground that can push but not pull: feet may lift off, slip or tip."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -21,7 +19,8 @@ from kickdyn.impact.constraint_impulses import Footing, is_level
 from kickdyn.impact.contact_problem import Solution
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.laws import ImpactLaw
-from kickdyn.impact.leg_response import LegResponse, as_response, joint_impulses
+from kickdyn.impact.leg_response import as_response, joint_impulses
+from kickdyn.impact.rounding import Rounding
 from kickdyn.impact.strike import ball_after, check_energy
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg, Posture
@@ -46,7 +45,6 @@ class UnilateralImpact(Impact):
     leaves, and `effective_mass` is that of the leg without supports.
 
     Attributes:
-        response: of the leg.
         point_impulses: by support, on the robot at each corner of the sole, or at the point foot,
             shape `(k, 3)` [N s, world axes]. With more than three corners of a rigid sole, sum and
             moment are unique but not the distribution, of which this is one.
@@ -54,20 +52,20 @@ class UnilateralImpact(Impact):
         cone_residual: of the contact laws, relative to the largest impulse or velocity.
     """
 
-    response: LegResponse
     point_impulses: dict[str, Array]
     point_velocities: dict[str, Array]
     cone_residual: float
-
-    @property
-    def leg_response(self) -> LegResponse:
-        """What the impulses do to the leg."""
-        return self.response
 
     @cached_property
     def effective_mass(self) -> float:
         """Mass of the leg along the normal without its supports [kg]."""
         return _without_supports(self.approach).effective_mass(self.contact.normal)
+
+    @cached_property
+    def rounding(self) -> Rounding:
+        """Shares that may be rounding, with what the solver leaves of the contact laws."""
+        found, left = super().rounding, self.cone_residual
+        return Rounding(found.impulse + left, found.joints + left)
 
     @property
     def footing(self) -> dict[str, Footing]:
@@ -125,10 +123,16 @@ def unilateral_strike(
     supports = _checked_supports(approach.posture.leg)
     feet = _feet(approach.posture, supports)
     contacts = _contacts(approach, feet, supports)
-    impulses, residual = _solve(contacts, approach)
+    free = contacts.before.copy()
+    free[2] *= 1.0 + approach.contact.restitution
+    impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
+    if not residual <= MAX_RESIDUAL:
+        raise KickdynError(
+            f"no impulses found for the supports: the best have a residual of {residual:.1g} "
+            f"(friction up to {contacts.frictions.max():g}) in {approach.posture!r}"
+        )
     impact = _result(approach, supports, feet, contacts, impulses, residual)
-    if strict:
-        check_energy(impact)
+    check_energy(impact, strict)
     return impact
 
 
@@ -205,19 +209,6 @@ def _contacts(approach: Approach, feet: list[_Foot], supports: tuple[Support, ..
         frictions += [support.friction or 0.0] * len(foot.levers)
     symmetric = (delassus + delassus.T) / 2
     return _Contacts(axes, free, jacobian, symmetric, before, np.array(frictions))
-
-
-def _solve(contacts: _Contacts, approach: Approach) -> tuple[Array, float]:
-    """Return the impulses of all contacts and their residual, or raise `KickdynError`."""
-    free = contacts.before.copy()
-    free[2] *= 1.0 + approach.contact.restitution
-    impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
-    if not residual <= MAX_RESIDUAL:
-        raise KickdynError(
-            f"no impulses found for the supports: the best have a residual of {residual:.1g} "
-            f"(friction up to {contacts.frictions.max():g}) in {approach.posture!r}"
-        )
-    return impulses, residual
 
 
 def _result(

@@ -1,21 +1,18 @@
 """What the paper leaves open, and how it is filled in: coefficients, and launch from contact."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
-from kickdyn.impact.contact_problem import ContactProblem
-from kickdyn.impact.paper_law import solve_paper
-from kickdyn.paper.item import Item
+from kickdyn.flight.flight_result import Flight
+from kickdyn.impact.paper_law import limit_friction
 
 BALL = Ball.paper()
 FRICTION = 0.4
@@ -49,35 +46,27 @@ ALTERNATIVES = (
 """Every other choice that can hold at a soccer ball's speeds, and three constants."""
 
 
-def with_others(items: Callable[[Coefficients], list[Item]]) -> list[Item]:
-    """Return a figure's items with every other choice of coefficients."""
-    return [replace(item, variant=choice.name) for choice in ALTERNATIVES for item in items(choice)]
-
-
 def direction(elevation_deg: float, left_deg: float = 0.0) -> Array:
     """Return the unit vector at angles above the horizontal and to the left of x."""
     up, left = math.radians(elevation_deg), math.radians(left_deg)
     return np.array([math.cos(up) * math.cos(left), math.cos(up) * math.sin(left), math.sin(up)])
 
 
-def launch_from_contact(speed: float, attack: Array, normal: Array) -> tuple[BallState, bool]:
-    """Return the launch by Eqs. (15)-(21) and whether the contact sticks.
+def launch_from_force(force: Array, normal: Array) -> tuple[BallState, bool]:
+    """Return the launch of a ball at rest by Eqs. (18)-(21) and whether the contact sticks.
 
-    Args:
-        speed: of the ball if the contact sticks [m/s]; a foot of infinite mass gives it,
-            as no foot speed of the paper can.
-        attack: unit vector of the foot's motion, shape `(3,)`.
-        normal: unit vector from foot to ball, shape `(3,)`.
+    The force F is that before its part across the normal is limited, shape `(3,)` [N s].
     """
-    heavy = ContactProblem(
-        normal=normal,
-        delassus_factor=np.zeros((3, 0)),
-        ball=BALL,
-        centre_velocity=-speed / (1 + RESTITUTION) * attack,
-        spin=np.zeros(3),
-        restitution=RESTITUTION,
-        friction=FRICTION,
-    )
-    impulse, sticking, _, _ = solve_paper(heavy)
-    spin = np.cross(-BALL.radius * normal, impulse) / BALL.inertia
+    impulse, tangential, sticking = limit_friction(force, normal, FRICTION)
+    spin = -BALL.radius / BALL.inertia * np.cross(normal, tangential)
     return BallState(velocity=impulse / BALL.mass, spin=spin), sticking
+
+
+def warnings_of(*paths: Flight) -> tuple[str, ...]:
+    """Return every warning of the flights once."""
+    return tuple(dict.fromkeys(one for path in paths for one in path.warnings))
+
+
+def show_warnings(figure: Figure, *paths: Flight) -> None:
+    """Write the warnings of a figure's flights below it."""
+    figure.supxlabel("\n".join(warnings_of(*paths)), fontsize=6)

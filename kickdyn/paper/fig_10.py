@@ -1,7 +1,5 @@
 """Figs. 10-11: three kicks in space: straight, curving left, curving right."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -15,8 +13,9 @@ from kickdyn.paper.assumptions import (
     LIFT_WITHOUT_CRISIS,
     Coefficients,
     direction,
-    launch_from_contact,
-    with_others,
+    launch_from_force,
+    show_warnings,
+    warnings_of,
 )
 from kickdyn.paper.item import Item, shape
 
@@ -27,8 +26,8 @@ SPEED, ATTACK_DEG, OFFSET_DEG = 12.8, 28.7, 20.0
 CONTACTS = {"centre-low": 0.0, "right-low": 1.0, "left-low": -1.0}
 """Side of the contact; the normal leans to the other one: +1 to the left."""
 
-AXES = {"right-low": "A", "left-low": "B"}
-"""Names of the two tilted spin axes."""
+AXES = {"centre-low": "A", "right-low": "B"}
+"""The paper's names of spin axes; that of the left-low kick has none."""
 
 
 def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
@@ -37,7 +36,7 @@ def flights(choice: Coefficients = DEFAULT) -> dict[str, Flight]:
     paths = {}
     for name, side in CONTACTS.items():
         normal = direction(ATTACK_DEG + OFFSET_DEG, side * OFFSET_DEG)
-        launch, _ = launch_from_contact(SPEED, attack, normal)
+        launch, _ = launch_from_force(BALL.mass * SPEED * attack, normal)
         paths[name] = fly(launch, BALL, choice.air())
     return paths
 
@@ -51,25 +50,22 @@ def curve(path: Flight) -> float:
 
 def items() -> list[Item]:
     """Return the curves to the side and the tilt of the spin axes."""
-    result = _items(DEFAULT)
-    why = "from the axis of pure back spin; up on the side the ball curves to"
+    result = varying(DEFAULT)
     source = "Eq. (21): the torque impulse r x F_f"
     for name, path in flights().items():
-        if name in AXES:
-            _, y, z = path.launch.spin
-            tilt = math.degrees(math.atan2(z, -y))
-            verdict = shape(tilt * CONTACTS[name] > 0)
-            title = f"{NAME} {name} tilt of spin axis {AXES[name]}"
-            result.append(Item(title, None, tilt, "deg", verdict, why, source))
+        _, y, z = path.launch.spin
+        tilt, side = math.degrees(math.atan2(z, -y)) + 0.0, CONTACTS[name]
+        why = "from the axis of pure back spin; up on the side the ball curves to"
+        if side == 0:
+            why = "pure back spin, about a level axis"
+        verdict = shape(abs(tilt) < 1e-9 if side == 0 else tilt * side > 0)
+        axis = f" {AXES[name]}" if name in AXES else ""
+        title = f"{NAME} {name} tilt of spin axis{axis}"
+        result.append(Item(title, None, tilt, "deg", verdict, why, source))
     return result
 
 
-def sensitivity() -> list[Item]:
-    """Return the curves for every other choice of coefficients."""
-    return with_others(_items)
-
-
-def _items(choice: Coefficients) -> list[Item]:
+def varying(choice: Coefficients) -> list[Item]:
     """Return the curve of every flight with a choice of coefficients."""
     source = f"Eqs. (13), (15)-(21) in 3-D, {choice.name}; attack of Fig. 9 assumed"
     result = []
@@ -82,16 +78,18 @@ def _items(choice: Coefficients) -> list[Item]:
             f"{float(path.launch.speed):.4g} m/s, range {path.range:.3g} m; contact "
             f"{OFFSET_DEG:g} deg low{'' if side == 0 else f' and {OFFSET_DEG:g} deg beside'}"
         )
-        title = f"{NAME} {name} curve to the left"
-        result.append(Item(title, None, left, "m", shape(correct), why, source))
+        title, notes = f"{NAME} {name} curve to the left", warnings_of(path)
+        result.append(Item(title, None, left, "m", shape(correct), why, source, notes=notes))
     return result
 
 
 def draw(figure: Figure) -> None:
     """Draw the flights from the side and from above, with a lift in its crisis and one without."""
     columns = figure.subplots(2, 2, sharex="col", sharey="row").T
+    drawn = []
     for (side, above), choice in zip(columns, (DEFAULT, LIFT_WITHOUT_CRISIS), strict=True):
         for name, path in flights(choice).items():
+            drawn.append(path)
             x, y, z = path.sample(np.linspace(0, path.duration, 200)).position.T
             (line,) = side.plot(x, z, label=name)
             above.plot(x, y, color=line.get_color())
@@ -106,3 +104,4 @@ def draw(figure: Figure) -> None:
     side.set_ylabel("Y [m]")
     above.set(ylabel="to the left [m]", ylim=(-1.6, 1.6))
     side.legend()
+    show_warnings(figure, *drawn)

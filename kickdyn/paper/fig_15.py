@@ -1,9 +1,7 @@
-"""Figs. 13-15: planning a launch by the paper's learning loop, and by ours."""
-
-from __future__ import annotations
+"""Figs. 13-15: planning a launch by the simplest reading of the paper's learning loop, and ours."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,15 +11,20 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
-from kickdyn.paper.assumptions import ALTERNATIVES, BALL, DEFAULT, Coefficients
+from kickdyn.paper.assumptions import (
+    BALL,
+    DEFAULT,
+    Coefficients,
+    show_warnings,
+    warnings_of,
+)
 from kickdyn.paper.item import Item, Verdict, shape
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.launch import SPEED_LIMIT, Launch, plan_launch
 
 NAME = "Fig. 13-15"
 GOALS = ((30.0, 1.5, 3), (50.0, 2.0, 8), (100.0, 3.0, 25))
-"""Distance [m], time [s], and after how many rounds the paper's curves settle, read off them."""
-
+"""Distance [m], time [s], and the round at which the paper's curves settle, read off its axes."""
 
 DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 """Errors [m], [s] at which the learning loop ends: about a line's width in Fig. 15."""
@@ -29,19 +32,11 @@ DISTANCE_ACCURACY, TIME_ACCURACY = 0.05, 0.005
 
 @dataclass(frozen=True)
 class Round:
-    """One flight on the way to a launch.
+    """One flight on the way to a launch, its errors those of the target less its own [m], [s]."""
 
-    Attributes:
-        speed: of the launch [m/s].
-        angle: of the launch above the horizontal [rad].
-        distance_error: distance of the target less the one reached [m].
-        time_error: time of the target less the one taken [s].
-    """
-
-    speed: float
-    angle: float
     distance_error: float
     time_error: float
+    flight: Flight
 
     @property
     def is_met(self) -> bool:
@@ -52,13 +47,18 @@ class Round:
 
 
 def learn_launch(distance: float, time: float, ball: Ball, air: Air | None) -> tuple[Round, ...]:
-    r"""Find a launch by the paper's learning loop (Figs. 13-14) and return its flights.
+    r"""Find a launch by a learning loop like the paper's (Figs. 13-14) and return its flights.
 
-    The errors of distance and time are added to the command, and Eqs. (24)-(25) turn the command
-    into the next launch, until both errors vanish. The loop also ends at a flight that does not
-    land, a command of no time or of a launch faster than sound, or after 200 rounds, where the
-    paper's farthest goal takes about 25; `Round.is_met` of the last round tells. The distance of
-    the target is in m, the time of the flight in s; an air of None is the vacuum.
+    The paper speaks of reinforcement learning with "compensation through reward" and prints no
+    update rule. The simplest reading is taken: the errors of distance and time are added to the
+    command, and Eqs. (24)-(25) turn the command into the next launch, until both errors vanish.
+    What the paper's "minimum bound", the trajectory under drag, bounds is not printed either; none
+    is applied, and the commands for the paper's goals never fall below the goals themselves.
+
+    The loop also ends at a flight that does not land, a command of no time or of a launch faster
+    than sound, or after 200 rounds, where the paper's farthest goal takes about 25; `Round.is_met`
+    of the last round tells. The distance of the target is in m, the time of the flight in s; an air
+    of None is the vacuum.
     """
     command, rounds = np.array([distance, time]), list[Round]()
     while len(rounds) <= 200 and command[1] > 0.0:
@@ -79,6 +79,7 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
     assert goal.time is not None
 
     def flown(velocity: Array) -> Flight:
+        """Return the flight from a launch velocity."""
         state = BallState(velocity=velocity, spin=launch.spin)
         return fly(state, launch.ball, launch.air, tol=1e-13)
 
@@ -86,84 +87,59 @@ def newton_rounds(launch: Launch) -> tuple[Round, ...]:
 
 
 def _round(path: Flight, distance: float, time: float) -> Round:
-    """Return a flight's launch and errors."""
-    launch, missed = path.launch, distance - float(path.landing.position[0])
-    return Round(float(launch.speed), float(launch.elevation), missed, time - path.duration)
+    """Return a flight with its errors."""
+    return Round(distance - float(path.landing.position[0]), time - path.duration, path)
 
 
 def items() -> list[Item]:
-    """Return rounds and errors of both methods."""
-    result, air = _learned(DEFAULT), DEFAULT.air(lift=False)
+    """Return the rounds of the learning loop and the steps of the planner."""
+    result, air = varying(DEFAULT), DEFAULT.air(lift=False)
     source = f"Newton on the flight's derivatives, from Eqs. (24)-(25), {DEFAULT.name}, no lift"
     for distance, time, _ in GOALS:
         launch = plan_launch(Goal(distance, time=time), BALL, air)
         last = newton_rounds(launch)[-1]
         why = (
-            f"ours, beside the paper's loop: {launch.speed:.4f} m/s at "
-            f"{math.degrees(launch.angle):.4f} deg after {launch.iterations} steps, errors "
-            f"{last.distance_error:.0e} m, {last.time_error:.0e} s"
+            f"ours, beside the learning loop: {launch.speed:.4f} m/s at "
+            f"{math.degrees(launch.angle):.4f} deg, errors {last.distance_error:.0e} m, "
+            f"{last.time_error:.0e} s"
         )
-        why += "".join(f"; {warning}" for warning in launch.flight.warnings)
         verdict = Verdict.OURS if launch.status == "met" else Verdict.NOT_REACHABLE
-        steps = ("planner", "steps", None, launch.iterations)
-        result += _goal_items(distance, time, steps, last, verdict, why, source)
+        name, steps = f"{NAME} {distance:g} m, {time:g} s planner steps", launch.iterations
+        notes = warnings_of(last.flight)
+        result.append(Item(name, None, steps, "1", verdict, why, source, notes=notes))
     return result
 
 
-def sensitivity() -> list[Item]:
-    """Return the learning loop's rounds for every other drag."""
-    return [
-        replace(item, variant=choice.name)
-        for choice in ALTERNATIVES
-        if not choice.name.startswith("lift")
-        for item in _learned(choice)
-        if item.item.endswith("rounds")
-    ]
-
-
-def _learned(choice: Coefficients) -> list[Item]:
-    """Return rounds and errors of the learning loop, with drag only."""
+def varying(choice: Coefficients) -> list[Item]:
+    """Return the learning loop's rounds with a choice of coefficients; lift takes no part."""
+    if choice.drag == DEFAULT.drag and choice != DEFAULT:
+        return []
     air = choice.air(lift=False)
     found = [learn_launch(distance, time, BALL, air) for distance, time, _ in GOALS]
     counts = [len(rounds) - 1 for rounds in found]
-    harder = counts == sorted(counts)
-    source = f"Figs. 13-14: command += error, from Eqs. (24)-(25), {choice.name}, no lift"
-    result = []
+    harder, result = counts == sorted(counts), list[Item]()
+    source = (
+        f"Figs. 13-14 in their simplest reading, command += error, from Eqs. (24)-(25), "
+        f"{choice.name}, no lift; the paper prints no update rule"
+    )
     for (distance, time, printed), rounds in zip(GOALS, found, strict=True):
         first, last = rounds[0], rounds[-1]
         why = (
-            f"met to {DISTANCE_ACCURACY:g} m and {TIME_ACCURACY:g} s, "
-            f"{'more' if harder else 'not more'} rounds for farther goals; first errors "
+            f"{'met' if last.is_met else 'not met'} to {DISTANCE_ACCURACY:g} m and "
+            f"{TIME_ACCURACY:g} s, {'more' if harder else 'not more'} rounds for farther goals; "
+            "the paper's number of rounds is read off its figure; first errors "
             f"{first.distance_error:.2f} m, {first.time_error:.3f} s"
         )
-        count = ("learning loop", "rounds", printed, len(rounds) - 1)
+        name = f"{NAME} {distance:g} m, {time:g} s learning loop rounds"
         verdict = shape(last.is_met and harder)
-        result += _goal_items(distance, time, count, last, verdict, why, source)
+        count, notes = len(rounds) - 1, warnings_of(last.flight)
+        result.append(Item(name, printed, count, "1", verdict, why, source, notes=notes))
     return result
-
-
-def _goal_items(
-    distance: float,
-    time: float,
-    count: tuple[str, str, float | None, int],
-    last: Round,
-    verdict: Verdict,
-    why: str,
-    source: str,
-) -> list[Item]:
-    """Return a method's count of rounds, and distance and time of its last one."""
-    method, what, printed, number = count
-    goal = f"{NAME} {distance:g} m, {time:g} s {method}"
-    reached = distance - last.distance_error, time - last.time_error
-    return [
-        Item(f"{goal} {what}", printed, number, "1", verdict, why, source),
-        Item(f"{goal} distance", distance, reached[0], "m", verdict, why, source),
-        Item(f"{goal} time", time, reached[1], "s", verdict, why, source),
-    ]
 
 
 def draw(figure: Figure) -> None:
     """Draw the histories of the errors of distance and time, learning loop and planner."""
+    drawn = []
     rows = figure.subplots(2, len(GOALS), sharex="col")
     air = DEFAULT.air(lift=False)
     for column, (distance, time, _) in enumerate(GOALS):
@@ -172,6 +148,7 @@ def draw(figure: Figure) -> None:
             ("newton", "s--"): newton_rounds(plan_launch(Goal(distance, time=time), BALL, air)),
         }
         for (label, style), history in histories.items():
+            drawn.append(history[-1].flight)
             errors = np.array([[r.distance_error, r.time_error] for r in history])
             for row in range(2):
                 rows[row, column].plot(errors[:, row], style, markersize=3, label=label)
@@ -180,3 +157,4 @@ def draw(figure: Figure) -> None:
     rows[0, 0].set_ylabel("error of distance [m]")
     rows[1, 0].set_ylabel("error of time [s]")
     rows[0, 0].legend()
+    show_warnings(figure, *drawn)

@@ -1,19 +1,19 @@
 """One number of the paper, beside ours."""
 
-from __future__ import annotations
-
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
-COMPUTED = 0.003
-"""How near our number must be to one that the paper computed, relative."""
+from kickdyn.core.files import finite
 
 MEASURED = 0.1
-"""The same for a number of the test bed, or of its simulation."""
+"""How near our number must be to one of the test bed, or of its simulation, relative."""
 
 FITTED = 0.005
 """The same where what the paper does not give is fitted to the number."""
+
+WIDE = 2.0
+"""Ratio of our numbers with two coefficients from which on the item depends on the coefficient."""
 
 
 class Verdict(StrEnum):
@@ -21,17 +21,21 @@ class Verdict(StrEnum):
 
     REPRODUCED = "reproduced"
     SHAPE_REPRODUCED = "shape-reproduced"
+    DEPENDS = "depends-on-coefficient"
     FITTED = "fitted"
+    INPUT = "input"
     OURS = "ours"
     NOT_REACHABLE = "not-reachable"
 
 
 MEANINGS = {
-    Verdict.REPRODUCED: f"within {100 * COMPUTED:g} % of the paper's number in Fig. 8, within "
-    f"{100 * MEASURED:g} % in Tables 4-5, which are of the test bed",
-    Verdict.SHAPE_REPRODUCED: "the paper gives a curve or an order only, and ours has it",
-    Verdict.FITTED: "what the paper does not give is chosen so that its number results, in Table 2 "
-    f"and Fig. 9 within {100 * FITTED:g} %: no confirmation",
+    Verdict.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the test bed's number",
+    Verdict.SHAPE_REPRODUCED: "the paper gives a curve, an order or a sentence, and ours has it",
+    Verdict.DEPENDS: "the paper prints no drag or lift coefficient; with another one the verdict "
+    f"changes, or the number more than {WIDE:g}-fold",
+    Verdict.FITTED: "what the paper does not give is chosen so that its number results, within "
+    f"{100 * FITTED:g} % where it is one that the paper computed: no confirmation",
+    Verdict.INPUT: "the number is taken from the paper",
     Verdict.OURS: "the paper has no number to compare with, or the goal only",
     Verdict.NOT_REACHABLE: "excluded by what the run computes, with the assumptions named",
 }
@@ -44,13 +48,14 @@ class Item:
 
     Attributes:
         item: where it stands, such as `Table 2 a total`.
-        paper: what the paper prints; None where it gives only a curve.
+        paper: what the paper prints; None where it gives only a curve or words.
         ours: what kickdyn computes.
         unit: of both.
         verdict: see `MEANINGS`.
         why: in one line.
         source: equation or assumption used.
         variant: other coefficients than the default ones, where they are used.
+        notes: warnings of the flights, and what other coefficients give.
     """
 
     item: str
@@ -61,6 +66,7 @@ class Item:
     why: str
     source: str
     variant: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def relative_error(self) -> float | None:
@@ -78,12 +84,13 @@ class Item:
         return {
             "item": f"{self.item} [{self.variant}]" if self.variant else self.item,
             "paper": self.paper,
-            "ours": self.ours if math.isfinite(self.ours) else None,
+            "ours": finite(self.ours),
             "unit": self.unit,
             "relative_error": self.relative_error,
             "verdict": self.verdict,
             "why": self.why,
             "source": self.source,
+            "notes": list(self.notes),
         }
 
 
@@ -95,3 +102,26 @@ def near(ours: float, paper: float, limit: float, verdict: Verdict = Verdict.REP
 def shape(holds: bool) -> Verdict:
     """Return the verdict on a curve or an order."""
     return Verdict.SHAPE_REPRODUCED if holds else Verdict.NOT_REACHABLE
+
+
+def judged(item: Item, others: Sequence[Item]) -> Item:
+    """Return an item with `DEPENDS` as its verdict where other coefficients give another answer.
+
+    A note then has both numbers: the other one is the farthest away, of those with another verdict
+    if there are any.
+    """
+
+    def distance(other: Item) -> float:
+        """Return the ratio of the larger number to the smaller, 1 or more."""
+        small, large = sorted((abs(item.ours), abs(other.ours)))
+        return large / small if small else 1.0
+
+    changed = [other for other in others if other.verdict != item.verdict]
+    farthest = max(changed or others, key=distance, default=item)
+    if not changed and distance(farthest) <= WIDE:
+        return item
+    unit = "" if item.unit == "1" else f" {item.unit}"
+    note = f"{item.ours:.3g}{unit} here, {farthest.ours:.3g}{unit} with {farthest.variant}"
+    if changed:
+        note += f", where the verdict is {farthest.verdict}"
+    return replace(item, verdict=Verdict.DEPENDS, notes=(*item.notes, note))

@@ -1,7 +1,5 @@
 """The paper in words: a table of all items, the reason for each, and other coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from rich.console import Console
@@ -14,7 +12,9 @@ from kickdyn.paper.item import MEANINGS, Item, Verdict
 COLOURS = {
     Verdict.REPRODUCED: "green",
     Verdict.SHAPE_REPRODUCED: "cyan",
+    Verdict.DEPENDS: "magenta",
     Verdict.FITTED: "blue",
+    Verdict.INPUT: "blue",
     Verdict.OURS: "blue",
     Verdict.NOT_REACHABLE: "yellow",
 }
@@ -24,23 +24,24 @@ def show(items: Mapping[str, Sequence[Item]], others: Mapping[str, Sequence[Item
     """Print all items by section, and those with other coefficients, as wide as the screen is."""
     width = screen_width()
     console = Console(width=width, highlight=False)
-    why = list(dict.fromkeys(item.why for section in items.values() for item in section))
+    every = [item for section in items.values() for item in section]
+    why = list(dict.fromkeys(text for item in every for text in (item.why, *item.notes)))
     console.print(table(items, why))
     print(notes(why, width) + "\n")
     for name, section in others.items():
         console.print(sensitivity(name, section))
-    every = [item for group in (items, others) for part in group.values() for item in part]
+    every += [item for section in others.values() for item in section]
     for verdict in (one for one in COLOURS if any(item.verdict == one for item in every)):
         console.print(f"[{COLOURS[verdict]}]{verdict}[/]: {MEANINGS[verdict]}")
 
 
 def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
-    """Return the table of all items; the last column is the number of the reason in `why`."""
+    """Return the table of all items; the last column numbers reason and notes as in `why`."""
     result = empty_table("The paper, item by item")
     result.add_column("item", min_width=12)
     for head in ("paper", "ours", "unit", "difference", "verdict", "why"):
-        left = head in ("unit", "verdict")
-        result.add_column(head, justify="left" if left else "right", no_wrap=True)
+        left = head in ("unit", "verdict", "why")
+        result.add_column(head, justify="left" if left else "right", no_wrap=head != "why")
     for name, section in items.items():
         result.add_row(f"[bold]{name}[/]")
         for item in section:
@@ -51,22 +52,28 @@ def table(items: Mapping[str, Sequence[Item]], why: Sequence[str]) -> Table:
                 item.unit,
                 item.difference,
                 f"[{COLOURS[item.verdict]}]{item.verdict}[/]",
-                f"{1 + why.index(item.why)}",
+                " ".join(f"{1 + why.index(text)}" for text in (item.why, *item.notes)),
             )
         result.add_section()
     return result
 
 
 def sensitivity(name: str, items: Sequence[Item]) -> Table:
-    """Return the table of a line per choice of coefficients; the colour is the verdict."""
-    rows: dict[str, list[str]] = {}
+    """Return the table of a line per choice of coefficients; the colour is the verdict.
+
+    Numbers that are the same for all choices, or were shown before, have no column.
+    """
+    columns: dict[str, dict[str, str]] = {}
     for item in items:
-        rows.setdefault(item.variant, []).append(f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]")
+        column = columns.setdefault(f"{item.item.removeprefix(f'{name} ')}, {item.unit}", {})
+        column[item.variant] = f"[{COLOURS[item.verdict]}]{item.ours:.4g}[/]"
     result = empty_table(f"{name} with other coefficients")
     result.add_column("coefficients", no_wrap=True)
-    heads = [f"{item.item.removeprefix(f'{name} ')}, {item.unit}" for item in items]
-    for head in dict.fromkeys(heads):
-        result.add_column(head, justify="right")
-    for variant, cells in rows.items():
-        result.add_row(variant, *cells)
+    shown: list[dict[str, str]] = []
+    for head, column in columns.items():
+        if len(set(column.values())) > 1 and column not in shown:
+            shown.append(column)
+            result.add_column(head, justify="right")
+    for variant in dict.fromkeys(item.variant for item in items):
+        result.add_row(variant, *(column[variant] for column in shown))
     return result

@@ -1,17 +1,15 @@
-"""All items of the paper, in its order."""
-
-from __future__ import annotations
+"""All items of the paper, in its order; its inputs are last."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 from matplotlib.figure import Figure
 
 from kickdyn.errors import InvalidInput
-from kickdyn.flight.flight_result import Flight
-from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, table_2, tables_4_5
-from kickdyn.paper.item import Item
+from kickdyn.paper import fig_1, fig_8, fig_9, fig_10, fig_15, inputs, table_2, tables_4_5
+from kickdyn.paper.assumptions import ALTERNATIVES, Coefficients
+from kickdyn.paper.item import Item, judged
 
 
 @dataclass(frozen=True)
@@ -21,51 +19,65 @@ class Section:
     Attributes:
         name: as the paper numbers it.
         items: with the default coefficients.
-        sensitivity: the same with others; None where no coefficient matters.
-        draw: onto an empty figure; None where the paper has a table.
-        flights: those of the figure by name, to be looked at in space.
+        varying: those that may change with a choice of coefficients; None where none matters.
+        draw: onto an empty figure; None where there is nothing to draw.
+        also: another table or figure that it answers to, such as the one that it draws.
     """
 
     name: str
     items: Callable[[], list[Item]]
-    sensitivity: Callable[[], list[Item]] | None = None
+    varying: Callable[[Coefficients], list[Item]] | None = None
     draw: Callable[[Figure], None] | None = None
-    flights: Callable[[], Mapping[str, Flight]] | None = None
+    also: str = ""
+
+    def compare(self) -> tuple[list[Item], list[Item]]:
+        """Return the items, judged, and those that vary with every other choice of coefficients."""
+        others = [
+            replace(item, variant=choice.name)
+            for choice in (ALTERNATIVES if self.varying else ())
+            for item in (self.varying(choice) if self.varying else ())
+        ]
+        by_name: dict[str, list[Item]] = {}
+        for other in others:
+            by_name.setdefault(other.item, []).append(other)
+        return [judged(item, by_name.get(item.item, ())) for item in self.items()], others
 
 
 SECTIONS = (
     Section("Fig. 1", fig_1.items, draw=fig_1.draw),
-    Section("Table 2", table_2.items),
-    Section("Fig. 8", fig_8.items, fig_8.sensitivity, fig_8.draw, fig_8.flights),
-    Section("Fig. 9", fig_9.items, fig_9.sensitivity, fig_9.draw),
-    Section("Fig. 10/11", fig_10.items, fig_10.sensitivity, fig_10.draw, fig_10.flights),
-    Section("Fig. 13-15", fig_15.items, fig_15.sensitivity, fig_15.draw),
-    Section("Tables 4-5", tables_4_5.items, tables_4_5.sensitivity),
+    Section("Table 2", table_2.items, draw=table_2.draw, also="Fig. 7"),
+    Section("Fig. 8", fig_8.items, fig_8.varying, fig_8.draw),
+    Section("Fig. 9", fig_9.items, fig_9.varying, fig_9.draw),
+    Section("Fig. 10/11", fig_10.items, fig_10.varying, fig_10.draw),
+    Section("Fig. 13-15", fig_15.items, fig_15.varying, fig_15.draw),
+    Section("Tables 4-5", tables_4_5.items, tables_4_5.varying),
+    Section("Tables 1, 3, 6", inputs.items),
 )
 
 
 def chosen(only: str | None) -> Sequence[Section]:
     """Return the sections that match a name such as `table 2`; all where it is None.
 
-    Raises:
-        InvalidInput: none matches.
+    `fig 10` and `figure 11` mean `Fig. 10/11`, `fig 7` means `Table 2`, which draws it.
     """
     if only is None:
         return SECTIONS
-    found = [section for section in SECTIONS if _matches(section, only)]
+    wanted = _numbers(only)
+    found = [one for one in SECTIONS if wanted and wanted <= _numbers(f"{one.name} {one.also}")]
     if not found:
-        names = ", ".join(section.name for section in SECTIONS)
-        raise InvalidInput(f"item {only!r} is not in the paper: choose one of {names}")
+        names = "; ".join(f"{one.name}{one.also and f' ({one.also})'}" for one in SECTIONS)
+        raise InvalidInput(f"item {only!r} is not among those reproduced: choose one of {names}")
     return found
 
 
-_NAME = re.compile(r"(fig|table)(?:ures?|s)?\.?\s*(\d+)(?:\s*[-/]\s*(\d+))?", re.IGNORECASE)
-
-
-def _matches(section: Section, name: str) -> bool:
-    """Return whether a name means a section: `fig 10` and `figure 11` mean `Fig. 10/11`."""
-    ours, theirs = _NAME.fullmatch(section.name), _NAME.fullmatch(name.strip())
-    if not ours or not theirs or ours[1].lower() != theirs[1].lower():
-        return False
-    first, last = int(ours[2]), int(ours[3] or ours[2])
-    return first <= int(theirs[2]) and int(theirs[3] or theirs[2]) <= last
+def _numbers(name: str) -> set[tuple[str, int]]:
+    """Return what a name such as `Figs. 13-15` means; empty where it cannot be read."""
+    part = r"\s*(fig|table)(?:ures?|s)?\.?\s*(\d{1,2}(?:\s*[-/,]\s*\d{1,2})*)\s*"
+    if not re.fullmatch(f"(?:{part})+", name.lower()):
+        return set()
+    numbers = set[tuple[str, int]]()
+    for kind, pieces in re.findall(part, name.lower()):
+        for piece in re.split("[/,]", pieces):
+            first, _, last = piece.partition("-")
+            numbers |= {(kind, n) for n in range(int(first), int(last or first) + 1)}
+    return numbers

@@ -1,7 +1,5 @@
 """The goal of a kick: a target, and one condition on the flight to it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.errors import InvalidInput
 
 CONDITIONS = {"time": "s", "apex": "m", "speed": "m/s", "over": "m"}
@@ -68,7 +66,7 @@ class Goal(ReprMixin):
     Args:
         target: of the ball's centre, from where it starts: a distance along x at the height of the
             launch [m], or a point, shape `(3,)` [m, world axes].
-        time: of the flight to the target [s].
+        time: of the flight to the target, 1e-6 to 1000 [s].
         apex: greatest height of the flight above the launch [m], before the target.
         speed: of the launch [m/s]; a low and a high arc may both do it.
         over: `(distance, height)` of a point of the flight, such as over a wall or under a bar:
@@ -125,7 +123,10 @@ class Goal(ReprMixin):
         for name in ("time", "apex", "speed"):
             value, unit = named[name], CONDITIONS[name]
             if value is not None:
-                value = validation.number(name, value, above=0, at_most=1e6, unit=unit)
+                limits: dict[str, float] = {"above": 0, "at_most": 1e6}
+                if name == "time":
+                    limits = {"at_least": 1e-6, "at_most": 1e3}
+                value = validation.number(name, value, **limits, unit=unit)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "over", _checked_point("over", over, level))
         object.__setattr__(self, "beside", _checked_point("beside", beside, level))
@@ -135,6 +136,7 @@ class Goal(ReprMixin):
         return f"Goal({', '.join(f'{name}={value} {unit}' for name, value, unit in self._named())})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield from self._named()
         yield "distance", self.distance, "m"
 

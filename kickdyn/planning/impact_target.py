@@ -1,7 +1,5 @@
 """From a launch back to the impact: impulse, normal, and the foot's velocity."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +10,6 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.impact.contact_problem import ContactProblem
 from kickdyn.robot.leg import Posture
 
 
@@ -45,17 +42,10 @@ class ImpactTarget:
         the normal, Eq. (1), and no sliding just after across it. Without friction the part across
         the normal is free, and 0 here.
         """
-        contact, zero = self.contact, np.zeros(3)
-        problem = ContactProblem(
-            normal=contact.normal,
-            delassus_factor=posture.delassus_factor(),
-            ball=self.ball,
-            centre_velocity=zero,
-            spin=zero,
-            restitution=contact.restitution,
-            friction=contact.friction,
-        )
-        return np.asarray(self.foot_gain @ (problem.delassus() @ self.impulse))
+        impulse, normal, ball = self.impulse, self.contact.normal, self.ball
+        across = impulse - normal * (normal @ impulse)
+        of_ball = impulse / ball.mass + ball.turning * across
+        return np.asarray(self.foot_gain @ (posture.delassus() @ impulse + of_ball))
 
     @cached_property
     def foot_gain(self) -> Array:
@@ -77,22 +67,11 @@ def impact_target_for(
     friction: float,
     offset: Array | None = None,
 ) -> ImpactTarget:
-    r"""Return the impact that gives a ball at rest a velocity and a spin across it.
+    r"""Return the impact that gives a ball at rest a velocity and a spin across it [m/s, rad/s].
 
     The impulse is :math:`p = m v`. The normal is turned from it by the angle :math:`\alpha` about
     the spin, with :math:`\sin\alpha = I \omega / (r p)`, no more than friction allows:
-    :math:`\tan\alpha \le \mu`.
-
-    Args:
-        velocity: of the ball after, shape `(3,)` [m/s, world frame].
-        spin: of the ball after, across the velocity, shape `(3,)` [rad/s, world frame].
-        ball: mass and radius.
-        restitution: of the contact.
-        friction: of the contact.
-        offset: of the contact point, as for `Contact`.
-
-    Raises:
-        InvalidInput: friction is too low for the spin.
+    :math:`\tan\alpha \le \mu`; a spin for which friction is too low raises `InvalidInput`.
     """
     impulse = ball.mass * velocity
     size, turn = math.hypot(*impulse), math.hypot(*spin)

@@ -1,7 +1,5 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -24,12 +22,14 @@ from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
-from kickdyn.planning.kick_cost import Cost, KickObjective, scatter_cost
 from kickdyn.planning.kick_program import (
     FEASIBLE,
+    Cost,
+    KickObjective,
     KickProgram,
     KickSolution,
     explain_infeasible,
+    scatter_cost,
     turn_leg,
 )
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
@@ -82,6 +82,7 @@ class KickPlan(ReprMixin):
     phases: tuple[SwingPhase, SwingPhase] | None = None
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", self.status, ""
         yield "posture", self.q, "rad"
         yield "joint velocity", self.v, "rad/s"
@@ -96,6 +97,7 @@ class KickPlan(ReprMixin):
             yield "warning", line, ""
 
     def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
         return self.path._picture()
 
     @property
@@ -155,6 +157,7 @@ class KickPlan(ReprMixin):
         return [(name, i) for name, i in every if speed[i] > 1e-9 * speed.max()]
 
 
+@validation.check_arguments
 def plan_kick(
     leg: Leg,
     goal: Goal,
@@ -172,7 +175,7 @@ def plan_kick(
     arc: str = Arc.LOW,
     turn: bool = True,
     surface: str | Surface | None = None,
-    spread: Mapping[str, float] | None = None,
+    uncertainty: Mapping[str, float] | None = None,
     swing: bool = False,
 ) -> KickPlan:
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
@@ -186,8 +189,8 @@ def plan_kick(
         goal: from where the ball lies.
         ball: mass and radius.
         air: None is the vacuum.
-        objective: a `KickObjective`. `scatter` needs a `spread`; it is searched from the plans of
-            all other objectives, so that it scatters no more than theirs.
+        objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
+            plans of all other objectives, so that it scatters no more than theirs.
         restitution: of the contact; 0.8 as the paper's Table 2.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
@@ -205,7 +208,7 @@ def plan_kick(
             vertical towards the launch; the plan says by how much.
         surface: of the ground, where the ball is to be played along it, as `plan_pass` does; the
             goal is then a time and a target as high as the ball.
-        spread: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
+        uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
             its limits and a second each: `plan_swing` then finds the motion. For objectives
             `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
@@ -216,7 +219,7 @@ def plan_kick(
             ball; a spin for which friction is too low; an unknown objective.
     """
     check_unconstrained(leg, "kicks are planned")
-    objective = _checked_objective(objective, spread, limits=limits, swing=swing)
+    objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)
     offset = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
@@ -228,13 +231,13 @@ def plan_kick(
     target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, offset)
     chain = kicking_chain(leg, branches=True)
     program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
-    if spread is None:
+    if uncertainty is None:
         cost = program.cost(objective)
         solution = _feasible(program, program.solve(cost))
     else:
-        cost = scatter_cost(target, launch, air, spread)
+        cost = scatter_cost(target, launch, air, uncertainty)
         solution = _solve_scatter(program, cost)
-    static_share, phases = solution.share, None
+    static_share, phases = solution.share, None  # the share without regard to a swing
     if swing:
         from kickdyn.planning.swing_kick import solve_with_swing
 
@@ -251,7 +254,7 @@ def plan_kick(
         goal=goal,
         launch=launch,
         objective=objective,
-        value=cost(solution.posture, solution.v),
+        value=abs(cost(solution.posture, solution.v)),
         share=solution.share,
         impact_target=target,
         impact=impact,
@@ -269,13 +272,14 @@ def plan_kick(
 
 
 def _checked_objective(
-    name: str, spread: Mapping[str, float] | None, *, limits: bool, swing: bool
+    name: str, uncertainty: Mapping[str, float] | None, *, limits: bool, swing: bool
 ) -> KickObjective:
     """Return the objective, or raise `InvalidInput` where it does not go with the rest."""
     objective = validation.choice("objective", name, KickObjective)
-    if (spread is None) != (objective != KickObjective.SCATTER):
+    if (uncertainty is None) != (objective != KickObjective.SCATTER):
         raise InvalidInput(
-            f"objective is {objective} and spread {spread!r}: scatter needs a spread, and no other"
+            f"objective is {objective} and uncertainty is {uncertainty!r}: scatter needs an "
+            "uncertainty, and no other objective takes one"
         )
     if swing:
         check_solver()
@@ -341,6 +345,7 @@ def _plan_pass_launch(
         history=found.velocity[None],
         ball=ball,
         air=air,
+        limits=None,
     )
 
 

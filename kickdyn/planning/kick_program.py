@@ -13,21 +13,26 @@ normal and :math:`\tau` the torque that keeps the joint velocity. SLSQP of scipy
 several postures, drawn with a fixed seed.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import minimize
 
+from kickdyn.air import Air
+from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.leg_derivatives import leg_derivatives
+from kickdyn.impact.leg_response import joint_impulses
+from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
-from kickdyn.planning.kick_cost import Cost, KickObjective, make_cost
+from kickdyn.planning.launch import Launch
+from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -36,22 +41,81 @@ FEASIBLE = 1e-4
 are kept by this margin."""
 
 STEP = 1e-7
-"""Step of the differences that stand for the derivatives of a cost without any."""
+"""Step of the differences that stand for the derivatives of a cost."""
 
 UNLIMITED = 100.0
 """Scale of the speed of a joint without a limit [rad/s]."""
 
 
+class KickObjective(StrEnum):
+    r"""What a kick makes least, or most where the name says so.
+
+    With speed limits :math:`v_{max}`, inertia matrix :math:`M`, foot Jacobian :math:`J` and the
+    linear impulses :math:`p_i` that the joints transmit:
+    """
+
+    JOINT_SPEED = "joint-speed"
+    r""":math:`\frac1n \sum_i (v_i / v_{max,i})^2`."""
+    JOINT_IMPULSE = "joint-impulse"
+    r""":math:`\max_i |p_i|` [N s]."""
+    KINETIC_ENERGY = "kinetic-energy"
+    r""":math:`\frac12 v^T M v` [J], which the swing must build up."""
+    FOOT_SPEED = "foot-speed"
+    r""":math:`|J v|` [m/s]: the posture that makes the most impulse of it."""
+    MOST_JOINT_IMPULSE = "most-joint-impulse"
+    SCATTER = "scatter"
+    """Root mean square error of the landing [m], for errors of a given `uncertainty`."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value; `joint-speed` has none."""
+        return {
+            "joint-impulse": "N s",
+            "most-joint-impulse": "N s",
+            "kinetic-energy": "J",
+            "foot-speed": "m/s",
+            "scatter": "m",
+        }.get(self.value, "")
+
+
+Cost = Callable[[Posture, Array], float]
+"""A function of posture and joint velocity, to be least."""
+
+
+def scatter_cost(
+    target: ImpactTarget, launch: Launch, air: Air | None, uncertainty: Mapping[str, float]
+) -> Cost:
+    """Return the root mean square error of the landing [m], for standard deviations by source."""
+    sizes = checked_spread(uncertainty)
+    _, slopes = landing_slopes(launch.state, target.ball, air)  # the launch stays
+    contact = target.contact
+    plain = Contact(contact.normal, contact.restitution, contact.friction)
+
+    def radius(posture: Posture, v: Array) -> float:
+        """Return the scatter's radius of a kick [m]."""
+        try:
+            impact = strike(posture, v, target.ball, plain)
+        except NoImpact:  # far from feasible
+            return 1e6
+        covariances = landing_covariances(impact, slopes, sizes)
+        return math.sqrt(sum(float(np.trace(part)) for part in covariances.values()))
+
+    return radius
+
+
+def _largest_impulse(impulse: Array, posture: Posture) -> float:
+    """Return the largest linear impulse in a joint [N s], smoothed, for one on the ball."""
+    jump, of_constraints = posture.respond(-impulse @ posture.jacobian)
+    transmitted, _ = joint_impulses(posture, jump, -impulse, of_constraints)
+    sizes = np.linalg.norm(transmitted[:, :3], axis=1)
+    top = float(sizes.max())
+    # the norm of power 12 is the largest within 10 % for six joints
+    return top * math.pow(float(np.sum((sizes / top) ** 12)), 1 / 12)
+
+
 @dataclass(frozen=True, eq=False)
 class KickSolution:
-    """A feasible point of the program.
-
-    Attributes:
-        posture: at the impact.
-        v: joint velocity, shape `(nv,)` [rad/s].
-        share: of the foot velocity that is reached, 1 where the target is met.
-        value: of the cost.
-    """
+    """A feasible point of the program, its cost, and the share of the foot velocity it reaches."""
 
     posture: Posture
     v: Array
@@ -60,19 +124,13 @@ class KickSolution:
 
 
 class KickProgram:
-    """The nonlinear program for a leg and an impact target.
+    """The nonlinear program for a leg on a fixed base and an impact target.
 
-    Args:
-        leg: on a fixed base, each joint that moves the foot of one degree of freedom.
-        target: of the impact.
-        ball_position: height of the ball's centre, or its position, shape `(3,)` [m, world frame];
-            None leaves it free.
-        limits: whether limits of speed and torque hold.
-        turn: whether a leg whose foot moves in a plane may be turned towards the launch.
+    The ball has a height of its centre, or a position, shape `(3,)` [m, world frame], or is free.
+    A leg whose foot moves in a plane may `turn` towards the launch.
 
     Attributes:
         leg: turned by `heading` [rad] to the left about the vertical.
-        heading: 0 but for a leg whose foot moves in a plane.
         directions: in which its foot can move at all, orthonormal rows.
         position_rows: directions in which the ball's position is given, as rows.
         contact_normal_cone: of the leg; no rows where that is unknown or the contact is elsewhere
@@ -123,23 +181,29 @@ class KickProgram:
         return whole
 
     def cost(self, objective: KickObjective) -> Cost:
-        """Return the cost of an objective other than `scatter`."""
-        scale = np.full(self.leg.nv, np.inf)
-        scale[self.vs] = self.velocity_scale
-        return make_cost(objective, scale, self.target.impulse)
+        """Return the cost of an objective other than `scatter`; what shall be most is below 0."""
+        scale, impulse = self.velocity_scale, self.target.impulse
+        return {
+            KickObjective.JOINT_SPEED: lambda _, v: float(np.mean((v[self.vs] / scale) ** 2)),
+            KickObjective.KINETIC_ENERGY: lambda posture, v: 0.5 * float(v @ posture.inertia @ v),
+            KickObjective.FOOT_SPEED: lambda posture, v: math.hypot(*(posture.jacobian @ v)),
+            KickObjective.JOINT_IMPULSE: lambda posture, _: _largest_impulse(impulse, posture),
+            KickObjective.MOST_JOINT_IMPULSE: lambda posture, _: (
+                -_largest_impulse(impulse, posture)
+            ),
+        }[objective]
 
     def torque(self, q: Array, v: Array) -> Array:
         """Return the torque that keeps the joint velocity, gravity included, shape `(n,)` [N m]."""
         zero = np.zeros(self.leg.nv)
         return np.asarray(pin.rnea(self._model, self._data, q, v, zero)[self.vs])
 
-    def torque_slopes(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return derivatives of that torque by q and v, each of shape `(n, n)`, and the torque."""
+    def torque_slopes(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return derivatives of that torque by q and v, each of shape `(n, n)`."""
         zero, both = np.zeros(self.leg.nv), np.ix_(self.vs, self.vs)
         by_q, by_v, _ = pin.computeRNEADerivatives(self._model, self._data, q, v, zero)
         shape = (self.leg.nv, self.leg.nv)
-        torque = np.array(self._data.tau[self.vs])
-        return np.reshape(by_q, shape)[both], np.reshape(by_v, shape)[both], torque
+        return np.reshape(by_q, shape)[both], np.reshape(by_v, shape)[both]
 
     def ball_centre_at(self, posture: Posture) -> Array:
         """Return the centre of a ball that the foot touches, shape `(3,)` [m, world frame]."""
@@ -169,20 +233,17 @@ class KickProgram:
         """Return the best solution near one, or that one with its value of the cost."""
         value = cost(found.posture, found.v)
         better = self._solve_from(self._unknowns(found), cost if found.share == 1.0 else None)
-        if better is None or not better.value < cost.sign * value:
+        if better is None or not better.value < value:
             return replace(found, value=value)
         return better
 
     def with_exact_velocity(self, posture: Posture, v: Array, share: float) -> Array:
         """Return v with the last digits of the foot's velocity put right."""
-        wanted = share * self.target.foot_velocity(posture)
-        rows = posture.jacobian[:, self.vs]
-        missed = wanted - rows @ v[self.vs]
-        if self.target.contact.friction == 0.0:
-            normal = self.target.contact.normal
-            rows, missed = (normal @ rows)[None], np.array([normal @ missed])
         scale = self.velocity_scale
-        return v + self.whole_velocity(np.linalg.pinv(rows * scale, rcond=1e-9) @ missed * scale)
+        missed = share * self.target.foot_velocity(posture) - posture.jacobian @ v
+        rows = self.velocity_rows @ posture.jacobian[:, self.vs] * scale
+        change = np.linalg.pinv(rows, rcond=1e-9) @ self.velocity_rows @ missed
+        return v + self.whole_velocity(change * scale)
 
     @property
     def velocity_rows(self) -> Array:
@@ -288,6 +349,7 @@ class KickProgram:
         latest = ProgramPoint(self, np.clip(start, low, high), cost, scale)
 
         def at(x: Array) -> ProgramPoint:
+            """Return the point of the program at the unknowns, computed once."""
             nonlocal latest
             if not np.array_equal(latest.x, x):
                 latest = ProgramPoint(self, x, cost, scale)
@@ -326,11 +388,8 @@ class KickProgram:
 class ProgramPoint:
     """The program's functions at one value of its unknowns, computed when they are needed.
 
-    Args:
-        program: that is solved.
-        x: unknowns: q, v over its scale, and the share; shape `(2n + 1,)`.
-        cost: to be least; None makes the share largest.
-        scale: of the cost.
+    The unknowns are q, v over its scale, and the share: shape `(2n + 1,)`. Without a cost, the
+    share is made largest.
     """
 
     def __init__(self, program: KickProgram, x: Array, cost: Cost | None, scale: float) -> None:
@@ -377,8 +436,8 @@ class ProgramPoint:
         for row in program.position_rows @ jacobian[:, program.vs] / target.ball.radius:
             rows.append(np.append(row, np.zeros(n + 1)))
         if program.limits:
-            by_q, by_v, torque = program.torque_slopes(posture.q, v)
-            use = (torque / program.torque_limit**2)[:, None]
+            by_q, by_v = program.torque_slopes(posture.q, v)
+            use = (program.torque(posture.q, v) / program.torque_limit**2)[:, None]
             rows += list(np.hstack([-2 * use * by_q, -2 * use * by_v * scale, np.zeros((n, 1))]))
         for row in program.contact_normal_cone:
             turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)
@@ -389,19 +448,15 @@ class ProgramPoint:
         """Return the cost in its scale, to be least."""
         if self.cost is None:
             return -self.share
-        return self.cost.sign * self.cost(posture, v) / self.scale
+        return self.cost(posture, v) / self.scale
 
     def _cost_slope(self) -> Array:
-        """Return the derivatives of the cost by the unknowns, by differences where it has none."""
+        """Return the derivatives of the cost by the unknowns, by differences."""
         program, n, slope = self.program, self.program.n, np.zeros(len(self.x))
         if self.cost is None:
             slope[-1] = -1.0
-        elif self.cost.slope is not None:
-            by_q, by_v = self.cost.slope(self.posture, self.v)
-            both = [by_q[program.vs], by_v[program.vs] * program.velocity_scale]
-            slope[: 2 * n] = self.cost.sign / self.scale * np.concatenate(both)
         else:
-            for i in range(2 * n if self.cost.by_velocity else n):
+            for i in range(2 * n):
                 there = self.x.copy()
                 there[i] += STEP
                 posture = program.posture(there[:n]) if i < n else self.posture
@@ -411,32 +466,20 @@ class ProgramPoint:
 
 
 def explain_infeasible(program: KickProgram) -> str:
-    """Return why a program has no feasible point.
-
-    The limits are lifted first, and then the ball may lie elsewhere: the nearest place is named.
-    """
+    """Return why a program has no feasible point: its limits, the ball, or the joints' ranges."""
     leg, target, wanted = program.leg, program.target, program.ball_position
-    if program.limits:
-        lifted = KickProgram(leg, target, wanted, limits=False)
-        found = lifted.solve(Cost(lambda posture, v: float(v @ v)))
-        if found is not None:
-            needed = np.abs(lifted.torque(found.posture.q, np.zeros(leg.nv)))
-            uses = zip(program.names, needed, program.torque_limit, strict=True)
-            weak = [
-                f"{name} takes {torque:.3g} N m and has {limit:.3g}"
-                for name, torque, limit in uses
-                if torque > limit
-            ]
-            still = f": at rest, {', '.join(weak)}" if weak else ""
-            return f"without its speed and torque limits it has one{still}"
+    free = KickProgram(leg, target, wanted, limits=False)
+    if program.limits and free.solve(lambda _, v: float(v @ v)) is not None:
+        return "without its speed and torque limits it has one"
     if wanted is not None:
         anywhere = KickProgram(leg, target, limits=program.limits)
 
         def distance(posture: Posture, v: Array) -> float:
+            """Return how far the ball is from its place, squared [m2]."""
             off = program.position_rows @ (anywhere.ball_centre_at(posture) - program.ball_centre)
             return float(off @ off)
 
-        found = anywhere.solve(Cost(distance))
+        found = anywhere.solve(distance)
         if found is not None:
             centre = np.round(anywhere.ball_centre_at(found.posture), 6) + 0.0
             near = ", ".join(f"{part:.4g}" for part in centre)

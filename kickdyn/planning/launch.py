@@ -1,7 +1,5 @@
 """Planning a launch: every launch that meets a goal, or the nearest there is."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,10 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import minimize_scalar
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -26,11 +26,10 @@ from kickdyn.planning.launch_solver import (
     LaunchFamily,
     LaunchSolution,
     distinct,
-    farthest_launch,
     solve_launch,
 )
 from kickdyn.planning.passes import Pass
-from kickdyn.planning.shooting import ShootingProblem
+from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
 SPEED_LIMIT = 343.0
 """Speed of sound [m/s]: drag coefficients without a Mach number do not hold beyond."""
@@ -44,11 +43,11 @@ class OutOfReach(InvalidInput):
         nearest: the nearest launch or pass there is; None where none is known.
     """
 
-    def __init__(self, message: str, limit: LaunchLimit, nearest: Launch | Pass | None) -> None:
+    def __init__(self, message: str, limit: LaunchLimit, nearest: "Launch | Pass | None") -> None:
         self.limit, self.nearest = limit, nearest
         super().__init__(message)
 
-    def __reduce__(self) -> tuple[type[OutOfReach], tuple[Any, ...]]:
+    def __reduce__(self) -> "tuple[type[OutOfReach], tuple[Any, ...]]":
         return OutOfReach, (str(self), self.limit, self.nearest)
 
 
@@ -73,7 +72,8 @@ class Launch(ReprMixin):
             target where Newton's method fails from there; the last is `velocity`.
         ball: that flies.
         air: that it flies through; None is the vacuum.
-        others: the other launches that meet the goal, by time of flight.
+        limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s] of
+            `others`; None along the ground, where none are looked for.
     """
 
     status: PlanStatus
@@ -87,9 +87,10 @@ class Launch(ReprMixin):
     history: Array
     ball: Ball
     air: Air | None
-    others: tuple[Launch, ...] = ()
+    limits: tuple[float, float] | None
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         if self.limit:
             yield "nearest", repr(self.reached), ""
@@ -106,6 +107,7 @@ class Launch(ReprMixin):
             yield "warning", line, ""
 
     def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
         return self.flight._picture()
 
     @property
@@ -134,6 +136,29 @@ class Launch(ReprMixin):
         return BallState(velocity=self.velocity, spin=self.spin)
 
     @cached_property
+    def others(self) -> "tuple[Launch, ...]":
+        """The other launches that meet the goal, by time of flight; computed when first read.
+
+        The launches to the target form curves, and these are all on the curves that Newton's method
+        finds from the vacuum's answers: for the goal, and for three times of flight that are then
+        free. Only a launch on a curve apart from those can be missing.
+        """
+        if self.limit is not None or self.limits is None:
+            return ()
+        problem = _shooting_problem(self.goal, self.ball, self.air, self.spin)
+        direct = _solutions_from_vacuum(problem, self.goal)
+        family = LaunchFamily(problem, self.goal, *self.limits)
+        found = family.solutions(direct, family.curves(direct))
+        apart = [
+            one
+            for one in found
+            if one.is_above_ground(self.goal)
+            and math.dist((*one.velocity, one.time), (*self.velocity, self.time))
+            > 1e-6 * self.speed
+        ]
+        return tuple(_launch(family, self.goal, None, one) for one in apart)
+
+    @cached_property
     def flight(self) -> Flight:
         """The flight by `kickdyn.fly` to the vertical plane through the target; `tol` is 1e-11."""
         return fly_to_target(self.state, self.reached, self.ball, self.air, self.time)
@@ -149,6 +174,7 @@ class Launch(ReprMixin):
         )
 
 
+@validation.check_arguments
 def plan_launch(
     goal: Goal,
     ball: Ball,
@@ -187,31 +213,28 @@ def plan_launch(
         InvalidInput: a value out of range, or `beside` where no lift can bend the flight.
         OutOfReach: the ground is in the way of every launch to the target.
     """
-    validation.check_type(Goal, goal=goal)
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")
     arc = validation.choice("arc", arc, Arc)
     problem = _shooting_problem(goal, ball, air, spin)
+    family = LaunchFamily(problem, goal, limit, most_spin)
 
     direct = _solutions_from_vacuum(problem, goal)
-    allowed = _within(direct, limit, most_spin)
-    expected = 2 if goal.speed is not None else 1
-    solutions = [one for one in allowed if one.is_above_ground(goal)]
-    if len(allowed) >= expected and solutions:
-        return _met(problem, goal, solutions, arc)
-    if goal.beside is not None and not allowed:
-        return _nearest_curve(problem, goal, limit, most_spin, direct)
+    solutions = [one for one in direct if family.is_inside(one)]
+    clear = [one for one in solutions if one.is_above_ground(goal)]
+    if arc == Arc.LOW and clear and len(solutions) == (2 if goal.kind == "speed" else 1):
+        return _launch(family, goal, None, clear[0])
 
-    family = LaunchFamily(problem, goal, limit)
-    members = family.within_limit()
-    between = _within(family.solutions_between(members), limit, most_spin)
-    allowed = distinct([*allowed, *between])
-    solutions = [one for one in allowed if one.is_above_ground(goal)]
-    if solutions:
-        return _met(problem, goal, solutions, arc)
-    if not members:
-        return _farthest(problem, goal, limit)
-    return _nearest(family, members, buried=bool(allowed))
+    curves = family.curves(direct)
+    solutions = family.solutions(direct, curves)
+    clear = [one for one in solutions if one.is_above_ground(goal)]
+    if clear:
+        return _launch(family, goal, None, clear[0 if arc == Arc.LOW else -1])
+    if goal.beside is not None and not solutions:
+        return _nearest_curve(family, direct)
+    if not any(family.is_inside(member) for curve in curves for member in curve):
+        return _farthest(family)
+    return _nearest(family, curves, buried=bool(solutions))
 
 
 def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) -> ShootingProblem:
@@ -226,134 +249,129 @@ def _shooting_problem(goal: Goal, ball: Ball, air: Air | None, spin: ArrayLike) 
 
 def _solutions_from_vacuum(problem: ShootingProblem, goal: Goal) -> list[LaunchSolution]:
     """Return the solutions that Newton's method finds from the vacuum's answers."""
-    found = []
+    found, spin = [], [] if goal.beside is None else [0.0]
     for time in goal.nominal_times():
-        one = solve_launch(problem, goal, nominal_velocity(goal.target, time), time)
-        if one.converged and one.trajectory is not None:
-            falls = float(one.trajectory.state(one.time)[1][2]) <= 1e-9
+        start = np.array([*nominal_velocity(goal.target, time), time, *spin])
+        one = solve_launch(problem, goal, start)
+        if one is not None:
+            falls = one.trajectory.state(one.time)[1][2] <= 1e-9 * one.speed
             found += [one] if goal.apex is None or falls else []
-    return distinct(found)
-
-
-def _within(
-    solutions: list[LaunchSolution], speed_limit: float, spin_limit: float
-) -> list[LaunchSolution]:
-    """Return solutions within the limits of speed and spin, but for rounding."""
-    return [
-        one
-        for one in solutions
-        if one.speed <= speed_limit * (1 + 1e-9) and abs(one.spin_size) <= spin_limit
-    ]
-
-
-def _met(problem: ShootingProblem, goal: Goal, solutions: list[LaunchSolution], arc: str) -> Launch:
-    """Return the low or the high one of several launches that meet the goal."""
-    launches = [_launch(problem, goal, goal, None, one) for one in solutions]
-    first = launches.pop(0 if arc == Arc.LOW else -1)
-    return replace(first, others=tuple(launches))
+    return distinct(found, problem)
 
 
 def _launch(
-    problem: ShootingProblem,
-    goal: Goal,
-    reached: Goal,
-    limit: LaunchLimit | None,
-    solution: LaunchSolution,
+    family: LaunchFamily, reached: Goal, limit: LaunchLimit | None, solution: LaunchSolution
 ) -> Launch:
     """Return a solution as a `Launch`."""
     return Launch(
         status=PlanStatus.MET if limit is None else PlanStatus.UNREACHABLE,
-        goal=goal,
+        goal=family.goal,
         reached=reached,
         limit=limit,
         velocity=solution.velocity,
-        spin=problem.spin_of(solution.spin_size),
+        spin=family.problem.spin_of(solution.spin_size),
         time=solution.time,
         errors=solution.errors,
         history=solution.history,
-        ball=problem.ball,
-        air=problem.air,
+        ball=family.problem.ball,
+        air=family.problem.air,
+        limits=(family.speed_limit, family.spin_limit),
     )
 
 
-def _farthest(problem: ShootingProblem, goal: Goal, speed_limit: float) -> Launch:
-    """Return the launch at the speed limit that comes farthest towards the target."""
-    reached, velocity = farthest_launch(problem, goal.target, speed_limit)
-    assert reached.time is not None
-    solution = LaunchSolution(velocity, reached.time, 0.0, np.zeros(4), True, velocity[None], None)
-    return _launch(problem, goal, reached, LaunchLimit.SPEED, solution)
+def _farthest(family: LaunchFamily) -> Launch:
+    """Return the launch at the speed limit that comes farthest on the line to the target."""
+    goal, speed = family.goal, family.speed_limit
+    slope, up = float(goal.target[2]) / goal.distance, np.array([0.0, 0.0, 1.0])
+    most = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
+
+    def flight(angle: float) -> Trajectory | None:
+        """Return the flight at an angle to where it comes down to the line; None without such."""
+        velocity = speed * (math.cos(angle) * goal.ahead + math.sin(angle) * up)
+        flown = family.problem.shoot(velocity, most)
+        time = flown and flown.when(
+            lambda at: float((slope * goal.ahead - up) @ flown.state(at)[0]), 1e-6 * most, most
+        )
+        return flown._replace(time=time) if flown and time else None
+
+    best = minimize_scalar(
+        lambda angle: (
+            -float(goal.ahead @ end.state(end.time)[0]) if (end := flight(angle)) else 0.0
+        ),
+        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
+        method="bounded",
+        options={"xatol": 1e-5},
+    )
+    found = flight(float(best.x))
+    if found is None:
+        raise OutOfReach(f"{goal} is out of reach of every launch", LaunchLimit.SPEED, None)
+    unknowns = np.array([*found.state(0.0)[1], found.time])
+    solution = LaunchSolution(unknowns, np.zeros(4), unknowns[None, :3], found)
+    reached = Goal(found.state(found.time)[0], time=found.time)
+    return _launch(family, reached, LaunchLimit.SPEED, solution)
 
 
-def _nearest_curve(
-    problem: ShootingProblem,
-    goal: Goal,
-    speed_limit: float,
-    spin_limit: float,
-    solutions: list[LaunchSolution],
-) -> Launch:
+def _nearest_curve(family: LaunchFamily, solutions: list[LaunchSolution]) -> Launch:
     """Return the launch with the largest spin towards the side that `beside` asks for."""
+    problem, goal = family.problem, family.goal
     assert goal.beside is not None
     distance, sideways = goal.beside
     pushed = float(np.cross(problem.spin, goal.ahead) @ goal.left)  # it starts to the other side
     bend = solutions[0].spin_size if solutions else -pushed * sideways or 1.0
-    spin = problem.spin_of(math.copysign(spin_limit, bend))
+    spin = problem.spin_of(math.copysign(family.spin_limit, bend))
     condition = {goal.kind: getattr(goal, goal.kind)}
     spun = plan_launch(
         Goal(goal.target, **condition),
         problem.ball,
         problem.air,
         spin=spin,
-        speed_limit=speed_limit,
+        speed_limit=family.speed_limit,
     )
     if spun.status != PlanStatus.MET:  # the speed limit is in the way even without `beside`
         return replace(spun, goal=goal)
     flown = ShootingProblem(problem.ball, problem.air, spin).shoot(spun.velocity, spun.time)
     assert flown is not None
     passed = flown.crossing(goal.ahead, distance, goal.left)[0]
-    reached = Goal(goal.target, **condition, beside=(distance, passed))
     return replace(
         spun,
         status=PlanStatus.UNREACHABLE,
         goal=goal,
-        reached=reached,
+        reached=Goal(goal.target, **condition, beside=(distance, passed)),
         limit=LaunchLimit.SPIN,
-        others=(),
     )
 
 
-def _nearest(family: LaunchFamily, members: list[LaunchSolution], *, buried: bool) -> Launch:
+def _nearest(family: LaunchFamily, curves: list[list[LaunchSolution]], *, buried: bool) -> Launch:
     """Return the member nearest to what the goal names that is clear of the ground.
 
     `buried` says that solutions exist and the ground is in the way of all.
     """
     goal = family.goal
-    best = min(members, key=lambda member: abs(member.condition_error(goal)))
+    members = [member for curve in curves for member in curve if family.is_inside(member)]
+    best = min(members, key=lambda member: abs(member.condition(goal)[0]))
     if buried or not best.is_above_ground(goal):
-        buried, clear = True, family.above_ground(members)
+        buried, clear = True, family.above_ground(curves)
         if not clear:
             raise OutOfReach(
                 f"{goal} is out of reach: the ground is in the way of every launch",
                 LaunchLimit.GROUND,
                 None,
             )
-        best = min(clear, key=lambda member: abs(member.condition_error(goal)))
+        best = min(clear, key=lambda member: abs(member.condition(goal)[0]))
     best = family.refine(best)
-    error = best.condition_error(goal)
-    bend = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    error = best.condition(goal)[0]
     limit, value = LaunchLimit.SPEED, dict[str, Any](time=best.time)
-    if goal.speed is not None:
-        value = {"speed": best.speed}
-        if best.speed < family.speed_limit * (1 - 1e-6):
-            limit = LaunchLimit.LEAST_SPEED
-    elif goal.over is not None:
-        limit, value = bend, {"over": (goal.over[0], goal.over[1] + error)}
-    elif goal.apex is not None:
-        limit = bend
-        if goal.apex + error != 0.0:  # an apex at the start names no one launch
-            value = {"apex": goal.apex + error}
-    reached = Goal(goal.target, **value, beside=goal.beside)
-    limit = LaunchLimit.GROUND if buried else limit
-    return _launch(family.problem, goal, reached, limit, best)
+    if goal.over is not None:
+        value = {"over": (goal.over[0], goal.over[1] + error)}
+    elif goal.apex != -error:  # an apex at the start names no one launch
+        value = {goal.kind: getattr(goal, goal.kind) + error}
+    if buried:
+        limit = LaunchLimit.GROUND
+    elif goal.over is not None or goal.apex is not None:
+        limit = LaunchLimit.LOWEST_PATH if error > 0 else LaunchLimit.HIGHEST_PATH
+    elif goal.speed is not None and best.speed < family.speed_limit * (1 - 1e-6):
+        limit = LaunchLimit.LEAST_SPEED
+    return _launch(family, Goal(goal.target, **value, beside=goal.beside), limit, best)
 
 
 def fly_to_target(

@@ -1,29 +1,45 @@
-r"""Solving for a launch: Newton's method, and the family of all launches to a target.
+r"""Solving for a launch: Newton's method, and the curve of all launches to a target.
 
-One launch reaches a target for each time of flight. What a goal names beside the target picks
-members out of this family. The launch speed has one minimum along it, so that a speed limit leaves
-an interval of times.
+A launch velocity and a time of flight are four unknowns, and a target has three coordinates. The
+launches to it form curves, and what a goal names beside the target picks members out of them.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
+from itertools import pairwise, starmap
+from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
 from kickdyn.planning.goal import Goal, nominal_velocity
 from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
-ACCURACY = 1e-9
-"""Largest error of a solution [m, s, m/s]; farther than 1 km, 1e-12 of the distance."""
+ACCURACY = 1e-11
+"""Largest error of a solution, relative to the target's distance, the time or the speed."""
 
-COARSE_TOL = 1e-8
-"""Relative tolerance of the flights on the walk along the family; `refine` makes them exact."""
+COARSE = 1e-8
+"""Relative tolerance of the flights on the walk along a curve."""
+
+SEEDS = (1.0, 0.3, 3.0)
+"""Times of flight from which the walks start, over that of the slowest launch in the vacuum."""
+
+FARTHEST_STEP = 0.7
+"""Longest step of Newton's method, in parts of the launch speed and of the time: farther off, it
+may end at a launch of thousands of metres per second."""
+
+STEP = 0.5
+"""Largest step of a walk, in parts of the launch speed and of the time."""
+
+MOST_MEMBERS = 150
+"""Length of a walk in either direction."""
+
+Condition = Callable[[Array, Trajectory], tuple[float, Array]]
+"""From unknowns and flight to the error of a condition, and its derivatives by the unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,39 +47,48 @@ class LaunchSolution:
     """The launch that Newton's method arrived at.
 
     Attributes:
-        velocity: of the launch, shape `(3,)` [m/s, world frame].
-        time: of the flight [s].
-        spin_size: of the spin along its axis, where that is unknown, else 0 [rad/s].
+        unknowns: launch velocity [m/s, world frame], time of flight [s] and, for `beside`, the size
+            of the spin along its axis [rad/s]; shape `(4,)` or `(5,)`.
         errors: of the target (3 components), of the condition beside it, and of `beside`.
-        converged: whether all errors are small enough.
         history: launch velocities, the first guess first, shape `(k, 3)` [m/s].
-        trajectory: the flight from there; None where there is none.
+        trajectory: the flight from there.
     """
 
-    velocity: Array
-    time: float
-    spin_size: float
+    unknowns: Array
     errors: Array
-    converged: bool
     history: Array
-    trajectory: Trajectory | None
+    trajectory: Trajectory
+
+    @property
+    def velocity(self) -> Array:
+        """Launch velocity, shape `(3,)` [m/s, world frame]."""
+        return self.unknowns[:3]
+
+    @property
+    def time(self) -> float:
+        """Time of flight [s]."""
+        return float(self.unknowns[3])
+
+    @property
+    def spin_size(self) -> float:
+        """Size of the spin along its axis, where that is unknown, else 0 [rad/s]."""
+        return float(self.unknowns[4]) if len(self.unknowns) == 5 else 0.0
 
     @property
     def speed(self) -> float:
         """Launch speed [m/s]."""
         return math.hypot(*self.velocity)
 
-    def condition_error(self, goal: Goal) -> float:
-        """Return the error of the condition that a goal names beside its target."""
-        assert self.trajectory is not None
-        return _condition(goal, self.velocity, self.trajectory)[0]
+    def condition(self, goal: Goal) -> tuple[float, Array]:
+        """Return the error of the condition beside the target, and its slopes by the unknowns."""
+        return goal_condition(goal, self.unknowns, self.trajectory)
 
     def is_above_ground(self, goal: Goal) -> bool:
         """Return whether the flight stays above the ground, level with its lower end.
 
         A ball that lies on the ground does not start downwards.
         """
-        if self.trajectory is None or (goal.lowest == 0.0 and self.velocity[2] < 0.0):
+        if goal.lowest == 0.0 and self.velocity[2] < 0.0:
             return False
         end = float(self.trajectory.state(self.time)[0][2])
         return self.trajectory.lowest() >= min(0.0, end)
@@ -72,60 +97,49 @@ class LaunchSolution:
 def solve_launch(
     problem: ShootingProblem,
     goal: Goal,
-    velocity: Array,
-    time: float,
-    spin_size: float = 0.0,
-    accuracy: float | None = None,
-) -> LaunchSolution:
-    r"""Solve for a launch by Newton's method from a first guess.
+    start: Array,
+    *,
+    condition: Condition | None = None,
+    accuracy: float = ACCURACY,
+    steps: int = 40,
+) -> LaunchSolution | None:
+    r"""Solve for a launch by Newton's method from a first guess; None where it fails.
 
     The unknowns are launch velocity :math:`v`, time :math:`t` and, for `beside`, the spin's size
-    :math:`s`. They solve :math:`x(t; v, s) = x_{target}` together with the goal's condition. Each
-    step integrates one flight with its derivatives, and is halved while it does not reduce the
-    errors.
-
-    Args:
-        problem: ball, air and spin.
-        goal: to be reached.
-        velocity: first guess, shape `(3,)` [m/s].
-        time: first guess [s].
-        spin_size: first guess [rad/s].
-        accuracy: largest error; `ACCURACY` when not named.
+    :math:`s`. They solve :math:`x(t; v, s) = x_{target}` together with a condition. Each step
+    integrates one flight with its derivatives, and is halved while it does not reduce the errors.
+    Without a `condition`, it is the goal's; `accuracy` is the largest relative error.
     """
-    if accuracy is None:
-        accuracy = max(ACCURACY, 1e-12 * float(np.abs(goal.target).max()))
-    x = np.array([*velocity, time, spin_size][: 5 if goal.beside else 4])
     length = float(np.linalg.norm(goal.target))
     last = {"time": goal.time, "speed": goal.speed}.get(goal.kind) or length
-    scale = np.array([length] * 3 + [last] + [length] * (len(x) - 4))  # of the errors
-    errors, slope, trajectory = _residual(problem, goal, x)
+    x = np.array(start, dtype=float)
+    scale = np.array([length] * 3 + [1.0 if condition else last] + [length] * (len(x) - 4))
+    residual = partial(_residual, problem, goal, condition or partial(goal_condition, goal))
+    errors, slope, trajectory = residual(x)
     history = [x[:3]]
-    while not np.abs(errors).max() <= accuracy and len(history) <= 40:
+    while not np.abs(errors / scale).max() <= accuracy and len(history) <= steps:
         if not (np.isfinite(errors).all() and np.isfinite(slope).all()):
             break
-        step = np.linalg.lstsq(slope / scale[:, None], -errors / scale, rcond=1e-14)[0]
+        sizes = problem.sizes(x)
+        matrix = slope / scale[:, None] * sizes
+        step = np.linalg.lstsq(matrix, -errors / scale, rcond=1e-14)[0]
+        step *= sizes / max(1.0, float(np.linalg.norm(step)) / FARTHEST_STEP)
         before = float(np.linalg.norm(errors / scale))
         for halving in range(12):
             cut = np.asarray(step * 0.5**halving)
             moved = np.append(step_in_root(x[:3], cut[:3]), x[3:] + cut[3:])
             if moved[3] <= 0.0:
                 continue
-            found = _residual(problem, goal, moved)
+            found = residual(moved)
             if float(np.linalg.norm(found[0] / scale)) < before:  # not where it is nan
                 x, (errors, slope, trajectory) = moved, found
                 break
         else:
             break
         history.append(x[:3])
-    return LaunchSolution(
-        velocity=x[:3],
-        time=float(x[3]),
-        spin_size=float(x[4]) if len(x) == 5 else 0.0,
-        errors=errors,
-        converged=bool(np.abs(errors).max() <= accuracy),
-        history=np.array(history),
-        trajectory=trajectory,
-    )
+    if trajectory is None or not np.abs(errors / scale).max() <= accuracy:
+        return None
+    return LaunchSolution(x, errors, np.array(history), trajectory)
 
 
 def step_in_root(velocity: Array, step: Array) -> Array:
@@ -135,221 +149,266 @@ def step_in_root(velocity: Array, step: Array) -> Array:
     of 50 m in 2 s takes 3 steps in place of 4. Shapes are `(n,)`.
     """
     speed = float(np.linalg.norm(velocity))
-    if speed == 0.0:
-        return np.asarray(velocity + step)
     direction = velocity / speed
     root = velocity + step - 0.5 * direction * (direction @ step)  # times sqrt(speed)
     return np.asarray(root * float(np.linalg.norm(root)) / speed)
 
 
-def distinct(solutions: list[LaunchSolution]) -> list[LaunchSolution]:
-    """Return solutions by time of flight, each once."""
+def goal_condition(goal: Goal, x: Array, flown: Trajectory) -> tuple[float, Array]:
+    """Return the error of a goal's condition, and its derivatives by the unknowns."""
+    slope, launch = np.zeros(len(x)), [0, 1, 2, *range(4, len(x))]
+    if goal.time is not None:
+        slope[3] = 1.0
+        return flown.time - goal.time, slope
+    if goal.speed is not None:
+        speed = math.hypot(*x[:3])
+        slope[:3] = x[:3] / speed
+        return speed - goal.speed, slope
+    if goal.over is not None:
+        wished = goal.over[1]
+        value, by = flown.crossing(goal.ahead, goal.over[0], np.array([0.0, 0.0, 1.0]))
+    else:
+        assert goal.apex is not None
+        wished = goal.apex
+        value, by = flown.apex()
+    slope[launch] = by
+    return value - wished, slope
+
+
+def distinct(solutions: list[LaunchSolution], problem: ShootingProblem) -> list[LaunchSolution]:
+    """Return solutions by time of flight, each once: the first of those that are the same."""
     apart: list[LaunchSolution] = []
-    for one in sorted(solutions, key=lambda one: one.time):
-        if not apart or one.time > apart[-1].time * (1 + 1e-6):
+    for one in solutions:
+        sizes = problem.sizes(one.unknowns)
+        if all(np.abs((one.unknowns - it.unknowns) / sizes).max() > 1e-6 for it in apart):
             apart.append(one)
-    return apart
+    return sorted(apart, key=lambda one: one.time)
+
+
+def target_equations(goal: Goal, x: Array, flown: Trajectory) -> tuple[Array, Array]:
+    """Return the errors of target and `beside`, and their derivatives, one row for each."""
+    launch, rows = [0, 1, 2, *range(4, len(x))], len(x) - 1
+    errors, slope = np.zeros(rows), np.zeros((rows, len(x)))
+    position, velocity = flown.state(flown.time)
+    errors[:3], slope[:3, 3] = position - goal.target, velocity
+    slope[:3, launch] = flown.slope(flown.time)
+    if goal.beside is not None:
+        distance, sideways = goal.beside
+        passed, slope[3, launch] = flown.crossing(goal.ahead, distance, goal.left)
+        errors[3] = passed - sideways
+    return errors, slope
 
 
 def _residual(
-    problem: ShootingProblem, goal: Goal, x: Array
+    problem: ShootingProblem, goal: Goal, condition: Condition, x: Array
 ) -> tuple[Array, Array, Trajectory | None]:
     """Return errors, their derivatives by the unknowns, and the flight; nan where there is none."""
     n = len(x)
     flown = problem.shoot(x[:3], float(x[3]), float(x[4]) if n == 5 else 0.0)
     if flown is None:
         return np.full(n, math.nan), np.full((n, n), math.nan), None
-    errors, slope = np.zeros(n), np.zeros((n, n))
-    launch = [0, 1, 2, *range(4, n)]
-    position, velocity = flown.state(flown.time)
-    errors[:3], slope[:3, 3] = position - goal.target, velocity
-    slope[np.ix_([0, 1, 2], launch)] = flown.slope(flown.time)
-    errors[3], slope[3, launch], slope[3, 3] = _condition(goal, x[:3], flown)
-    if goal.beside is not None:
-        distance, sideways = goal.beside
-        passed, slope[4, launch] = flown.crossing(goal.ahead, distance, goal.left)
-        errors[4] = passed - sideways
-    return errors, slope, flown
-
-
-def _condition(goal: Goal, velocity: Array, flown: Trajectory) -> tuple[float, Array, float]:
-    """Return the error of the condition beside the target, and derivatives by launch and time."""
-    width = flown.slope(0.0).shape[1]
-    if goal.time is not None:
-        return flown.time - goal.time, np.zeros(width), 1.0
-    if goal.speed is not None:
-        speed = math.hypot(*velocity)
-        return speed - goal.speed, np.append(velocity / speed, np.zeros(width - 3)), 0.0
-    if goal.over is not None:
-        height, slope = flown.crossing(goal.ahead, goal.over[0], np.array([0.0, 0.0, 1.0]))
-        return height - goal.over[1], slope, 0.0
-    assert goal.apex is not None
-    height, slope = flown.apex()
-    return height - goal.apex, slope, 0.0
+    errors, slope = target_equations(goal, x, flown)
+    error, row = condition(x, flown)
+    return np.insert(errors, 3, error), np.insert(slope, 3, row, axis=0), flown
 
 
 class LaunchFamily:
-    """The launches to a goal's target, by time of flight.
+    r"""The launches to a goal's target, and `beside`, within limits of speed and spin [m/s, rad/s].
 
-    Args:
-        problem: ball, air and spin.
-        goal: every member meets its target and `beside`.
-        speed_limit: of the launch [m/s].
+    They are curves in the space of the unknowns :math:`y`. A walk along one of them steps in the
+    direction :math:`\tau` of its tangent, and Newton's method returns to it across that direction,
+    :math:`\tau \cdot (y - y_0) = 0` (pseudo-arclength continuation: Keller 1977), so that a curve
+    may turn back in time, speed or spin. Walks start from the launches that Newton's method finds
+    from a few answers of the vacuum, the time of flight being free: a curve to which none of these
+    leads is not found.
     """
 
-    def __init__(self, problem: ShootingProblem, goal: Goal, speed_limit: float) -> None:
-        self.problem, self.goal, self.speed_limit = problem, goal, speed_limit
-        self._coarse = ShootingProblem(
-            problem.ball, problem.air, problem.spin, problem.seeks_spin, COARSE_TOL
-        )
-        self._found: dict[float, LaunchSolution | None] = {}
+    def __init__(
+        self, problem: ShootingProblem, goal: Goal, speed_limit: float, spin_limit: float
+    ) -> None:
+        self.problem, self.goal = problem, goal
+        self.speed_limit, self.spin_limit = speed_limit, spin_limit
+        self._coarse = problem.with_tolerance(COARSE)
 
-    def at(self, time: float) -> LaunchSolution | None:
-        """Return the launch with a time of flight [s]; None where Newton's method finds none."""
-        if time not in self._found:
-            goal = Goal(self.goal.target, time=time, beside=self.goal.beside)
-            velocity, spin_size = nominal_velocity(goal.target, time), 0.0
-            known = [member for member in self._found.values() if member is not None]
-            near = min(known, key=lambda one: abs(math.log(one.time / time)), default=None)
-            if near is not None:
-                velocity = velocity + near.velocity - nominal_velocity(goal.target, near.time)
-                spin_size = near.spin_size
-            accuracy = 100 * COARSE_TOL * goal.distance
-            found = solve_launch(self._coarse, goal, velocity, time, spin_size, accuracy)
-            self._found[time] = found if found.converged else None
-        return self._found[time]
+    def curves(self, known: list[LaunchSolution]) -> list[list[LaunchSolution]]:
+        """Return members in order along each curve, and those where the condition turns.
+
+        The walks start from known members, too.
+        """
+        found = list[list[LaunchSolution]]()
+        for seed in sorted([*known, *self._seeds()], key=lambda one: one.speed):
+            beyond = bool(found) and not self.is_inside(seed)
+            if beyond or any(
+                self._is_between(pair, seed) for curve in found for pair in pairwise(curve)
+            ):
+                continue
+            ahead = self._walk(seed, 1.0)
+            closed = bool(ahead) and ahead[-1] is seed
+            curve = [*reversed([] if closed else self._walk(seed, -1.0)), seed, *ahead]
+            limit = self._goal(speed=self.speed_limit)
+            for between in (
+                partial(self._turn, limit),
+                partial(self._solution, limit),
+                partial(self._turn, self.goal),
+            ):
+                both = zip([None, *starmap(between, pairwise(curve))], curve, strict=True)
+                curve = [one for pair in both for one in pair if one is not None]
+            found.append(curve)
+        return found
+
+    def solutions(
+        self, known: list[LaunchSolution], curves: list[list[LaunchSolution]]
+    ) -> list[LaunchSolution]:
+        """Return the goal's solutions within the limits by time: those known, and on curves."""
+        pairs = [pair for curve in curves for pair in pairwise(curve)]
+        found = [*known, *starmap(partial(self._solution, self.goal), pairs)]
+        inside = [one for one in found if one is not None and self.is_inside(one)]
+        return distinct(inside, self.problem)
+
+    def is_inside(self, member: LaunchSolution) -> bool:
+        """Return whether a member is within the limits, but for rounding."""
+        slow = member.speed <= self.speed_limit * (1 + 1e-9)
+        return slow and abs(member.spin_size) <= self.spin_limit
+
+    def above_ground(self, curves: list[list[LaunchSolution]]) -> list[LaunchSolution]:
+        """Return members within the limits that are clear of the ground, and the last such."""
+        found = []
+        for pair in (pair for curve in curves for pair in pairwise(curve)):
+            inside = [member for member in pair if self.is_inside(member)]
+            clear = [member for member in inside if member.is_above_ground(self.goal)]
+            found += clear
+            if len(inside) == 2 and len(clear) == 1:
+                found.append(self._last_clear(*(pair if clear[0] is pair[0] else pair[::-1])))
+        return found
 
     def refine(self, member: LaunchSolution) -> LaunchSolution:
         """Return a member as exactly as `solve_launch` computes it."""
-        goal = Goal(self.goal.target, time=member.time, beside=self.goal.beside)
-        found = self._solve_near(goal, member)
-        return found if found.converged else member
+        goal = self._goal(time=member.time)
+        return solve_launch(self.problem, goal, member.unknowns) or member
 
-    def within_limit(self) -> list[LaunchSolution]:
-        """Return members from the shortest to the longest time that the speed limit allows."""
-        least = self._slowest()
-        if least is None or least.speed > self.speed_limit:
-            return []
-        if self.goal.speed is not None and least.speed >= self.goal.speed:
-            return [least]
-        earlier, later = (self._walk(least, ratio) for ratio in (1 / 1.35, 1.35))
-        return [*reversed(earlier), least, *later]
+    def _goal(self, **condition: Any) -> Goal:
+        """Return the same target and `beside` with another condition."""
+        return Goal(self.goal.target, **condition, beside=self.goal.beside)
 
-    def solutions_between(self, members: list[LaunchSolution]) -> list[LaunchSolution]:
-        """Return the goal's solutions between members whose errors of its condition differ in sign.
+    def _seeds(self) -> list[LaunchSolution]:
+        """Return members near the vacuum's answers for the times `SEEDS`."""
+        target, found = self.goal.target, list[LaunchSolution | None]()
+        about = math.sqrt(2 * float(np.linalg.norm(target)) / GRAVITY)
+        for time in (about * part for part in SEEDS):
+            spin = [] if self.goal.beside is None else [0.0]
+            start = np.array([*nominal_velocity(target, time), time, *spin])
+            found.append(self._member_near(start, np.zeros_like(start), steps=20))
+        return [one for one in found if one is not None]
 
-        Newton's method starts from the member of the smaller error, and then from the other.
+    def _tangent(self, member: LaunchSolution) -> Array:
+        """Return the direction of the curve, in `sizes` of the unknowns, as a unit vector."""
+        problem, x = self._coarse, member.unknowns
+        slope = target_equations(self.goal, x, member.trajectory)[1] * problem.sizes(x)
+        return np.asarray(np.linalg.svd(slope)[2][-1])
+
+    def _member_near(self, x: Array, across: Array, steps: int = 6) -> LaunchSolution | None:
+        """Return the member where the curve crosses a plane through unknowns; None without one.
+
+        With a plane of no direction, each step of Newton's method is the least to the curve.
         """
-        found = []
-        for early, late in pairwise(members):
-            errors = [one.condition_error(self.goal) for one in (early, late)]
-            if not errors[0] * errors[1] <= 0.0:
+        if x[3] <= 0.0:
+            return None
+
+        def condition(y: Array, _: Trajectory) -> tuple[float, Array]:
+            """Return the distance from a plane across the curve, and its slope."""
+            return float(across @ (y - x)), across
+
+        return solve_launch(
+            self._coarse, self.goal, x, condition=condition, accuracy=100 * COARSE, steps=steps
+        )
+
+    def _between(self, a: LaunchSolution, b: LaunchSolution, part: float) -> LaunchSolution | None:
+        """Return a member between two, by the part of the way from the first."""
+        x, chord = a.unknowns, b.unknowns - a.unknowns
+        return self._member_near(x + part * chord, chord / self._coarse.sizes(x) ** 2)
+
+    def _root(
+        self, value: Callable[[LaunchSolution], float], a: LaunchSolution, b: LaunchSolution
+    ) -> LaunchSolution | None:
+        """Return the member between two at which a function of members is 0; None without one."""
+
+        def member(part: float) -> LaunchSolution | None:
+            """Return the member at a part of the way from a to b."""
+            return {0.0: a, 1.0: b}.get(part) or self._between(a, b, part)
+
+        def at(part: float) -> float:
+            """Return the value at a part of the way; nan where there is no member."""
+            found = member(part)
+            return math.nan if found is None else value(found)
+
+        if not value(a) * value(b) <= 0.0:
+            return None
+        try:
+            return member(float(brentq(at, 0.0, 1.0, xtol=1e-6)))
+        except ValueError:  # of nan: the curve leaves its chord
+            return None
+
+    def _is_between(self, pair: tuple[LaunchSolution, LaunchSolution], one: LaunchSolution) -> bool:
+        """Return whether a member lies on the curve between two neighbours."""
+        sizes = self._coarse.sizes(pair[0].unknowns)
+        chord, off = ((it.unknowns - pair[0].unknowns) / sizes for it in (pair[1], one))
+        length = float(np.linalg.norm(chord))
+        along = float(off @ chord) / max(length, 1e-300)
+        aside = math.sqrt(max(float(off @ off) - along * along, 0.0))
+        return -1e-6 * length <= along <= (1 + 1e-6) * length and aside <= 0.3 * length
+
+    def _walk(self, start: LaunchSolution, sign: float) -> list[LaunchSolution]:
+        """Return members from one in a direction along its curve, to beyond a limit or round."""
+        members, at, size = list[LaunchSolution](), start, 0.5 * STEP
+        direction = sign * self._tangent(start)
+        while len(members) < MOST_MEMBERS and size > 1e-4:
+            sizes = self._coarse.sizes(at.unknowns)
+            there = at.unknowns + size * sizes * direction
+            found = self._member_near(there, direction / sizes)
+            ahead = np.zeros_like(direction) if found is None else self._tangent(found)
+            ahead = ahead * math.copysign(1.0, float(ahead @ direction))
+            turn = float(ahead @ direction)
+            if found is None or turn < 0.9:
+                size *= 0.5
                 continue
-            starts = [early, late] if abs(errors[0]) <= abs(errors[1]) else [late, early]
-            for solution in (self._solve_near(self.goal, start) for start in starts):
-                if solution.converged and early.time <= solution.time <= late.time:
-                    found.append(solution)
-                    break
-        return found
-
-    def above_ground(self, members: list[LaunchSolution]) -> list[LaunchSolution]:
-        """Return members that are clear of the ground, with the last clear ones between them."""
-        clear = [member.is_above_ground(self.goal) for member in members]
-        found = [member for member, is_clear in zip(members, clear, strict=True) if is_clear]
-        for (one, is_clear), (other, other_clear) in pairwise(zip(members, clear, strict=True)):
-            if is_clear != other_clear:
-                found.append(self._last_clear(*((one, other) if is_clear else (other, one))))
-        return found
-
-    def _slowest(self) -> LaunchSolution | None:
-        """Return the member of least launch speed."""
-        about = math.sqrt(2 * float(np.linalg.norm(self.goal.target)) / GRAVITY)  # in the vacuum
-
-        def speed(log: float) -> float:
-            member = self.at(about * math.exp(log))
-            return math.inf if member is None else member.speed
-
-        found = minimize_scalar(speed, bracket=(-0.3, 0.0), tol=1e-4, options={"maxiter": 40})
-        return self.at(about * math.exp(float(found.x)))
-
-    def _walk(self, least: LaunchSolution, ratio: float) -> list[LaunchSolution]:
-        """Return members from the slowest one to the speed limit."""
-        members, last = list[LaunchSolution](), least
-        while abs(ratio - 1.0) > 1e-4 and len(members) < 100:
-            member = self.at(last.time * ratio)
-            if member is None:  # too far a step
-                ratio = math.sqrt(ratio)
-                continue
-            if member.speed > self.speed_limit:
-                return [*members, self._at_limit(last, member)]
-            members.append(member)
-            last = member
+            if len(members) > 2 and self._is_between((at, found), start):
+                return [*members, start]
+            members.append(found)
+            too_fast = found.speed > max(self.speed_limit, at.speed)
+            if too_fast or abs(found.spin_size) > max(self.spin_limit, abs(at.spin_size)):
+                break
+            at, direction = found, ahead
+            size = min(1.5 * size, STEP) if turn > 0.97 else size
         return members
 
-    def _at_limit(self, inside: LaunchSolution, outside: LaunchSolution) -> LaunchSolution:
-        """Return the member at the speed limit."""
+    def _turn(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
+        """Return the member between two to which a condition's error falls, and then rises."""
+        chord = b.unknowns - a.unknowns
 
-        def excess(time: float) -> float:
-            member = self.at(time)
-            return math.inf if member is None else member.speed / self.speed_limit - 1.0
+        def rate(member: LaunchSolution) -> float:
+            """Return how fast the condition changes along the curve."""
+            sizes, slope = self._coarse.sizes(member.unknowns), member.condition(goal)[1]
+            tangent = self._tangent(member)
+            ahead = math.copysign(1.0, float(tangent @ (chord / sizes)))
+            return float(slope @ (sizes * tangent)) * ahead
 
-        a, b = inside.time, outside.time
-        if excess(a) * excess(b) >= 0:
-            return inside
-        return self.at(float(brentq(excess, a, b, xtol=1e-13 * a, rtol=1e-13))) or inside
+        falls, rises = (member.condition(goal)[0] * rate(member) for member in (a, b))
+        return self._root(rate, a, b) if falls < 0.0 < rises else None
+
+    def _solution(self, goal: Goal, a: LaunchSolution, b: LaunchSolution) -> LaunchSolution | None:
+        """Return the solution for a goal between two members whose errors differ in sign."""
+        start = self._root(lambda member: member.condition(goal)[0], a, b)
+        return start and solve_launch(self.problem, goal, start.unknowns, steps=12)
 
     def _last_clear(self, clear: LaunchSolution, buried: LaunchSolution) -> LaunchSolution:
         """Return the last member that is clear of the ground, by bisection."""
-        while abs(math.log(clear.time / buried.time)) > 1e-6:
-            member = self.at(math.sqrt(clear.time * buried.time))
-            if member is None:
+        for _ in range(24):
+            middle = self._between(clear, buried, 0.5)
+            if middle is None:
                 break
-            member = self.refine(member)
+            member = self.refine(middle)
             if member.is_above_ground(self.goal):
                 clear = member
             else:
                 buried = member
         return clear
-
-    def _solve_near(self, goal: Goal, member: LaunchSolution) -> LaunchSolution:
-        """Return what Newton's method arrives at from a member."""
-        return solve_launch(self.problem, goal, member.velocity, member.time, member.spin_size)
-
-
-def farthest_launch(problem: ShootingProblem, target: Array, speed: float) -> tuple[Goal, Array]:
-    """Return the farthest point on the line to a target that a launch speed reaches, as a goal.
-
-    The launch is aimed at the target's side. Also returns its velocity, shape `(3,)` [m/s].
-    """
-    ahead = np.array([target[0], target[1], 0.0]) / math.hypot(target[0], target[1])
-    up = np.array([0.0, 0.0, 1.0])
-    slope = float(target[2] / (ahead @ target))
-    time = 2.5 * speed / GRAVITY * (1.0 + abs(slope))
-
-    def reach(angle: float) -> tuple[float, float, Array, Array]:
-        """Return distance, time and position where the flight crosses the line, and its launch."""
-        velocity = speed * (math.cos(angle) * ahead + math.sin(angle) * up)
-        flown = problem.shoot(velocity, time)
-
-        def above(at: float) -> float:
-            assert flown is not None
-            position = flown.state(at)[0]
-            return float(position[2] - slope * (ahead @ position))
-
-        if flown is None or above(time) >= 0.0:
-            return 0.0, 0.0, np.zeros(3), velocity
-        start = time
-        while above(start) < 0.0 and start > 1e-6 * time:
-            start *= 0.9
-        when = float(brentq(above, start, min(start / 0.9, time)))
-        position = flown.state(when)[0]
-        return float(ahead @ position), when, position, velocity
-
-    found = minimize_scalar(
-        lambda angle: -reach(angle)[0],
-        bounds=(math.atan(slope) + 1e-3, math.pi / 2 - 1e-3),
-        method="bounded",
-        options={"xatol": 1e-5},
-    )
-    _, when, position, velocity = reach(float(found.x))
-    return Goal(position, time=when), velocity

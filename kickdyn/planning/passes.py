@@ -1,7 +1,5 @@
 """Planning a pass along the ground, where the ball may bounce, slide and roll."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -24,6 +22,9 @@ from kickdyn.planning.goal import Goal, LaunchLimit, PlanStatus
 
 ACCURACY = 1e-6
 """Largest error of time [s] and place [m]; a bounce makes less of them smooth."""
+
+NEVER = 1e6
+"""Delay of a ball that does not come to the target [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,6 +49,7 @@ class Pass(ReprMixin):
     aside: float
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", f"{self.status}: {self.limit}" if self.limit else self.status, ""
         yield "launch", self.velocity, "m/s"
         yield "time", self.time, "s"
@@ -55,6 +57,7 @@ class Pass(ReprMixin):
         yield "bounces", len(self.course.bounces), ""
 
     def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
         return self.course._picture()
 
     @property
@@ -77,6 +80,7 @@ class Pass(ReprMixin):
         return f"{why}: {self.course.distance:.4g} m is farthest"
 
 
+@validation.check_arguments
 def plan_pass(
     goal: Goal,
     ball: Ball,
@@ -105,7 +109,6 @@ def plan_pass(
         InvalidInput: a value out of range, a goal without a time or at another height, or an
             unknown surface.
     """
-    validation.check_type(Goal, goal=goal)
     if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
         raise InvalidInput(
             f"{goal!r} is no goal of a pass: it must have a time, a target as high as the ball and "
@@ -125,9 +128,9 @@ def plan_pass(
         return velocity, follow(BallState(start, velocity, spin), ball, air, ground, plane=plane)
 
     def delay(turn: float, speed: float) -> float:
-        """Return how much too late the ball comes to the target; inf where it does not."""
+        """Return how much too late the ball comes to the target [s]."""
         _, course = play(speed, turn)
-        return course.duration - duration if course.status == "at-plane" else math.inf
+        return course.duration - duration if course.status == "at-plane" else NEVER
 
     turn = 0.0
     for _ in range(8):  # the course bends little: the aim is turned by the error
@@ -148,15 +151,9 @@ def _solve_speed(delay: Callable[[float], float], limit: float) -> tuple[float, 
     """Return the speed that is in time, or the nearest one and the reason."""
     if delay(limit) > 0.0:
         return limit, LaunchLimit.SPEED
-    slow, fast = 1e-3 * limit, limit
+    slow = 1e-3 * limit
     if delay(slow) <= 0.0:
         return slow, LaunchLimit.ROLLING
-    while delay(slow) == math.inf and fast - slow > 1e-12 * limit:
-        middle = 0.5 * (slow + fast)
-        if delay(middle) <= 0.0:
-            fast = middle
-        else:
-            slow = middle
-    if delay(slow) == math.inf:  # it would have to be slower than the slowest that comes there
-        return fast, LaunchLimit.ROLLING
-    return float(brentq(delay, slow, fast, xtol=1e-13 * limit, rtol=1e-13)), None
+    speed = float(brentq(delay, slow, limit, xtol=1e-13 * limit, rtol=1e-13))
+    stops = delay(speed * (1 - 1e-12)) == NEVER  # slower than the slowest that comes there
+    return speed * (1 + 1e-12), LaunchLimit.ROLLING if stops else None

@@ -1,49 +1,181 @@
-"""A planned kick in words and in JSON."""
-
-from __future__ import annotations
+"""A planned kick in words and in JSON, with the wall and the goal that it meets on a pitch."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
 
 from kickdyn.ball import BallState
+from kickdyn.core import validation
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
-from kickdyn.planning.free_kick import Wall, score
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
 
+OVER = 0.1
+"""Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
+
+MOUTH = (7.32, 2.44)
+"""Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
+
+FRAME = 0.12
+"""Largest width of its posts and its bar [m], ibid."""
+
+ENDS = {
+    "short": "does not come to the goal",
+    "over": "goes over the bar",
+    "beside": "goes beside the post",
+    "bar": "hits the bar",
+    "post": "hits the post",
+}
+"""Sentences for the ends of a ball that does not go in."""
+
+
+class Wall(NamedTuple):
+    """A wall across the line to the target, its middle on it; all in m, heights from the ground."""
+
+    distance: float
+    height: float
+    width: float = 2.5  # of five players
+
+    @classmethod
+    def read(cls, text: str) -> "Wall":
+        """Return the wall that DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for."""
+        parts = text.split(":")
+        if len(parts) not in (2, 3):
+            raise InvalidInput(f"wall is {text!r}: it must be DISTANCE:HEIGHT or with :WIDTH [m]")
+        try:
+            values = [float(part) for part in parts]
+        except ValueError:
+            raise InvalidInput(f"wall is {text!r}: it must be numbers, as 9.15:1.9") from None
+        for name, value in zip(cls._fields, values, strict=False):
+            validation.number(f"{name} of the wall", value, above=0, unit="m")
+        return cls(*values)
+
+    def check_before(self, distance: float) -> None:
+        """Raise `InvalidInput` for a wall that is not before a target so far away [m]."""
+        if not self.distance < distance:
+            raise InvalidInput(
+                f"wall is at {self.distance:g} m: it must be between the ball and the target, "
+                f"which is {distance:g} m away"
+            )
+
+    def clearance(self, plan: KickPlan) -> tuple[float, float, float] | None:
+        """Return how the ball passes the wall [m]; None where it comes down before.
+
+        How far its lower edge is above the wall and its side beside it, both below 0 where it is
+        not, and how far its centre is to the left of the wall's middle.
+        """
+        goal, path, radius = plan.goal, plan.path, plan.impact.ball.radius
+        start = path.launch.position
+
+        def beyond(time: float) -> float:
+            """Return how far the ball is beyond the wall at a time [m]."""
+            return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
+
+        if beyond(path.duration) < 0.0:
+            return None
+        passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
+        left = float(goal.left @ passed)
+        return float(passed[2]) - self.height, abs(left) - self.width / 2 - radius, left
+
+    def describe_passage(self, plan: KickPlan) -> str:
+        """Return by how much the ball clears the wall, as a sentence.
+
+        Raises:
+            InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
+        """
+        self.check_before(plan.goal.distance)
+        clear = self.clearance(plan)
+        if clear is None:
+            return "The ball comes down before the wall."
+        above, beside, left = clear
+        if above > 0.0:
+            return f"Its lower edge clears the wall by {above:.3g} m."
+        if beside > 0.0:
+            side = "left" if left > 0.0 else "right"
+            return f"It passes {beside:.3g} m {side} of the wall."
+        met = plan.status == PlanStatus.MET
+        weak = "" if met else "the kick is beyond the leg's limits, and "
+        message = (
+            f"{weak}the ball hits the wall, {-above:.3g} m under its top and {-beside:.3g} m "
+            "inside its edge"
+        )
+        if not isinstance(plan.path, Course):
+            kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
+            instead = "" if kind == "over" else f" in place of --{kind}"
+            edge = math.ceil(1e3 * (self.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
+            message += (
+                f": ask for --over {self.distance:g}:{self.height + OVER:g}{instead}, or "
+                f"for --beside {self.distance:g}:{math.copysign(edge, left + 1e-6):g}"
+            )
+        raise InvalidInput(message)
+
+
+class Score(NamedTuple):
+    """How a kick meets the goal straight ahead at the target's distance.
+
+    Attributes:
+        end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
+        post: from the ball's side to the nearer post [m]; below 0 beyond it.
+        bar: from its upper edge up to the bar [m], likewise.
+    """
+
+    end: str
+    post: float
+    bar: float
+
+    def __str__(self) -> str:
+        """Say in a sentence whether the ball goes in."""
+        if self.end == "in":
+            return (
+                f"It goes in, {self.post:.3g} m from the post and {self.bar:.3g} m under the bar."
+            )
+        return f"It {ENDS[self.end]}."
+
+
+def score(plan: KickPlan) -> Score:
+    """Return how a kick meets the goal."""
+    radius, path = plan.impact.ball.radius, plan.path
+    moved = path.sample(path.duration).position - path.launch.position
+    ahead, left, up = moved.tolist()
+    post = MOUTH[0] / 2 - abs(left) - radius
+    bar = MOUTH[1] - up - 2 * radius
+    if plan.goal.target[0] - ahead > 1e-3 or up <= -radius:
+        return Score("short", post, bar)
+    if min(post, bar) >= 0.0:
+        return Score("in", post, bar)
+    missed = post if bar >= 0.0 else bar if post >= 0.0 else min(post, bar)
+    clear = missed < -2 * radius - FRAME
+    ends = ("post", "beside") if missed == post else ("bar", "over")
+    return Score(ends[clear], post, bar)
+
 
 @dataclass(frozen=True)
 class PlanReport:
-    """A planned kick with all that was asked about it.
-
-    Args:
-        plan: the kick.
-        swing: to it, if one was planned.
-        wall: that the ball passes, if there is one.
-        goal_mouth: whether there is a goal.
-        spread: of the errors its scatter was made least for, by source.
-        limits: whether the leg's limits matter.
-    """
+    """A planned kick with the swing, the wall, the goal and the errors that were asked about."""
 
     plan: KickPlan
     swing: Swing | None = None
     wall: Wall | None = None
     goal_mouth: bool = False
-    spread: Mapping[str, float] | None = None
+    uncertainty: Mapping[str, float] | None = None
     limits: bool = True
 
     def sentences(self) -> list[str]:
         """Return the answer in sentences; raise `InvalidInput` where the ball hits the wall."""
         found = [verdict(self.plan)]
-        if self.spread is not None:
-            found.append(_describe_scatter(self._scatter(self.spread)))
+        if self.uncertainty is not None:
+            landing = scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
+            found.append(_describe_scatter(landing))
         if self.wall is not None:
             found.append(self.wall.describe_passage(self.plan))
         if self.goal_mouth:
@@ -83,46 +215,33 @@ class PlanReport:
         """Return the report as what JSON can hold: SI units, degrees where a name says so."""
         plan, launch = self.plan, self.plan.launch
         impact, leg = plan.impact, plan.leg
+        up, left = plan.impact_target.contact_offset
         report = {
             "status": plan.status,
             "goal": _goal_json(plan.goal),
             "launch": {
-                "speed": launch.speed,
+                **_attributes(launch, "speed velocity spin time iterations"),
                 "angle_deg": math.degrees(launch.angle),
                 "azimuth_deg": math.degrees(launch.azimuth),
-                "velocity": launch.velocity.tolist(),
-                "spin": launch.spin.tolist(),
-                "time": launch.time,
-                "iterations": launch.iterations,
             },
             "impact": {
-                "impulse": impact.impulse.tolist(),
+                **_attributes(impact, "impulse foot_velocity"),
                 "normal": impact.contact.normal.tolist(),
-                "up_m": plan.impact_target.contact_offset[0],
-                "left_m": plan.impact_target.contact_offset[1],
-                "foot_velocity": impact.foot_velocity.tolist(),
+                "up_m": up,
+                "left_m": left,
             },
             "leg": {
                 "name": leg.name,
                 "heading_deg": math.degrees(plan.heading),
                 "q_deg": leg.angles_deg(plan.q),
                 "q_m": leg.positions_m(plan.q),
-                "v": plan.v.tolist(),
-                "objective": plan.objective,
-                "value": plan.value,
-                "binding": list(plan.binding),
-                "speed_use": plan.speed_use,
-                "torque_use": plan.torque_use,
-                "too_fast_after": plan.too_fast_after,
-                "into_stop": list(plan.into_stop),
+                **_attributes(plan, "v objective value binding speed_use torque_use"),
+                **_attributes(plan, "too_fast_after into_stop"),
                 "worst_joint": impact.worst_joint[0],
                 "worst_joint_impulse": impact.worst_joint[1],
             },
-            "share": plan.share,
             "time": plan.path.duration,
-            "landing_error": plan.landing_error,
-            "time_error": plan.time_error,
-            "warnings": list(plan.warnings),
+            **_attributes(plan, "share landing_error time_error warnings"),
         }
         if plan.status != PlanStatus.MET:
             path = _flight_within_limits(plan)
@@ -132,21 +251,15 @@ class PlanReport:
             report["wall"] = {"above": above, "beside": beside}
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
-        if self.spread is not None:
-            found = self._scatter(self.spread)
+        if self.uncertainty is not None:
+            found = scatter(impact, launch.air, **self.uncertainty)
             report["scatter"] = {
-                "mean": found.mean.tolist(),
-                "covariance": found.covariance.tolist(),
+                **_attributes(found, "mean covariance radius"),
                 "by_source": {name: part.tolist() for name, part in found.by_source.items()},
-                "radius": found.radius,
             }
         if self.swing is not None:
             report["swing"] = _swing_json(self.swing)
         return report
-
-    def _scatter(self, spread: Mapping[str, float]) -> Scatter:
-        """Return the scatter of the landing."""
-        return scatter(self.plan.impact, self.plan.launch.air, **spread)
 
 
 def verdict(plan: KickPlan) -> str:
@@ -235,14 +348,18 @@ def _describe_swing(swing: Swing) -> str:
 
 def _swing_json(swing: Swing) -> dict[str, Any]:
     """Return a swing with its motion at the nodes of either phase."""
-    names = ("status", "share", "limit", "objective", "value", "torque_use", "speed_use",
-             "range_left", "defect", "impact_error", "joints")  # fmt: skip
-    report = {name: getattr(swing, name) for name in names}
+    report = _attributes(swing, "status share limit objective value torque_use speed_use")
+    report |= _attributes(swing, "range_left defect impact_error joints")
     for name in ("backswing", "follow_through"):
         phase = getattr(swing, name)
-        motion = phase.sample(phase.nodes)._asdict()
-        report[name] = {key: value.tolist() for key, value in motion.items()}
+        motion = phase.sample(phase.nodes)
+        report[name] = _attributes(motion, " ".join(motion._fields))
     return report
+
+
+def _attributes(source: object, names: str) -> dict[str, Any]:
+    """Return attributes by name, arrays and tuples as lists."""
+    return {name: np.asarray(getattr(source, name)).tolist() for name in names.split()}
 
 
 def _goal_json(goal: Goal) -> dict[str, Any]:

@@ -6,8 +6,6 @@ errors of a source with standard deviation :math:`\sigma_i`,
 .. math:: \Sigma = \sum_i \sigma_i^2\, S L_i (S L_i)^T.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,7 +22,6 @@ from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
-from kickdyn.planning.shooting import ShootingProblem, Trajectory
 
 UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag": "1"}
 """Sources of error, with units.
@@ -32,6 +29,9 @@ UNITS = {"speed": "1", "angle": "rad", "contact": "m", "restitution": "1", "drag
 Foot speed, relative; direction of the foot's velocity and place of the contact on the ball, each
 upwards and sideways; restitution; drag coefficient, relative.
 """
+
+STEP, TOL = 1e-3, 1e-11
+"""Relative step of the differences, and tolerance of the flights that they are of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,50 +69,52 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
     """
     sizes = checked_spread(spread)
     landing, slopes = landing_slopes(impact.ball_after, impact.ball, air)
-    parts = launch_covariances(impact, slopes, sizes)
-    if "drag" in sizes:
-        slope = _drag_slope(impact, air)
-        parts["drag"] = sizes["drag"] ** 2 * np.outer(slope, slope)
+    parts = landing_covariances(impact, slopes, sizes)
     return Scatter(landing, np.sum(list(parts.values()), axis=0), MappingProxyType(parts))
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:
-    """Return where a ball comes back to its height, `(2,)`, and derivatives by velocity and spin.
+    """Return where a ball comes back to its height, `(2,)`, and the derivatives, by differences.
 
-    Shape `(2, 6)` [m per m/s, m per rad/s].
+    They are by velocity, spin and relative drag coefficient: shape `(2, 7)` [m per m/s, m per
+    rad/s, m].
     """
-    path = fly(state, ball, air, tol=1e-11)
-    if path.status != "landed" or not path.duration > 0.0:
-        raise InvalidInput("the ball does not fly up and come down: there is no landing to scatter")
 
-    def shoot(spin: Array) -> Trajectory:
-        flown = ShootingProblem(ball, air, spin).shoot(state.velocity, path.duration)
-        assert flown is not None
-        return flown
+    def landing(change: Array) -> Array:
+        """Return where a changed launch lands, shape `(2,)` [m]."""
+        start = BallState(state.position, state.velocity + change[:3], state.spin + change[3:6])
+        path = fly(start, ball, _with_drag(air, change[6]), tol=TOL)
+        if path.status != "landed" or not path.duration > 0.0:
+            raise InvalidInput(
+                "the ball does not fly up and come down: there is no landing to scatter"
+            )
+        return (path.landing.position - state.position)[:2]
 
-    flown = shoot(state.spin)
-    slopes = np.zeros((3, 6))
-    slopes[:, :3] = flown.slope(path.duration)
-    if air is not None:
-        step = 1e-3 * max(10.0, float(np.linalg.norm(state.spin)))
-        for axis, change in enumerate(step * np.eye(3)):
-            ends = [shoot(state.spin + sign * change).state(path.duration)[0] for sign in (1, -1)]
-            slopes[:, 3 + axis] = (ends[0] - ends[1]) / (2 * step)
-    velocity = flown.state(path.duration)[1]
-    level = slopes[:2] - np.outer(velocity[:2], slopes[2] / velocity[2])  # it lands so much sooner
-    return (path.landing.position - state.position)[:2], level
+    speed, turn = math.hypot(*state.velocity), max(10.0, math.hypot(*state.spin))
+    steps = STEP * np.diag([*3 * [speed], *3 * [turn], 1.0])
+    slopes = [(landing(step) - landing(-step)) / (2 * step.sum()) for step in steps]
+    return landing(np.zeros(7)), np.transpose(slopes)
 
 
-def launch_covariances(
+def _with_drag(air: Air | None, change: float) -> Air | None:
+    """Return the air with another drag coefficient, by a relative change."""
+    if air is None or air.drag is None or change == 0.0:
+        return air
+    function: Any = getattr(air.drag, "function", air.drag)
+    return replace(air, drag=lambda reynolds, spin: (1.0 + change) * function(reynolds, spin))
+
+
+def landing_covariances(
     impact: Impact, slopes: Array, sizes: Mapping[str, float]
 ) -> dict[str, Array]:
-    """Return the landing's covariance by source of the launch, each of shape `(2, 2)` [m2].
+    """Return the landing's covariance by source, each of shape `(2, 2)` [m2].
 
-    The slopes are those of `landing_slopes`; sizes are standard deviations, the drag's left out.
+    The slopes are those of `landing_slopes`; sizes are standard deviations.
     """
     launch = _launch_slopes(impact)
-    moved = {name: size * slopes @ launch[name] for name, size in sizes.items() if name in launch}
-    return {name: one @ one.T for name, one in moved.items()}
+    landing = {source: slopes[:, :6] @ change for source, change in launch.items()}
+    landing["drag"] = slopes[:, 6:]
+    return {name: size**2 * landing[name] @ landing[name].T for name, size in sizes.items()}
 
 
 def _launch_slopes(impact: Impact) -> dict[str, Array]:
@@ -143,20 +145,6 @@ def _across(direction: Array) -> Array:
         left = np.array([0.0, 1.0, 0.0])
     left /= np.linalg.norm(left)
     return np.column_stack([cross(along, left), left])
-
-
-def _drag_slope(impact: Impact, air: Air | None) -> Array:
-    """Return the derivative of the landing by the relative drag coefficient, shape `(2,)` [m]."""
-    if air is None or air.drag is None:
-        return np.zeros(2)
-    function: Any = getattr(air.drag, "function", air.drag)
-
-    def landing(factor: float) -> Array:
-        scaled = replace(air, drag=lambda reynolds, spin: factor * function(reynolds, spin))
-        return fly(impact.ball_after, impact.ball, scaled, tol=1e-11).landing.position[:2]
-
-    step = 1e-4
-    return (landing(1.0 + step) - landing(1.0 - step)) / (2 * step)
 
 
 def checked_spread(spread: Mapping[str, float]) -> dict[str, float]:

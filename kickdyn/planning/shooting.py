@@ -4,26 +4,29 @@ The flight and those of slightly changed launches are integrated side by side wi
 so that their differences are those of the equations and not of the steps (Bock 1981).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import downward, forces, is_ballistic
+from kickdyn.flight.forces import acceleration_function, ballistic, downward, is_ballistic
 
 NUDGE = 1e-6
-"""Change of a launch, over its speed; of a spin, over 10 rad/s."""
+"""Change of an unknown of the launch, over `ShootingProblem.sizes`."""
 
 LOOKS = 64
-"""Places where the lowest point of a flight is looked for."""
+"""Intervals of a flight in each of which it may turn from down to up, or from up to down."""
+
+MOST_EVALUATIONS = 10_000
+"""Evaluations of the accelerations after which a flight is given up; most take 100 to 500."""
 
 
 class Trajectory(NamedTuple):
@@ -41,27 +44,19 @@ class Trajectory(NamedTuple):
 
     def apex(self) -> tuple[float, Array]:
         """Return the greatest height up to the end, and its derivatives, shape `(3,)` or `(4,)`."""
-        first, last = 0.0, self.time
-        if self.state(0.0)[1][2] <= 0.0:  # lift may raise it later
-            times = np.linspace(0.0, self.time, LOOKS + 1)
-            top = int(np.argmax([self.state(at)[0][2] for at in times]))
-            first, last = float(times[max(top - 1, 0)]), float(times[min(top + 1, LOOKS)])
-        when = self._when(lambda at: -float(self.state(at)[1][2]), first, last)
-        if when is None:
-            when = max(first, last, key=lambda at: float(self.state(at)[0][2]))
+        when = self._extreme(1.0)
         return float(self.state(when)[0][2]), self.slope(when)[2]
 
+    def lowest(self) -> float:
+        """Return the least height, ends included [m, from the launch]."""
+        return float(self.state(self._extreme(-1.0))[0][2])
+
     def crossing(self, ahead: Array, distance: float, along: Array) -> tuple[float, Array]:
-        """Return the position along a direction at a distance ahead, and its derivatives.
+        """Return the position along a unit vector at a distance ahead [m], and its derivatives.
 
         Both are nan where the flight does not come so far.
-
-        Args:
-            ahead: horizontal unit vector, shape `(3,)`.
-            distance: ahead [m].
-            along: unit vector, shape `(3,)`.
         """
-        when = self._when(lambda at: float(ahead @ self.state(at)[0]) - distance, 0.0, self.time)
+        when = self.when(lambda at: float(ahead @ self.state(at)[0]) - distance, 0.0, self.time)
         if when is None:
             return math.nan, np.full(self.slope(0.0).shape[1], math.nan)
         position, velocity = self.state(when)
@@ -69,44 +64,25 @@ class Trajectory(NamedTuple):
         delay = -(ahead @ slope) / (ahead @ velocity)  # of the crossing
         return float(along @ position), along @ slope + (along @ velocity) * delay
 
-    def lowest(self) -> float:
-        """Return the least height, ends included [m, from the launch]."""
+    def _extreme(self, sign: float) -> float:
+        """Return when the height times a sign is greatest [s]: at an end or where it turns."""
+        looks = pairwise(np.linspace(0.0, self.time, LOOKS + 1).tolist())
+        turns = [self.when(lambda at: -sign * float(self.state(at)[1][2]), *look) for look in looks]
+        times = [0.0, self.time, *(at for at in turns if at is not None)]
+        return max(times, key=lambda at: sign * float(self.state(at)[0][2]))
 
-        def height(at: float) -> float:
-            return float(self.state(at)[0][2])
-
-        times = np.linspace(0.0, self.time, LOOKS + 1)
-        heights = [height(at) for at in times]
-        near = {min(max(int(np.argmin(heights)), 1), LOOKS - 1)}
-        if self.state(0.0)[1][2] < 0.0:  # down at first: it may be up again before the next look
-            near.add(1)
-        if self.state(self.time)[1][2] > 0.0:
-            near.add(LOOKS - 1)
-        dips = [
-            minimize_scalar(
-                height, bounds=(times[look - 1], times[look + 1]), method="bounded",
-                options={"xatol": 1e-9 * self.time},
-            ).fun
-            for look in near
-        ]  # fmt: skip
-        return float(min(*heights, *dips))
-
-    def _when(self, value: Callable[[float], float], first: float, last: float) -> float | None:
+    def when(self, value: Callable[[float], float], first: float, last: float) -> float | None:
         """Return when a value rises through zero; None where it does not."""
         if not value(first) < 0.0 <= value(last):
             return None
-        return float(brentq(value, first, last, xtol=1e-15 * self.time + 1e-300))
+        return float(brentq(value, first, last, xtol=1e-15 * self.time))
 
 
 class ShootingProblem:
-    """A ball in the air, to be shot.
+    """A ball in the air, or in the vacuum, to be shot.
 
-    Args:
-        ball: mass and radius.
-        air: None is the vacuum.
-        spin: of the launch, shape `(3,)` [rad/s]; or its axis, where its size is sought.
-        seeks_spin: whether the size of the spin is one of the unknowns.
-        tol: of the integration, relative to the flight's length and speed.
+    With `seeks_spin`, the size of the spin is an unknown and `spin` its axis. The tolerance is
+    relative to the flight's length and speed.
     """
 
     def __init__(
@@ -119,8 +95,17 @@ class ShootingProblem:
     ) -> None:
         self.tol = tol
         self.ball, self.air, self.spin, self.seeks_spin = ball, air, spin, seeks_spin
-        self._acting = None if air is None else forces(ball, air)
-        self._gravity = np.array([0.0, 0.0, -downward(ball, air)])
+        self._acting = None if air is None else acceleration_function(ball, air)
+
+    def with_tolerance(self, tol: float) -> "ShootingProblem":
+        """Return the same problem with another relative tolerance of the integration."""
+        return ShootingProblem(self.ball, self.air, self.spin, self.seeks_spin, tol)
+
+    def sizes(self, unknowns: Array) -> Array:
+        """Return scales of launch velocity [m/s], time [s] and, where sought, spin size [rad/s]."""
+        time = float(unknowns[3])
+        speed = max(math.hypot(*unknowns[:3]), 0.1 * GRAVITY * time)
+        return np.array([*3 * [speed], time, 0.1 * speed / self.ball.radius][: len(unknowns)])
 
     def spin_of(self, size: float) -> Array:
         """Return the spin, shape `(3,)` [rad/s]."""
@@ -130,21 +115,31 @@ class ShootingProblem:
         """Fly from a launch velocity `(3,)` [m/s] for a time [s]; None where that fails."""
         spin = self.spin_of(size)
         if is_ballistic(self.air, spin) and not self.seeks_spin:
-            return self._fall(velocity, time)
-        speed = math.hypot(*velocity)
-        nudges = np.full(3, NUDGE * max(speed, 1e-6))
-        lanes = [velocity, *(velocity + np.diag(nudges))]
-        spins = [spin] * 4
-        if self.seeks_spin:
-            nudges = np.append(nudges, NUDGE * 10.0)  # [rad/s]
-            lanes.append(velocity)
-            spins.append(self.spin_of(size + nudges[3]))
-        begin = np.array([[0, 0, 0, *lane, 1.0] for lane in lanes], dtype=float)
-        turning = [tuple(one.tolist()) for one in spins]
+            g = downward(self.ball, self.air)
+
+            def fall(at: float) -> tuple[Array, Array]:
+                """Return position and velocity of the parabola."""
+                place = ballistic(velocity, g, np.array([at]))[0]
+                return place[:3], place[3:6]
+
+            return Trajectory(fall, lambda at: at * np.eye(3), time)
+        sizes = self.sizes(np.array([*velocity, time, size]))
+        nudges = NUDGE * sizes[[0, 1, 2, 4]]
+        unknowns = 4 if self.seeks_spin else 3
+        lanes = np.array([*velocity, size]) + np.vstack([np.zeros(4), np.diag(nudges)[:unknowns]])
+        begin = np.array([[0, 0, 0, *lane[:3], 1.0] for lane in lanes])
+        turning = [tuple(self.spin_of(lane[3]).tolist()) for lane in lanes]
         acting = self._acting
         assert acting is not None
 
+        evaluations = 0
+
         def rates(_: float, flat: Array) -> list[float]:
+            """Return the rates of all flights."""
+            nonlocal evaluations
+            evaluations += 1
+            if evaluations > MOST_EVALUATIONS:
+                raise ArithmeticError
             result: list[float] = []
             values = flat.tolist()
             for lane, (wx, wy, wz) in enumerate(turning):
@@ -153,13 +148,13 @@ class ShootingProblem:
                 result += (vx, vy, vz, ax, ay, az, -k * left)
             return result
 
-        length = max(speed * time, 1e-9)
-        scale = np.tile([*3 * [length], *3 * [max(speed, 1e-9)], 1.0], len(lanes))
+        scale = np.tile([*sizes[:3] * time, *sizes[:3], 1.0], len(lanes))
         try:
-            found = solve_ivp(
-                rates, (0.0, time), begin.ravel(), "DOP853", rtol=self.tol,
-                atol=self.tol * scale, dense_output=True,
-            )  # fmt: skip
+            with np.errstate(over="ignore", invalid="ignore"):  # of launches without measure
+                found = solve_ivp(
+                    rates, (0.0, time), begin.ravel(), "DOP853", rtol=self.tol,
+                    atol=self.tol * scale, dense_output=True, first_step=time / 64,
+                )  # fmt: skip
         except (ArithmeticError, ValueError):
             return None
         if not found.success or not np.isfinite(found.y[:, -1]).all():
@@ -167,23 +162,17 @@ class ShootingProblem:
         last = found.y[:, -1]
 
         def states(at: float) -> Array:
+            """Return the states of all flights at a time."""
             return np.asarray(last if at == time else found.sol(at)).reshape(len(lanes), 7)
 
         def state(at: float) -> tuple[Array, Array]:
+            """Return position and velocity of the first flight."""
             first = states(at)[0]
             return first[:3], first[3:6]
 
         def slope(at: float) -> Array:
+            """Return the derivatives of the position."""
             where = states(at)[:, :3]
-            return np.asarray(((where[1:] - where[0]) / nudges[:, None]).T)
+            return np.asarray(((where[1:] - where[0]) / nudges[:unknowns, None]).T)
 
         return Trajectory(state, slope, time)
-
-    def _fall(self, velocity: Array, time: float) -> Trajectory:
-        """Return the parabola of a ball on which only gravity acts."""
-        g = self._gravity
-
-        def state(at: float) -> tuple[Array, Array]:
-            return velocity * at + 0.5 * g * at * at, velocity + g * at
-
-        return Trajectory(state, lambda at: at * np.eye(3), time)

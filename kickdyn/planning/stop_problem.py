@@ -12,11 +12,7 @@ within the limits of range, speed and torque, and with the largest share :math:`
 velocity.
 """
 
-from __future__ import annotations
-
-from dataclasses import replace
 from enum import StrEnum
-from functools import partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -24,7 +20,7 @@ import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.casadi_chain import CasadiChain
+from kickdyn.planning.casadi_chain import torque_function
 from kickdyn.planning.swing_phase import SwingPhase, make_phase
 from kickdyn.robot.kicking_chain import KickingChain
 
@@ -43,11 +39,15 @@ SHORT = 0.2
 SLACK = 0.005
 """Share of the torque limits left over at first, for torques between the solver's points."""
 
+BUDGET = 67_000
+"""Iterations of Ipopt for a swing of one joint and 24 nodes, after which none are started; for n
+joints, n^3 times fewer. An iteration takes 0.016 s of a processor with six joints."""
+
 OPTIONS = {
     "expand": True,  # into scalars: a quarter faster
     "print_time": False,
     "error_on_fail": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 300, "tol": 1e-8},
+    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 130, "tol": 1e-8},
 }
 
 
@@ -87,19 +87,13 @@ class StopSolution(NamedTuple):
     """A stop that Ipopt found.
 
     Attributes:
-        ok: whether it converged.
-        message: of the solver.
+        phase: of the swing.
         share: of the velocity.
-        value: of the objective.
-        unknowns: of the problem.
         binding: limit and joint whose widening would raise the share most.
     """
 
-    ok: bool
-    message: str
+    phase: SwingPhase
     share: float
-    value: float
-    unknowns: Array
     binding: tuple[str, int]
 
 
@@ -110,7 +104,6 @@ class StopEquations:
     keep their limits everywhere, not at nodes only. Torques keep theirs at nodes and half-way.
 
     Args:
-        symbols: of the chain.
         chain: of the joints that move.
         nodes: intervals.
         q, v: symbols for posture and velocity at the start.
@@ -122,10 +115,9 @@ class StopEquations:
         torque_squared, time: the objectives.
     """
 
-    def __init__(
-        self, symbols: CasadiChain, chain: KickingChain, nodes: int, q: Any, v: Any
-    ) -> None:
-        n, self.nodes, self.chain = symbols.n, nodes, chain
+    def __init__(self, chain: KickingChain, nodes: int, q: Any, v: Any) -> None:
+        n, self.nodes, self.chain = len(chain.names), nodes, chain
+        torque = torque_function(chain.model)
         speed, effort = ca.DM(chain.velocity_limit), ca.DM(chain.effort_limit)
         lower, width = ca.DM(chain.lower), ca.DM(chain.upper - chain.lower)
         positions, speeds, accelerations = (
@@ -153,9 +145,9 @@ class StopEquations:
             v0 + h / 8 * (3 * a0 + a1),
             (a0 + a1) / 2,
         )
-        at_nodes = symbols.torque.map(nodes + 1)(positions, v_all, a_all) / effort
-        between = symbols.torque.map(nodes)(*half_way) / effort
-        at_rest = symbols.torque(positions[:, -1], ca.DM(n, 1), ca.DM(n, 1)) / effort
+        at_nodes = torque.map(nodes + 1)(positions, v_all, a_all) / effort
+        between = torque.map(nodes)(*half_way) / effort
+        at_rest = torque(positions[:, -1], ca.DM(n, 1), ca.DM(n, 1)) / effort
         squares = [ca.sum1(use**2) / n for use in (at_nodes, between)]
         ends = ca.sum2(squares[0][:-1]) + ca.sum2(squares[0][1:])
         self.torque_squared = h / 6 * (ends + 4 * ca.sum2(squares[1]))  # Simpson's rule
@@ -197,10 +189,9 @@ class StopEquations:
         speeds = np.full((count, n), 1.0 - MARGIN)
         speeds[-1] = 0.0
         free = np.full(count * n, np.inf)
+        shortest = 1e-3  # duration [s]
         return (
-            np.concatenate(
-                [low.ravel(), -speeds.ravel(), -free, [1e-3]]
-            ),  # the shortest duration [s]
+            np.concatenate([low.ravel(), -speeds.ravel(), -free, [shortest]]),
             np.concatenate([high.ravel(), speeds.ravel(), free, [longest]]),
         )
 
@@ -211,13 +202,6 @@ class StopEquations:
         speeds = np.clip(v / speed, -1, 1) * (1 - s)
         pulls = np.ones_like(s) * (-v / time) / (speed / UNIT)
         return np.concatenate([turns.ravel(), speeds.ravel(), pulls.ravel(), [time]])
-
-    def unknowns_of(self, phase: SwingPhase) -> Array:
-        """Return the unknowns that come nearest to a phase."""
-        q, v, a = phase.away_from_impact(self.nodes)
-        speed = self.chain.velocity_limit
-        rows = (q, v / speed, a / (speed / UNIT))
-        return np.concatenate([*(one.ravel() for one in rows), [phase.duration]])
 
     def phase(self, sign: int, q: Array, v: Array, x: Array) -> SwingPhase:
         """Return unknowns as a phase that starts exactly at a posture and a velocity."""
@@ -231,7 +215,6 @@ class StopSolver:
     """Solves stops of one chain from given postures and velocities.
 
     Args:
-        symbols: of the chain.
         chain: of the joints that move.
         nodes: intervals.
         objective: to be least.
@@ -239,141 +222,110 @@ class StopSolver:
 
     def __init__(
         self,
-        symbols: CasadiChain,
         chain: KickingChain,
         nodes: int,
         objective: str = SwingObjective.TORQUE_SQUARED,
     ) -> None:
-        q, v = ca.MX.sym("q1", symbols.n), ca.MX.sym("v1", symbols.n)
-        share, weights = ca.MX.sym("share"), ca.MX.sym("weights", 2)
-        self.equations = stop = StopEquations(symbols, chain, nodes, q, share * v)
-        unknowns = ca.vertcat(stop.unknowns, share)
+        n = len(chain.names)
+        self._left = BUDGET * 24 // (nodes * n**3)
+        q, v, share = ca.MX.sym("q1", n), ca.MX.sym("v1", n), ca.MX.sym("share")
+        self._equations = stop = StopEquations(chain, nodes, q, share * v)
         cost = stop.time if objective == SwingObjective.TIME else stop.torque_squared
         self._solver = ca.nlpsol(
             "stop",
             "ipopt",
             {
-                "x": unknowns,
+                "x": ca.vertcat(stop.unknowns, share),
                 "g": stop.constraints,
-                "f": weights[0] * cost - weights[1] * share,
-                "p": ca.vertcat(q, v, weights),
+                "f": cost - EAGER * share,
+                "p": ca.vertcat(q, v),
             },
             OPTIONS,
         )
-        self._cost = ca.Function("cost", [unknowns], [cost])
 
-    def find(
-        self, stop: Stop, most: float = 1.0, known: SwingPhase | None = None
-    ) -> tuple[SwingPhase, StopSolution]:
+    def find_both(self, back: Stop, on: Stop) -> tuple[tuple[SwingPhase, SwingPhase], float, str]:
+        """Return backswing and follow-through, from the largest share of the velocity for both.
+
+        The limit that leaves no more comes with them, in a line; it is empty where the share is 1.
+
+        Raises:
+            InvalidInput: the solver finds none.
+        """
+        found, share, limit = dict[int, StopSolution](), 1.0, ""
+        for stop in (back, on, back):
+            if stop.sign in found and found[stop.sign].share == share:
+                break
+            found[stop.sign] = one = self.find(stop, share)
+            if one.share < share:
+                share, (what, joint) = one.share, one.binding
+                limit = (
+                    f"{stop.name}: the {what} limit of {self._equations.chain.names[joint]} leaves "
+                    f"{share:.4g} of the planned speed"
+                )
+        return (found[-1].phase, found[1].phase), share, limit
+
+    def find(self, stop: Stop, most: float = 1.0) -> StopSolution:
         """Return a stop from the largest share, up to `most`, of the velocity.
 
         Torques are bounded at nodes and half-way; where they leave their limits between those, the
         stop is solved again with so much more slack.
 
-        Args:
-            stop: to be found.
-            most: share of the velocity.
-            known: a stop from all of it. Optima are local: where the solver falls short of one that
-                keeps the limits, this is the answer.
-
         Raises:
             InvalidInput: the solver finds none.
         """
-        near = fallback = None
-        if known is not None:
-            near = np.append(self.equations.unknowns_of(known), 1.0)
-            known = replace(known, chain=self.equations.chain)  # whose limits may be others
-            within = max(known.torque_use, known.speed_use) <= 1.0 and known.range_left >= 0.0
-            if within and known.duration <= stop.longest and stop.rest is None and most == 1.0:
-                whole = StopSolution(True, "", 1.0, float(self._cost(near)), near, ("", 0))
-                fallback = known, whole
         slack = SLACK
         for _ in range(5):
-            solved = self.solve(stop, slack=slack, most=most, near=near)
-            if fallback is not None and not (solved.ok and solved.share == most):
-                return fallback
-            if not solved.ok:
-                raise InvalidInput(f"no {stop.name} is found: Ipopt ends with {solved.message}")
-            v = solved.share * stop.v
-            phase = self.equations.phase(stop.sign, stop.q, v, solved.unknowns)
-            excess = phase.torque_use - 1.0
+            solved = self.solve(stop, slack, most)
+            excess = solved.phase.torque_use - 1.0
             if excess <= 0.0:
-                return phase, solved
-            slack, near = slack + excess + SLACK / 2, solved.unknowns
-        if fallback is not None:
-            return fallback
+                return solved
+            slack += excess + SLACK / 2
         raise InvalidInput(
             f"no {stop.name} is found whose torques keep their limits between "
-            f"{self.equations.nodes} intervals: take more nodes"
+            f"{self._equations.nodes} intervals: take more nodes"
         )
 
-    def solve(
-        self, stop: Stop, *, slack: float = 0.0, most: float = 1.0, near: Array | None = None
-    ) -> StopSolution:
-        """Return the stop from the largest share of a velocity, up to `most`.
-
-        A guess of a short stop is tried first; where that falls short of `most`, also a long one
-        and the unknowns `near` the wanted ones, in the end with `most` of the velocity at once.
-        """
-        run, tried = partial(self._run, stop, slack), list[StopSolution]()
-        whole = most * (1 - 1e-6)
-        times = sorted({min(SHORT, stop.longest), stop.longest})
-        starts = [self.equations.guess(stop.q, stop.v, time) for time in times]
-        for start in starts if near is None else [*starts, near[:-1]]:
-            both = run((0.0, most), (1.0, EAGER), start)
-            if both.ok and both.share > whole:
-                return both._replace(share=most)
-            alone = run((0.0, most), (0.0, 1.0), both.unknowns[:-1] if both.ok else start)
-            if alone.ok and alone.share > whole:
-                best = run((most, most), (1.0, 0.0), alone.unknowns[:-1])
-                return (best if best.ok else alone)._replace(share=most)
-            tried += [both, alone]
-        if near is not None:  # which may be a stop from all of it already
-            best = run((most, most), (1.0, 0.0), near[:-1])
-            if best.ok:
-                return best._replace(share=most)
-        return max(tried, key=lambda one: (one.ok, one.share))
-
-    def _run(
-        self,
-        stop: Stop,
-        slack: float,
-        shares: tuple[float, float],
-        weights: tuple[float, float],
-        start: Array,
-    ) -> StopSolution:
-        """Return what Ipopt finds from a start, for bounds of the share and weights of the cost."""
-        low, high = self.equations.bounds(stop.longest, stop.rest)
-        lowest, highest = self.equations.constraint_bounds(slack)
-        found = self._solver(
-            x0=np.append(start, shares[1]),
-            lbx=np.append(low, shares[0]),
-            ubx=np.append(high, shares[1]),
-            lbg=lowest,
-            ubg=highest,
-            p=np.concatenate([stop.q, stop.v, weights]),
-        )
-        state, x = self._solver.stats(), np.asarray(found["x"]).ravel()
-        multipliers = (np.asarray(found[name]).ravel() for name in ("lam_x", "lam_g"))
-        return StopSolution(
-            ok=bool(state["success"]),
-            message=str(state["return_status"]),
-            share=float(x[-1]),
-            value=float(self._cost(x)),
-            unknowns=x,
-            binding=self._binding(*multipliers),
-        )
+    def solve(self, stop: Stop, slack: float = 0.0, most: float = 1.0) -> StopSolution:
+        """Return the better of the stops that Ipopt finds from a short and from a long guess."""
+        found, reason = list[StopSolution](), "no iterations left"
+        for time in sorted({min(SHORT, stop.longest), stop.longest}):
+            if self._left <= 0:
+                break
+            low, high = self._equations.bounds(stop.longest, stop.rest)
+            lowest, highest = self._equations.constraint_bounds(slack)
+            end = self._solver(
+                x0=np.append(self._equations.guess(stop.q, stop.v, time), most),
+                lbx=np.append(low, 0.0),
+                ubx=np.append(high, most),
+                lbg=lowest,
+                ubg=highest,
+                p=np.concatenate([stop.q, stop.v]),
+            )
+            state, x = self._solver.stats(), np.asarray(end["x"]).ravel()
+            self._left -= int(state["iter_count"])
+            reason = f"Ipopt ends with {state['return_status']}"
+            if not state["success"]:
+                continue
+            share = most if x[-1] > most * (1 - 1e-6) else float(x[-1])
+            phase = self._equations.phase(stop.sign, stop.q, share * stop.v, x)
+            multipliers = (np.asarray(end[name]).ravel() for name in ("lam_x", "lam_g"))
+            found.append(StopSolution(phase, share, self._binding(*multipliers)))
+            if share == most:
+                break
+        if not found:
+            raise InvalidInput(f"no {stop.name} is found: {reason}")
+        return max(found, key=lambda one: one.share)
 
     def _binding(self, of_unknowns: Array, of_constraints: Array) -> tuple[str, int]:
         """Return the limit and joint whose widening would gain most, by multipliers of bounds."""
-        chain, count = self.equations.chain, self.equations.nodes + 1
+        chain, count = self._equations.chain, self._equations.nodes + 1
         n, gains = len(chain.names), dict[tuple[str, int], float]()
         bounds = np.abs(of_unknowns[: 2 * count * n]).reshape(2, count, n)
         for joint, width in enumerate(chain.upper - chain.lower):
             gains["range", joint] = float(bounds[0, 1:, joint].sum() * width)
             gains["speed", joint] = float(bounds[1, :-1, joint].sum())
         sizes = np.abs(of_constraints).tolist()
-        for label, size in zip(self.equations.labels, sizes, strict=True):
+        for label, size in zip(self._equations.labels, sizes, strict=True):
             if label[0]:
                 gains[label] = gains.get(label, 0.0) + size
         return max(gains, key=lambda label: gains[label])

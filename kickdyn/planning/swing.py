@@ -1,10 +1,7 @@
 """Planning a swing: from rest through a planned kick's impact to rest again, within limits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +17,6 @@ from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.swing_phase import LONGEST, Motion, SwingPhase, check_solver, swing_chain
 from kickdyn.robot.kicking_chain import KickingChain
 from kickdyn.robot.leg import Leg
-
-if TYPE_CHECKING:
-    from kickdyn.planning.stop_problem import Stop
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,6 +45,7 @@ class Swing(ReprMixin):
     follow_through: SwingPhase
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "status", self.status, ""
         if self.limit:
             yield "limit", self.limit, ""
@@ -82,14 +77,15 @@ class Swing(ReprMixin):
     def sample(self, t: ArrayLike) -> Motion:
         """Return the motion at rising times from the impact [s]; at 0 it is that just before."""
         time = np.atleast_1d(validation.floats("t", t, unit="s"))
-        if (np.diff(time) < 0).any():
-            raise InvalidInput(f"t is {time.tolist()}: times must rise")
+        if time.ndim > 1 or (np.diff(time) < 0).any():
+            raise InvalidInput(f"t is {time.tolist()}: it must be a number, or times that rise")
         both = (self.backswing.sample(time[time <= 0]), self.follow_through.sample(time[time > 0]))
         return Motion(*(np.concatenate(pair) for pair in zip(*both, strict=True)))
 
     def configuration(self, t: float) -> Array:
         """Return q of the whole leg at a time, shape `(nq,)`; at rest before and after."""
-        time = min(max(t, -self.backswing.duration), self.follow_through.duration)
+        asked = validation.number("t", t, unit="s")
+        time = min(max(asked, -self.backswing.duration), self.follow_through.duration)
         q = self.plan.q.copy()
         q[self.chain.qs] = self.sample(time).q[0]
         return q
@@ -136,6 +132,7 @@ class Swing(ReprMixin):
         return worst
 
 
+@validation.check_arguments
 def plan_swing(
     leg: Leg,
     plan: KickPlan,
@@ -171,9 +168,7 @@ def plan_swing(
             and foot, or joints without limits; a value out of range.
     """
     check_unconstrained(leg, "swings are planned")
-    validation.check_type(KickPlan, plan=plan)
     check_solver()
-    from kickdyn.planning.casadi_chain import CasadiChain
     from kickdyn.planning.stop_problem import Stop, StopSolver, SwingObjective
 
     objective = validation.choice("objective", objective, SwingObjective)
@@ -181,37 +176,50 @@ def plan_swing(
     if not isinstance(nodes, int) or isinstance(nodes, bool) or not 4 <= nodes <= 200:
         raise InvalidInput(f"nodes is {nodes!r}: it must be a whole number from 4 to 200")
     chain = _checked_chain(leg, plan)
-    rests = [_checked_rest(chain, leg, name, q) for name, q in (("start", start), ("end", end))]
-    symbols = CasadiChain(chain.model, plan.impact.posture.contact_lever)
-    solver = StopSolver(symbols, chain, nodes, objective)
+    rests = _checked_rest(chain, leg, "start", start), _checked_rest(chain, leg, "end", end)
     q, before, after = plan.q[chain.qs], plan.v[chain.vs], plan.impact.v_after[chain.vs]
-    stops = [Stop(-1, q, -before, rests[0], longest), Stop(1, q, after, rests[1], longest)]
-    known = plan.phases or (None, None)
-    found, share, limit = [], 1.0, ""
-    for stop, near in zip(stops, known, strict=True):
-        _check_stoppable(chain, leg, stop)
-        found.append(solver.find(stop, share, near))
-        solved = found[-1][1]
-        if solved.share < share:
-            share, (what, joint) = solved.share, solved.binding
-            limit = (
-                f"{stop.name}: the {what} limit of {chain.names[joint]} leaves {share:.4g} of the "
-                "planned speed"
-            )
-            if share < 1e-3:
-                raise InvalidInput(f"there is no swing to this kick; {limit}")
-    if found[0][1].share > share:
-        found[0] = solver.find(stops[0], share, known[0])
+    for name, v in (("backswing", -before), ("follow-through", after)):
+        _check_stoppable(chain, leg, name, q, v)
+    known = _known_phases(chain, plan, longest) if start is None and end is None else None
+    try:
+        phases, share, limit = StopSolver(chain, nodes, objective).find_both(
+            Stop(-1, q, -before, rests[0], longest), Stop(1, q, after, rests[1], longest)
+        )
+    except InvalidInput:
+        if known is None:
+            raise
+        share = 0.0
+    if known is not None and share < 1.0:
+        phases, share, limit = known, 1.0, ""
+    if share < 1e-3:
+        raise InvalidInput(f"there is no swing to this kick; {limit}")
     return Swing(
         status=PlanStatus.MET if share == 1.0 else PlanStatus.BEYOND_LIMITS,
         plan=plan,
         share=share,
         limit=limit,
         objective=objective,
-        value=sum(solved.value for _, solved in found),
-        backswing=found[0][0],
-        follow_through=found[1][0],
+        value=sum(
+            phase.duration if objective == SwingObjective.TIME else phase.torque_squared
+            for phase in phases
+        ),
+        backswing=phases[0],
+        follow_through=phases[1],
     )
+
+
+def _known_phases(
+    chain: KickingChain, plan: KickPlan, longest: float
+) -> tuple[SwingPhase, SwingPhase] | None:
+    """Return the phases that a plan contains, if it has some that keep the limits of a chain."""
+    if plan.phases is None:
+        return None
+    back, on = (replace(phase, chain=chain) for phase in plan.phases)
+    for phase in (back, on):
+        within = max(phase.torque_use, phase.speed_use) <= 1.0 and phase.range_left >= 0.0
+        if not within or phase.duration > longest:
+            return None
+    return back, on
 
 
 def _checked_chain(leg: Leg, plan: KickPlan) -> KickingChain:
@@ -244,18 +252,17 @@ def _checked_rest(chain: KickingChain, leg: Leg, name: str, q: ArrayLike | None)
     return rest
 
 
-def _check_stoppable(chain: KickingChain, leg: Leg, stop: Stop) -> None:
+def _check_stoppable(chain: KickingChain, leg: Leg, phase: str, q: Array, v: Array) -> None:
     """Refuse what no torque can stop, with the joint's name, which the solver would not give."""
-    distance = np.where(stop.v > 0, chain.upper - stop.q, stop.q - chain.lower)
-    fast = np.abs(stop.v) / chain.velocity_limit
-    stuck = (distance <= 1e-9) & (fast > 1e-6)
-    if not stuck.any():
+    distance = np.where(v > 0, chain.upper - q, q - chain.lower)
+    fast = np.where(distance <= 1e-9, np.abs(v) / chain.velocity_limit, 0.0)
+    worst = int(np.argmax(fast))
+    if fast[worst] <= 1e-6:
         return
-    worst = int(np.argmax(np.where(stuck, fast, 0.0)))
-    name, speed = chain.names[worst], abs(float(stop.v[worst]))
-    q, unit = round(float(stop.q[worst]), 9) + 0.0, leg.joint_unit(name)
+    name, speed = chain.names[worst], abs(float(v[worst]))
+    angle, unit = round(float(q[worst]), 9) + 0.0, leg.joint_unit(name)
     raise InvalidInput(
-        f"there is no swing to this kick; {stop.name}: {name} is at the end of its range ({q:.4g} "
+        f"there is no swing to this kick; {phase}: {name} is at the end of its range ({angle:.4g} "
         f"{unit}) and moves on at {speed:.4g} {unit}/s; "
         "plan_kick(..., swing=True) finds a kick that can stop"
     )

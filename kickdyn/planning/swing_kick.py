@@ -10,46 +10,29 @@ with the velocity :math:`u_b` of the ball's contact point, and no sliding just a
 contact has friction.
 """
 
-from __future__ import annotations
-
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.planning.casadi_chain import CasadiChain
-from kickdyn.planning.kick_cost import KickObjective
-from kickdyn.planning.kick_program import FEASIBLE, KickProgram, KickSolution
+from kickdyn.planning.casadi_chain import point_function, torque_function
+from kickdyn.planning.kick_program import FEASIBLE, KickObjective, KickProgram, KickSolution
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
 from kickdyn.robot.leg import Posture
 
-GRIDS = ((12, 0.03), (24, 0.01))
-"""Intervals of each stop, and share of the torque limits left over for torques between so many.
+NODES = 24
+"""Intervals of each stop, as many as `plan_swing` takes; half as many with five joints or more, for
+which building the problem alone would take 5 s."""
 
-The second is used where the first falls short of the goal, or of the limits between its nodes. It
-has as many as `plan_swing` takes, and contains the nodes of the first.
-"""
-
-LEFT = 0.006
-"""Share of the torque limits left over on the fine grid: more than `plan_swing` leaves at first."""
+SLACKS = (0.04, 0.1, 0.2, 0.3)
+"""Shares of the torque limits left over, for torques between the solver's points, tried in turn:
+from the posture of the kick without a swing first, then from others near it."""
 
 Phases = tuple[SwingPhase, SwingPhase]
-
-
-class SwingKick(NamedTuple):
-    """A kick, with the backswing and the follow-through that were found with it."""
-
-    kick: KickSolution
-    phases: Phases
-
-    @property
-    def excess(self) -> float:
-        """How far torques on the fine grid are above what they shall be, over their limits."""
-        return max(phase.torque_use for phase in self.phases) - (1.0 - LEFT)
 
 
 def solve_with_swing(
@@ -65,64 +48,50 @@ def solve_with_swing(
     Raises:
         InvalidInput: the solver finds none at all, or a joint has no limit.
     """
-    coarse = _SwingKickProblem(program, found, objective, *GRIDS[0])
-    best: SwingKick | None = None
-    draw = np.random.default_rng(0)
-    for number in range(3):
-        q = found.posture.q[program.qs]
-        if number:
-            q = q + draw.normal(0.0, 0.3, len(q))
-        one = coarse.solve(coarse.guess(q), coarse.slack)
-        if one is not None and (best is None or one.kick.share > best.kick.share + 1e-6):
-            best = one
-        if best is not None and best.kick.share == 1.0:
-            break
-    if best is None:
-        raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to")
-    if best.kick.share == 1.0 and best.excess <= 0.0:
-        return best.kick, best.phases
-    kept = []
-    for nodes, slack in reversed(GRIDS):
-        problem = _SwingKickProblem(program, found, objective, nodes, slack)
-        one = problem.solve_tighter(best)
-        kept += [] if one is None else [one]
-        if one is not None and one.kick.share >= best.kick.share - 1e-6:
+    problem = _SwingKickProblem(program, found, objective)
+    draw, kept = np.random.default_rng(0), []
+    for number, slack in enumerate(SLACKS):
+        q = found.posture.q[program.qs] + draw.normal(0.0, 0.3 if number else 0.0, program.n)
+        solved = problem.solve(q, slack)
+        if solved is None or max(phase.torque_use for phase in solved[1]) > 1.0:
+            continue
+        kept.append(solved)
+        if solved[0].share == 1.0:
             break
     if not kept:
-        raise InvalidInput(f"{program.leg.name} finds no swing that keeps its torque limits")
-    best = max(kept, key=lambda one: one.kick.share)
-    return best.kick, best.phases
+        raise InvalidInput(f"{program.leg.name} finds no posture that it can swing to")
+    return max(kept, key=lambda solved: solved[0].share)
 
 
 class _SwingKickProblem:
-    """The problem of a kick and both stops on a grid, scaled by the kick `found`."""
+    """The problem of a kick and both stops, scaled by the kick `found`."""
 
-    def __init__(
-        self,
-        program: KickProgram,
-        found: KickSolution,
-        objective: KickObjective,
-        nodes: int,
-        slack: float,
-    ) -> None:
-        self._program, self.slack = program, slack
+    def __init__(self, program: KickProgram, found: KickSolution, objective: KickObjective) -> None:
+        self._program, here = program, found.posture
         self._chain = chain = swing_chain(program.leg)
-        self._symbols = symbols = CasadiChain(chain.model, found.posture.contact_lever)
-        n, speed = symbols.n, ca.DM(chain.velocity_limit)
+        nodes = NODES if program.n < 5 else NODES // 2
+        n, speed, still = program.n, ca.DM(chain.velocity_limit), ca.DM(program.n, 1)
+        torque, point = torque_function(chain.model), point_function(chain.model)
         q, before, after = (ca.MX.sym(name, n) for name in ("q", "vb", "va"))
         share = ca.MX.sym("share")
         v, w = before * speed, after * speed
-        self._stops = [StopEquations(symbols, chain, nodes, q, away) for away in (-v, w)]
-        equal = self._strike(found, q, v, w, share)
-        static = symbols.torque(q, v, ca.DM(n, 1)) / ca.DM(chain.effort_limit)
-        here, normal = found.posture, ca.DM(program.target.contact.normal)
+        weight = torque(q, still, still)
+        self._stops = [StopEquations(chain, nodes, q, away) for away in (-v, w)]
+        position = point(q, ca.DM(here.contact_lever))
+        jump = torque(q, still, w - v) - weight  # M (w - v)
+        equal = self._strike(here, position, ca.jacobian(position, q), jump, v, w, share)
+        static = torque(q, v, still) / ca.DM(chain.effort_limit)
         levers = [
             here.with_contact_offset(row).contact_lever - here.contact_lever
             for row in program.contact_normal_cone
         ]
-        facing = [ca.dot(normal, symbols.direction(q, ca.DM(lever))) for lever in levers]
-        torque = self._stops[0].torque_squared + self._stops[1].torque_squared
-        cost = _symbolic_cost(objective, symbols, q, v, speed)
+        normal = ca.DM(program.target.contact.normal)
+        facing = [ca.dot(normal, point(q, ca.DM(x)) - point(q, ca.DM(3, 1))) for x in levers]
+        effort = self._stops[0].torque_squared + self._stops[1].torque_squared
+        cost = ca.sumsqr(before) / n
+        if objective == KickObjective.KINETIC_ENERGY:
+            momenta = [(u, torque(q, still, u) - weight) for u in (v, speed)]
+            cost = ca.dot(*momenta[0]) / ca.dot(*momenta[1])
         self._solver = ca.nlpsol(
             "kick",
             "ipopt",
@@ -131,48 +100,66 @@ class _SwingKickProblem:
                 "g": ca.vertcat(
                     *(stop.constraints for stop in self._stops), equal, static, *facing
                 ),
-                "f": cost + 1e-3 * torque - EAGER * share,  # torque picks one of many swings
+                "f": cost + 1e-3 * effort - EAGER * share,  # torque picks one of many swings
             },
             OPTIONS,
         )
         self._equal = np.zeros(int(equal.numel()))
         self._facing = np.zeros(len(facing))
 
-    def _strike(self, found: KickSolution, q: Any, v: Any, w: Any, share: Any) -> Any:
+    def _strike(
+        self, here: Posture, position: Any, jacobian: Any, jump: Any, v: Any, w: Any, share: Any
+    ) -> Any:
         """Return the equations of the strike and of the ball's position, scaled to about 1."""
-        program, symbols = self._program, self._symbols
+        program = self._program
         target, ball, normal = program.target, program.target.ball, program.target.contact.normal
-        jump = symbols.momentum(q, w - v) + share * symbols.impulse(q, ca.DM(target.impulse))
-        size = self._chain.velocity_limit * float(found.posture.inertia.max())
+        jump = jump + share * (jacobian.T @ ca.DM(target.impulse))
+        size = self._chain.velocity_limit * float(here.inertia.max())
         across = target.impulse - (normal @ target.impulse) * normal
         ball_point = target.impulse / ball.mass + ball.radius**2 / ball.inertia * across
-        apart = share * ca.DM(ball_point) - symbols.point_velocity(q, w)
+        apart = share * ca.DM(ball_point) - jacobian @ w
         fast = float(np.linalg.norm(ball_point))
-        approach = symbols.point_velocity(q, v)
-        law = ca.dot(normal, apart - target.contact.restitution * approach) / fast
+        law = ca.dot(normal, apart - target.contact.restitution * (jacobian @ v)) / fast
         equal = [jump / ca.DM(size), law]
         if target.contact.friction > 0.0:
             rows = _directions_across(program.directions, normal)
             equal += [rows @ apart / fast] if len(rows) else []
         if len(program.position_rows):
-            off = symbols.point_position(q) + ca.DM(ball.radius * normal - program.ball_centre)
+            off = position + ca.DM(ball.radius * normal - program.ball_centre)
             equal.append(ca.DM(program.position_rows) @ off / ball.radius)
         return ca.vertcat(*equal)
 
-    def solve_tighter(self, near: SwingKick) -> SwingKick | None:
-        """Return a kick near one, whose torques keep their limits between the nodes too.
+    def solve(self, q: Array, slack: float) -> tuple[KickSolution, Phases] | None:
+        """Return the kick from a posture to start from; None where the solver fails."""
+        program, chain, n = self._program, self._chain, self._program.n
+        most = np.full(n, 1.0 - FEASIBLE)
+        inside = FEASIBLE * (chain.upper - chain.lower)
+        low, high = zip(*(stop.bounds(LONGEST, None) for stop in self._stops), strict=True)
+        lowest, highest = zip(*(stop.constraint_bounds(slack) for stop in self._stops), strict=True)
+        end = self._solver(
+            x0=self._guess(q),
+            lbx=np.concatenate([*low, chain.lower + inside, -most, -most, [0.0]]),
+            ubx=np.concatenate([*high, chain.upper - inside, most, most, [1.0]]),
+            lbg=np.concatenate([*lowest, self._equal, -most, self._facing]),
+            ubg=np.concatenate([*highest, self._equal, most, self._facing + math.inf]),
+        )
+        if not self._solver.stats()["success"]:
+            return None
+        x = np.asarray(end["x"]).ravel()
+        *unknowns, last = np.split(x, np.cumsum([stop.unknowns.numel() for stop in self._stops]))
+        share = 1.0 if x[-1] > 1.0 - 1e-6 else float(x[-1])
+        q, v = last[:n], last[n : 2 * n] * chain.velocity_limit
+        posture = program.posture(q)
+        velocity = program.with_exact_velocity(posture, program.whole_velocity(v), share)
+        v = velocity[program.vs]
+        back, on = self._stops
+        phases = (
+            back.phase(-1, q, -v, unknowns[0]),
+            on.phase(1, q, v + self._jump(posture, share), unknowns[1]),
+        )
+        return KickSolution(posture, velocity, share, 0.0), phases
 
-        Where they do not, it is solved again with so much more slack.
-        """
-        slack = self.slack
-        while slack < 0.5:
-            one = self.solve(self._unknowns(near), slack)
-            if one is None or one.excess <= 0.0:
-                return one
-            near, slack = one, slack + min(one.excess + LEFT / 2, 0.1)
-        return None
-
-    def guess(self, q: Array) -> Array:
+    def _guess(self, q: Array) -> Array:
         """Return unknowns to start from, with even decelerations to a posture and from it."""
         program, chain, speed = self._program, self._chain, self._chain.velocity_limit
         room = 0.2 * (chain.upper - chain.lower)
@@ -188,68 +175,13 @@ class _SwingKickProblem:
         ]
         return np.concatenate([*stops, q, v / speed, w / speed, [share]])
 
-    def _unknowns(self, near: SwingKick) -> Array:
-        """Return a kick with its phases as unknowns."""
-        kick, speed = near.kick, self._chain.velocity_limit
-        q, v = kick.posture.q[self._program.qs], kick.v[self._program.vs]
-        after = v + self._jump(kick.posture, kick.share)
-        stops = [
-            stop.unknowns_of(phase) for stop, phase in zip(self._stops, near.phases, strict=True)
-        ]
-        return np.concatenate([*stops, q, v / speed, after / speed, [kick.share]])
-
     def _jump(self, posture: Posture, share: float) -> Array:
         """Return the change of the joints' velocity by the impact, shape `(n,)` [rad/s]."""
         jump = posture.solve(-share * self._program.target.impulse @ posture.jacobian)
         return np.asarray(jump[self._program.vs])
-
-    def solve(self, x: Array, slack: float) -> SwingKick | None:
-        """Return the kick from unknowns to start from; None where the solver fails."""
-        chain = self._chain
-        most = np.full(len(chain.names), 1.0 - FEASIBLE)
-        inside = FEASIBLE * (chain.upper - chain.lower)
-        low, high = zip(*(stop.bounds(LONGEST, None) for stop in self._stops), strict=True)
-        lowest, highest = zip(*(stop.constraint_bounds(slack) for stop in self._stops), strict=True)
-        found = self._solver(
-            x0=x,
-            lbx=np.concatenate([*low, chain.lower + inside, -most, -most, [0.0]]),
-            ubx=np.concatenate([*high, chain.upper - inside, most, most, [1.0]]),
-            lbg=np.concatenate([*lowest, self._equal, -most, self._facing]),
-            ubg=np.concatenate([*highest, self._equal, most, self._facing + math.inf]),
-        )
-        if not self._solver.stats()["success"]:
-            return None
-        return self._read(np.asarray(found["x"]).ravel())
-
-    def _read(self, x: Array) -> SwingKick:
-        """Return unknowns as a kick with its phases."""
-        program, n = self._program, len(self._chain.names)
-        share = 1.0 if x[-1] > 1.0 - 1e-6 else float(x[-1])
-        *stops, last = np.split(x, np.cumsum([stop.unknowns.numel() for stop in self._stops]))
-        q = last[:n]
-        posture = program.posture(q)
-        whole = program.whole_velocity(last[n : 2 * n] * self._chain.velocity_limit)
-        velocity = program.with_exact_velocity(posture, whole, share)
-        v = velocity[program.vs]
-        sides = ((-1, -v), (1, v + self._jump(posture, share)))
-        backswing, follow_through = (
-            stop.phase(sign, q, away, own)
-            for stop, own, (sign, away) in zip(self._stops, stops, sides, strict=True)
-        )
-        kick = KickSolution(posture, velocity, share, 0.0)
-        return SwingKick(kick, (backswing, follow_through))
 
 
 def _directions_across(directions: Array, normal: Array) -> Array:
     """Return directions across the normal that the foot can move in, as rows."""
     _, gains, rows = np.linalg.svd(directions - np.outer(directions @ normal, normal))
     return np.asarray(rows[: len(gains)][gains > 1e-6])
-
-
-def _symbolic_cost(
-    objective: KickObjective, symbols: CasadiChain, q: Any, v: Any, speed: Any
-) -> Any:
-    """Return an objective of the order of 1 in symbols."""
-    if objective == KickObjective.JOINT_SPEED:
-        return ca.sumsqr(v / speed) / symbols.n
-    return ca.dot(v, symbols.momentum(q, v)) / ca.dot(speed, symbols.momentum(q, speed))

@@ -1,7 +1,5 @@
 """One phase of a swing, from rest to the impact or from there to rest, and what it takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from scipy.integrate import simpson
 from scipy.interpolate import PPoly
 
 from kickdyn.core import validation
@@ -57,6 +56,7 @@ class SwingPhase(ReprMixin):
     _q: PPoly
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "joints", ", ".join(self.chain.names), ""
         yield "duration", self.duration, "s"
         yield "nodes", len(self._a.x), ""
@@ -109,10 +109,11 @@ class SwingPhase(ReprMixin):
         q = self.fine.q
         return float(np.minimum(q - self.chain.lower, self.chain.upper - q).min())
 
-    def away_from_impact(self, intervals: int) -> tuple[Array, Array, Array]:
-        """Return q, v and a at even steps away from the impact, each `(intervals + 1, n)`."""
-        away = np.linspace(0.0, self.duration, intervals + 1)
-        return self._q(away), self._v(away), self._a(away)
+    @property
+    def torque_squared(self) -> float:
+        r"""On the fine grid, :math:`\int \frac1n \sum_i (\tau_i / \tau_{max,i})^2 dt` [s]."""
+        use = self.fine.torque / self.chain.effort_limit
+        return float(simpson(np.mean(use**2, axis=1), x=self.fine.time))
 
 
 def make_phase(
@@ -138,6 +139,7 @@ def make_phase(
     s = np.linspace(0.0, duration, len(accelerations))
 
     def integrate(values: Array) -> tuple[PPoly, PPoly, PPoly]:
+        """Return position, velocity and acceleration as polynomials."""
         slopes = np.diff(values, axis=0) / np.diff(s)[:, None]
         acceleration = PPoly(np.array([slopes, values[:-1]]), s)
         velocity = acceleration.antiderivative()

@@ -10,10 +10,9 @@ chapter 7). The inertia that a body adds to its parent's is
 without rotors, :math:`D_r = 0`, where S are the joint's motions. It is exactly 0 along S: each
 inertia is split into S and an orthonormal basis N across it, and only the part across is passed to
 the parent, so that a free joint leaves 0 there and not the rounding of a difference. The recursion
-thus loses digits where bodies do, not where joint coordinates do.
+thus loses digits where bodies do, not where joint coordinates do; and because no basis mixes metres
+with radians, results do not depend on the units.
 """
-
-from __future__ import annotations
 
 from typing import Any, NamedTuple
 
@@ -27,17 +26,20 @@ from kickdyn.core.validation import Array
 class _Body(NamedTuple):
     """One body and its joint, in the joint's axes; motions and forces linear, then angular.
 
+    With the joint's motions :math:`S = Q R`, its velocity counts in the orthonormal motions Q:
+    there a joint near a singularity, where columns of S are nearly parallel, loses no digits.
+
     Attributes:
         parent: its number.
         at: the joint's places in v.
         lift: force transform to the parent's axes, shape `(6, 6)`; its transpose takes motions
             from there.
         inertia: of this body alone, shape `(6, 6)`.
-        joint, across: S, and an orthonormal basis N across it, shapes `(6, k)`, `(6, 6 - k)`.
-        share: joint velocities of a motion, without its part across the joint, shape `(k, 6)`.
-        rotor: armature, shape `(k,)`.
-        factor: lower Cholesky factor of D = S^T A S + rotor, A the inertia of all from here on.
-        coupling: N^T A S, shape `(6 - k, k)`.
+        joint, across: Q, and an orthonormal basis N across it, shapes `(6, k)`, `(6, 6 - k)`.
+        root: R, shape `(k, k)`.
+        rotor: armature as an inertia of motions along Q, :math:`R^{-T} D_r R^{-1}`, `(k, k)`.
+        factor: lower Cholesky factor of D = Q^T A Q + rotor, A the inertia of all from here on.
+        coupling: N^T A Q, shape `(6 - k, k)`.
     """
 
     parent: int
@@ -46,7 +48,7 @@ class _Body(NamedTuple):
     inertia: Array
     joint: Array
     across: Array
-    share: Array
+    root: Array
     rotor: Array
     factor: Array
     coupling: Array
@@ -56,12 +58,10 @@ class _Body(NamedTuple):
         return np.asarray(lapack.dpotrs(self.factor, right, lower=1)[0])
 
     def pass_on(self, force: Array) -> tuple[Array, Array]:
-        """Return the joint velocity D^-1 S^T f after a force f, and the force on the parent."""
+        """Return the velocity D^-1 Q^T f along Q after a force f, and the force on the parent."""
         speed = self.solve(self.joint.T @ force)
         rest = self.across @ (self.across.T @ force - self.coupling @ speed)
-        if self.rotor.any():
-            rest += self.share.T @ (self.rotor * speed.T).T
-        return speed, self.lift @ rest
+        return speed, self.lift @ (rest + self.joint @ (self.rotor @ speed))
 
 
 class ArticulatedBodies:
@@ -79,11 +79,9 @@ class ArticulatedBodies:
         self.bodies: list[_Body] = bodies[::-1]
 
     def delassus_factor(self, number: int, forces: Array) -> Array:
-        r"""Return F with :math:`F F^T = K M^{-1} K^T`, shape `(n, nv)`, K the forces' Jacobian.
+        """Return F with :math:`F F^T = K M^{-1} K^T`, shape `(n, nv)`, K the forces' Jacobian.
 
-        Args:
-            number: of the joint whose body is pushed.
-            forces: on it, in its axes, shape `(n, 6)`.
+        The forces, `(n, 6)`, act on the body of the joint with this number, in its axes.
         """
         rows, force = np.zeros((len(forces), self.nv)), forces.T
         while number:
@@ -97,12 +95,8 @@ class ArticulatedBodies:
     def respond(self, number: int, push: Array) -> tuple[Array, Array, Array]:
         """Return the velocity jump, what joints transmit, and the momentum left over.
 
-        Args:
-            number: of the joint whose body is pushed.
-            push: impulse on it, in its axes, shape `(6,)` [N s, N m s].
-
-        Returns:
-            Shapes `(nv,)`, `(njoints, 6)` in the joints' axes, and `(nv,)`.
+        Shapes are `(nv,)`, `(njoints, 6)` in the joints' axes, and `(nv,)`. The push is an impulse
+        on the body of the joint with this number, in its axes, `(6,)` [N s, N m s].
         """
         speeds: dict[int, Array] = {}
         at, force = number, push
@@ -113,17 +107,18 @@ class ArticulatedBodies:
         motions = np.zeros((len(self.bodies) + 1, 6))
         for i, body in enumerate(self.bodies, start=1):
             here = body.lift.T @ motions[body.parent]
-            sideways, own = body.across.T @ here, body.share @ here
-            rate = speeds.get(i, 0.0) + body.solve(body.rotor * own - body.coupling.T @ sideways)
+            sideways, own = body.across.T @ here, body.joint.T @ here
+            rate = speeds.get(i, 0.0) + body.solve(body.rotor @ own - body.coupling.T @ sideways)
             motions[i] = body.joint @ rate + body.across @ sideways
-            jump[body.at] = rate - own
+            jump[body.at] = np.linalg.solve(body.root, rate - own)
         transmitted = np.zeros((len(self.bodies) + 1, 6))
         transmitted[number] -= push
         for i in range(len(self.bodies), 0, -1):
             body = self.bodies[i - 1]
             transmitted[i] += body.inertia @ motions[i]
             transmitted[body.parent] += body.lift @ transmitted[i]
-            left_over[body.at] = body.joint.T @ transmitted[i] + body.rotor * jump[body.at]
+            along = body.joint.T @ transmitted[i] + body.rotor @ (body.root @ jump[body.at])
+            left_over[body.at] = body.root.T @ along
         return jump, transmitted[1:], left_over
 
 
@@ -131,11 +126,13 @@ def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
     """Return a body, from its inertia with all that hangs from it."""
     first, size = model.idx_vs[number], model.nvs[number]
     at = slice(first, first + size)
-    joint = np.asarray(data.joints[number].S, dtype=float).reshape(6, size)
-    basis, root = np.linalg.qr(joint, mode="complete")
-    across, rotor = basis[:, size:], model.armature[at].copy()
+    joint, root, across = _orthonormal(
+        np.asarray(data.joints[number].S, dtype=float).reshape(6, size)
+    )
+    inverse = np.linalg.inv(root)
+    rotor = inverse.T @ (model.armature[at, None] * inverse)
     drive = inertia @ joint
-    factor, _ = lapack.dpotrf(joint.T @ drive + np.diag(rotor), lower=1)
+    factor, _ = lapack.dpotrf(joint.T @ drive + rotor, lower=1)
     return _Body(
         parent=model.parents[number],
         at=at,
@@ -143,21 +140,42 @@ def _joined(model: Any, data: Any, number: int, inertia: Array) -> _Body:
         inertia=model.inertias[number].matrix(),
         joint=joint,
         across=across,
-        share=np.linalg.solve(root[:size], basis[:, :size].T),
+        root=root,
         rotor=rotor,
         factor=factor,
         coupling=across.T @ drive,
     )
 
 
+def _orthonormal(joint: Array) -> tuple[Array, Array, Array]:
+    """Return Q and R with S = Q R, and an orthonormal basis N across S.
+
+    Translations and rotations have bases of their own, in which no number depends on the unit of
+    length; only a joint that couples the two, such as a screw, has common ones.
+    """
+    moves = np.array([joint[:3].any(axis=0), joint[3:].any(axis=0)])
+    size = joint.shape[1]
+    if moves.all(axis=0).any():
+        basis, root = np.linalg.qr(joint, mode="complete")
+        return basis[:, :size], root[:size], basis[:, size:]
+    along, root, across, free = np.zeros((6, size)), np.zeros((size, size)), np.zeros((6, 6)), 0
+    for rows, columns in zip((slice(0, 3), slice(3, 6)), moves, strict=True):
+        basis, upper = np.linalg.qr(joint[rows, columns], mode="complete")
+        count = upper.shape[1]
+        along[rows, columns] = basis[:, :count]
+        root[np.ix_(columns, columns)] = upper[:count]
+        across[rows, free : free + 3 - count] = basis[:, count:]
+        free += 3 - count
+    return along, root, across[:, :free]
+
+
 def _resisting(body: _Body, inertia: Array) -> Array:
     """Return the inertia that a body adds to its parent's: without the motion of its joint."""
-    across, coupling = body.across, body.coupling
+    joint, across, coupling = body.joint, body.across, body.coupling
     kept = across.T @ inertia @ across - coupling @ body.solve(coupling.T.copy())
     added = across @ kept @ across.T
     if body.rotor.any():  # a rotor resists along the joint too
-        reflected = body.solve(np.diag(body.rotor)).T  # rotor D^-1
-        aside = body.share.T @ reflected @ coupling.T @ across.T
-        added += aside + aside.T
-        added += body.share.T @ reflected @ (body.joint.T @ inertia @ body.joint) @ body.share
+        reflected = joint @ body.solve(body.rotor).T  # rotor D^-1
+        aside = reflected @ coupling.T @ across.T
+        added += aside + aside.T + reflected @ (joint.T @ inertia @ joint) @ joint.T
     return np.asarray(added)

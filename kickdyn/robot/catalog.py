@@ -1,7 +1,5 @@
 """The robots of the package example-robot-data, by name: files, feet, and how they stand."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -66,8 +64,6 @@ class Robot:
 _WORDS = tuple(f"{side}_{part}_" for side in ("left", "right") for part in ("hip", "knee", "ankle"))
 _ICUB = tuple(f"{side}_{part}" for side in "lr" for part in ("hip", "knee", "ankle"))
 _ROMEO = tuple(f"{side}{part}" for side in "LR" for part in ("Hip", "Knee", "Ankle"))
-_ICUB_TOE = (0.1275, 0.0, 0.0145)
-_BACKWARDS = (0.0, 0.0, np.pi)  # iCub looks along -x
 
 ROBOTS = {
     "g1": Robot(
@@ -81,14 +77,13 @@ ROBOTS = {
         toe=(0.1045, 0.0, 0.018),
         steepest=40.0,
     ),
-    "icub": Robot(
-        "icub_description/robots/icub.urdf",
-        *("r_sole", "l_sole", _ICUB, _ICUB_TOE, 60.0, _BACKWARDS),
-    ),
-    "icub_reduced": Robot(
-        "icub_description/robots/icub_reduced.urdf",
-        *("r_sole", "l_sole", _ICUB, _ICUB_TOE, 60.0, _BACKWARDS),
-    ),
+    **{
+        name: Robot(
+            f"icub_description/robots/{name}.urdf",
+            *("r_sole", "l_sole", _ICUB, (0.1275, 0.0, 0.0145), 60.0, (0.0, 0.0, np.pi)),
+        )
+        for name in ("icub", "icub_reduced")  # they look along -x
+    },
     "romeo": Robot(
         "romeo_description/urdf/romeo.urdf",
         *("r_sole", "l_sole", _ROMEO),

@@ -4,8 +4,6 @@
 `ConstraintProjector` projects velocities and impulses at one configuration.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass

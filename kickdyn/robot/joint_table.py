@@ -1,6 +1,4 @@
-"""Joints by name: their ranges and units, and the configuration that their values make."""
-
-from __future__ import annotations
+"""Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -124,15 +122,15 @@ class JointTable:
                 found.append(f"{name} at {value:.5g} {unit} is outside its range {span} {unit}")
         return found
 
-    def too_fast(self, v: Array) -> list[str]:
+    def too_fast(self, v: ArrayLike) -> list[str]:
         """Return a line for each joint of one degree of freedom that is faster than its limit.
 
         A joint whose limit is 0 must not move; an infinite limit is never exceeded.
         """
-        found = []
+        found, speeds = [], np.abs(validation.vector("v", v, self.nv))
         for name in self.single_joints:
             index = self.velocity_index(name)
-            speed, limit = abs(float(v[index])), float(self.velocity_limit[index])
+            speed, limit = float(speeds[index]), float(self.velocity_limit[index])
             if limit == 0.0 and speed > 0.0:
                 found.append(f"{name} moves, its speed limit is 0")
             elif speed > (1.0 + LIMIT_TOLERANCE) * limit:
@@ -141,7 +139,7 @@ class JointTable:
 
     def _number(self, joint: str) -> int:
         """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""
-        if joint not in self.joint_names:
+        if not isinstance(joint, str) or joint not in self.joint_names:
             raise InvalidInput(
                 f"joint {joint!r} is unknown: {self.name} has {', '.join(self.joint_names)}"
             )

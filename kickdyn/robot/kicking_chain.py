@@ -1,7 +1,5 @@
 """The joints that a kick moves, taken out of a leg or a whole robot."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The leg: a Pinocchio model with a contact frame, and its posture at one configuration."""
 
-from __future__ import annotations
-
 import copy
 import math
 import threading
@@ -17,9 +15,10 @@ from numpy.typing import ArrayLike
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
-from kickdyn.core.vectors import GRAVITY, cross3
+from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
@@ -27,6 +26,7 @@ from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
 from kickdyn.robot.joint_table import JointTable, reduced_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
+    check_is_model,
     check_model,
     cholesky_with_condition,
     condition,
@@ -64,6 +64,7 @@ class Leg(JointTable, ReprMixin):
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
     """
 
+    @validation.check_arguments
     def __init__(
         self,
         model: Any,
@@ -73,6 +74,7 @@ class Leg(JointTable, ReprMixin):
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
     ) -> None:
+        check_is_model(model)
         super().__init__(model.copy())
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
@@ -92,19 +94,22 @@ class Leg(JointTable, ReprMixin):
         self.workspace = Workspace(self._model)
 
     @classmethod
-    def human(cls) -> Leg:
+    def human(cls) -> "Leg":
         """Return the human leg of the paper's Table 1: hip, knee, ankle; contact at the toe."""
         return cls.from_urdf(shipped_urdf("leg_human.urdf"))
 
     @classmethod
-    def testbed(cls) -> Leg:
-        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe."""
+    def testbed(cls) -> "Leg":
+        """Return the test bed of the paper's Table 6: hip, knee, ankle; contact at the toe.
+
+        The paper names motors at hip and knee only. The ankle is free; `locked` fixes it.
+        """
         return cls.from_urdf(shipped_urdf("leg_testbed.urdf"))
 
     @classmethod
     def from_urdf(
         cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
-    ) -> Leg:
+    ) -> "Leg":
         """Load a URDF file.
 
         Args:
@@ -127,9 +132,10 @@ class Leg(JointTable, ReprMixin):
         return cls(model, frame, urdf)
 
     @classmethod
+    @validation.check_arguments
     def from_robot(
         cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
-    ) -> Leg:
+    ) -> "Leg":
         """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
 
         Its base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
@@ -159,7 +165,7 @@ class Leg(JointTable, ReprMixin):
         return leg
 
     @classmethod
-    def from_model(cls, model: Any, frame: str) -> Leg:
+    def from_model(cls, model: Any, frame: str) -> "Leg":
         """Take a copy of a `pin.Model` built elsewhere, `armature` and all.
 
         Args:
@@ -173,8 +179,7 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: not a model, an unsound inertia or placement, another gravity, or no such
                 frame.
         """
-        if not isinstance(model, pin.Model):
-            raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
+        check_is_model(model)
         if model.gravity.vector.tolist() not in ([0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0], [0.0] * 6):
             raise InvalidInput(
                 f"gravity of the model is {model.gravity.vector.tolist()}: it must be (0, 0, "
@@ -183,7 +188,7 @@ class Leg(JointTable, ReprMixin):
         check_model(model)
         return cls(model, frame)
 
-    def locked(self, joints: Mapping[str, float]) -> Leg:
+    def locked(self, joints: Mapping[str, float]) -> "Leg":
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
 
         Raises:
@@ -195,7 +200,7 @@ class Leg(JointTable, ReprMixin):
             raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
         return self.with_model(reduced_model(self.model, joints, q))
 
-    def with_armature(self, rotors: Mapping[str, float]) -> Leg:
+    def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
 
         Args:
@@ -213,7 +218,7 @@ class Leg(JointTable, ReprMixin):
         model.armature = armature
         return self.with_model(model)
 
-    def with_supports(self, *supports: str | Support) -> Leg:
+    def with_supports(self, *supports: str | Support) -> "Leg":
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
@@ -228,7 +233,7 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
         return Leg(self.model, self.frame, self.urdf, stances, *self._options[1:])
 
-    def with_loops(self, *loops: tuple[str, str]) -> Leg:
+    def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
 
         Each joins two bodies by a ball joint: in a plane, a pin. They replace any before.
@@ -243,7 +248,7 @@ class Leg(JointTable, ReprMixin):
         supports, _, cone = self._options
         return Leg(self.model, self.frame, self.urdf, supports, pairs, cone)
 
-    def with_model(self, model: Any) -> Leg:
+    def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
 
         Raises:
@@ -251,7 +256,7 @@ class Leg(JointTable, ReprMixin):
         """
         return Leg(model, self.frame, self.urdf, *self._options)
 
-    def posture(self, q: ArrayLike) -> Posture:
+    def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
@@ -298,6 +303,7 @@ class Leg(JointTable, ReprMixin):
         return f"Leg({self.name!r}, joints={list(self.joint_names)}, frame={self.frame!r})"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "robot", self.name, ""
         yield "contact frame", self.frame, ""
         yield "mass", float(pin.computeTotalMass(self._model)), "kg"
@@ -326,6 +332,8 @@ class Posture(ReprMixin):
     """
 
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
+        if not isinstance(leg, Leg):  # a posture takes ten microseconds
+            validation.check_type(Leg, leg=leg)
         workspace = leg.workspace
         model, data = workspace.model, workspace.data
         self.leg = leg
@@ -362,7 +370,7 @@ class Posture(ReprMixin):
         for array in (*arrays, self.rotation_world_joint):
             array.setflags(write=False)
 
-    def with_contact_offset(self, offset: ArrayLike | None) -> Posture:
+    def with_contact_offset(self, offset: ArrayLike | None) -> "Posture":
         """Return this posture with its contact point elsewhere on the foot.
 
         Args:
@@ -468,11 +476,7 @@ class Posture(ReprMixin):
         Raises:
             InvalidInput: the normal has length 0.
         """
-        return self.mass_along(validation.direction("normal", normal))
-
-    def mass_along(self, unit: Array) -> float:
-        """Return `effective_mass` along a vector that is known to have length 1."""
-        row = unit.dot(self.delassus_factor())
+        row = validation.direction("normal", normal).dot(self.delassus_factor())
         inverse = float(row.dot(row))
         return 1.0 / inverse if inverse else math.inf
 
@@ -510,8 +514,9 @@ class Posture(ReprMixin):
             )
         return v
 
-    def try_joint_velocity(self, wish: Array) -> Array | None:
+    def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
         """Return what `joint_velocity` returns, or None if that is out of reach."""
+        wish = validation.vector("point velocity", wish, 3, unit="m/s")
         left, gains, right = np.linalg.svd(self.whitened_jacobian, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         v, missed = np.zeros_like(self._cholesky[0]), wish
@@ -522,7 +527,7 @@ class Posture(ReprMixin):
         # NaN, of a velocity too fast for float64, is not out of reach
         return None if np.abs(missed).max() > 1e-9 * np.abs(wish).max() else v
 
-    def solve(self, joint_impulse: Array) -> Array:
+    def solve(self, joint_impulse: ArrayLike) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
 
         The impulses of supports and loops are added, if there are any. Without them, many impulses
@@ -530,12 +535,17 @@ class Posture(ReprMixin):
         """
         return self.respond(joint_impulse)[0]
 
-    def respond(self, joint_impulse: Array) -> tuple[Array, Array]:
+    def respond(self, joint_impulse: ArrayLike) -> tuple[Array, Array]:
         """Return what `solve` returns, and the impulses of supports and loops.
 
         Those are stacked as in `Constraints.rows`, shape `(rows,)` [N s, N m s, world axes]; if
         they are redundant, they are the smallest of all that do.
         """
+        free, nv = self.constraint_projector is None, self.leg.nv
+        if free and isinstance(joint_impulse, np.ndarray) and joint_impulse.shape[:-1] == (nv,):
+            joint_impulse = validation.floats("joint impulse", joint_impulse)  # one per column
+        else:
+            joint_impulse = validation.vector("joint impulse", joint_impulse, nv)
         if self.constraint_projector is None:
             v, _ = lapack.dpotrs(self._cholesky, joint_impulse, lower=1)
             return np.asarray(v), np.zeros(0)
@@ -581,6 +591,7 @@ class Posture(ReprMixin):
         return f"Posture({self.leg.name}, q=[{angles}])"
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "leg", self.leg.name, ""
         joints = self.leg.display_values(self.q)
         moved = {name: shown for name, shown in joints.items() if shown[0] or len(joints) <= SHOWN}
@@ -600,10 +611,10 @@ class Workspace(threading.local):
         model: the leg's model, for an impact without gravity; read only.
         data: `pin.Data` of that model.
         external: one `pin.Force` per joint, for `pin.rnea`; a caller sets all of them.
-        pushes: view of `external`, shape `(njoints, 6)`, the universe included.
+        external_wrenches: view of `external`, shape `(njoints, 6)`, the universe included.
         placements: views of `data.oMi`, the universe included.
         forces: view of `data.f`, linear then angular, shape `(njoints, 6)`, without the universe.
-        still: no velocity, shape `(nv,)`.
+        zero_velocity: of all joints, shape `(nv,)`.
     """
 
     def __init__(self, model: Any) -> None:
@@ -611,10 +622,10 @@ class Workspace(threading.local):
         self.data = pin.Data(model)  # createData makes two for a while, n^3 numbers each
         self.external = pin.StdVec_Force()
         self.external.extend([pin.Force.Zero() for _ in range(model.njoints)])
-        self.pushes = _stacked(self.external)
+        self.external_wrenches = _stacked(self.external)
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
         self.forces = _stacked(self.data.f)[1:]
-        self.still: Array = np.zeros(model.nv)
+        self.zero_velocity: Array = np.zeros(model.nv)
 
 
 def _stacked(forces: Any) -> Array:

@@ -4,8 +4,6 @@ Inertias are judged joint by joint with all that moves with it, as M and an impa
 published robot may have massless virtual links between joints, or mass at a point.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -22,6 +20,16 @@ MAX_CONDITION = 1e13
 
 ROUNDING = 1e-9
 """How far a moment may break the triangle inequality, relative to all that moves with it."""
+
+
+def check_is_model(model: Any) -> None:
+    """Raise `InvalidInput` unless this is a `pin.Model`."""
+    if not isinstance(model, pin.Model):
+        raise InvalidInput(f"model is a {type(model).__name__}: it must be a pinocchio.Model")
+
+
+HUGE = 1e100
+"""Masses, moments and distances stay below it, so that float64 holds their products."""
 
 
 def frame_id(model: Any, name: str) -> int:
@@ -62,10 +70,10 @@ def check_model(model: Any) -> None:
     for name, placement in zip(names, list(model.jointPlacements)[1:], strict=True):
         rotation = placement.rotation
         square = rotation @ rotation.T - np.eye(3)  # NaN if the placement has one
-        if not (np.abs(square).max() < 1e-9 and np.isfinite(placement.translation).all()):
+        if not (np.abs(square).max() < 1e-9 and np.abs(placement.translation).max() < HUGE):
             raise InvalidInput(
                 f"placement of joint {name!r} is not a rigid motion: it must be a rotation and a "
-                "finite translation"
+                f"translation below {HUGE:g} m"
             )
     _check_inertias(model, names)
     for frame in model.frames:
@@ -95,10 +103,11 @@ def _check_inertias(model: Any, names: list[str]) -> None:
     for name, body in zip(names, bodies, strict=True):
         mass, moments = body.mass, body.inertia
         empty = mass == 0.0 and not moments.any()
-        if not (np.isfinite([mass, *body.lever, *moments.flat]).all() and (mass > 0 or empty)):
+        largest = np.abs([mass, *body.lever, *moments.flat]).max()
+        if not (largest < HUGE and (mass > 0 or empty)):
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
-                "0, and mass, centre and moments finite"
+                f"0, and mass, centre and moments below {HUGE:g}"
             )
     data = pin.Data(model)
     pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)

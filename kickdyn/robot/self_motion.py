@@ -1,7 +1,5 @@
 """Self-motion: how a redundant leg can move while its contact point stays."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -16,9 +14,10 @@ TOLERANCE = 1e-12
 
 
 def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01) -> list[Posture]:
-    """Follow the one-parameter family of postures that share a contact point.
+    r"""Follow the postures that share a contact point, a family of one parameter.
 
-    Each step goes along the Jacobian's null space and is then corrected back to the point.
+    Each step goes along the null space of the contact point's Jacobian, :math:`J \dot q = 0`, and
+    is then corrected back to the point. Fig. 1 of the paper has two such postures.
 
     Args:
         leg: with one joint more than its contact point has directions to move in.
@@ -27,7 +26,7 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01) -> list[Posture]:
 
     Returns:
         Postures in order along the motion, from one end of a joint's range to the other; or once
-        around, where the motion closes.
+        around, where the motion closes. At most 10,000 steps are made in each direction.
 
     Raises:
         InvalidInput: the leg has not exactly one degree of self-motion at q, q is out of range, or

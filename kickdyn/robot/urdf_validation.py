@@ -6,11 +6,10 @@ such as an attribute that is missing, `build_model` passes on; `model_validation
 inertia of what moves together.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter
+from graphlib import CycleError, TopologicalSorter
 from xml.etree.ElementTree import Element
 
 MAX_LINKS = 3000
@@ -114,6 +113,8 @@ def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
                 valid += ", 0 or more"
                 sound = sound and values[0] >= 0.0
             elif part.tag == "axis":
+                if element.get("type") == "fixed":  # it turns about nothing
+                    continue
                 valid += ", not all 0"
                 sound = sound and 1e-100 < max(map(abs, values)) < 1e100  # its square is needed
             if not sound:
@@ -131,7 +132,7 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     if joint.find("mimic") is not None:
         faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
     axis, limit = joint.find("axis"), joint.find("limit")
-    if axis is not None and "xyz" not in axis.attrib:
+    if axis is not None and "xyz" not in axis.attrib and kind != "fixed":
         faults.append(f"{where} axis has no xyz: it must be 3 finite numbers, not all 0")
     for key in ("lower", "upper"):
         if kind in ("revolute", "prismatic") and limit is not None and key not in limit.attrib:
@@ -163,13 +164,7 @@ def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: l
     roots = [name for name in links if name not in parents]
     if len(roots) > 1:
         faults.append(f"has {len(roots)} roots ({', '.join(roots[:5])}): all links must be joined")
-    reached = set(roots)
-    for name in links:  # walk up to a link that is reached; a walk that meets itself is a loop
-        path = []
-        while name not in reached and name not in path:
-            path.append(name)
-            name = parents[name]
-        if name not in reached:
-            faults.append(f"links {', '.join(sorted(path))} form a loop")
-            return
-        reached.update(path)
+    try:
+        TopologicalSorter({child: [parent] for child, parent in parents.items()}).prepare()
+    except CycleError as error:
+        faults.append(f"links {', '.join(sorted(set(error.args[1])))} form a loop")

@@ -1,24 +1,18 @@
 """The end of a ball's path in a few large steps: for answers to centimetres, not to nanometres."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from kickdyn.aerodynamics.coefficient_model import is_known
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.core.validation import Array
-from kickdyn.core.vectors import GRAVITY
-from kickdyn.errors import InvalidInput
+from kickdyn.core.gravity import GRAVITY
+from kickdyn.flight.equations import MAX_SPEED
 from kickdyn.flight.flight_result import FlightStatus
-from kickdyn.flight.fly import MAX_SPEED
-from kickdyn.flight.follow import LEAST_REBOUND, MOST_BOUNCES
-from kickdyn.flight.forces import downward, forces, time_to_fall
-from kickdyn.flight.ground_motion import bounce, roll, slide
-from kickdyn.ground import Surface
+from kickdyn.flight.forces import acceleration_function, downward, time_to_fall
 from kickdyn.scene.scene import FlightEnvironment
 
 STAGE_DIFFERENCE = 0.05
@@ -26,73 +20,48 @@ STAGE_DIFFERENCE = 0.05
 the cube of the step over the time in which drag slows the ball: large steps are useless long before
 they diverge, as with a balloon."""
 
+NEWTON = 3
+"""Newton steps to where a flight ends within a step."""
+
 State = tuple[float, ...]
 Rates = Callable[[State], State]
 
 
 class CoarseEnd(NamedTuple):
-    """Where a ball's path ends in large steps.
+    """Where a flight ends in large steps.
 
     Attributes:
         state: there; None where large steps do not suffice.
-        status: as of `Flight` or `Course`.
+        status: as of `Flight`.
         evaluations: of the acceleration.
+        nodes: up to the end: displacement [m], velocity [m/s], and spin over that of the launch.
     """
 
     state: BallState | None
     status: str
     evaluations: int
+    nodes: Sequence[State] = ()
 
 
 def coarse_end(launch: BallState, environment: FlightEnvironment, steps: int) -> CoarseEnd:
-    """Find where the ball's path ends, in large steps.
+    """Find where a flight ends, in large steps.
 
-    Flights are integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the
-    time that a flight would take in a vacuum; rolling is a quadrature. The error shows when the
-    number of steps is doubled. A plane that the ball reaches sliding or rolling is left to the
-    exact integrators.
+    It is integrated with classical Runge-Kutta steps of fourth order, `steps` of them in the time
+    that it would take in a vacuum. The error shows when the number of steps is doubled. A ball that
+    bounces is left to the exact integrators.
     """
-    ball, _, ground, _ = environment
-    surface = None if ground is None else ground.surface
-    if surface is None:
-        return coarse_path(launch, environment, steps)[0]
-    assert isinstance(surface, Surface)
-    if surface.friction == 0.0:
-        return CoarseEnd(None, "", 0)
-    state, evaluations, clock = launch, 0, 0.0
-    for _ in range(MOST_BOUNCES):
-        (landed, status, more), _ = coarse_path(state, environment, steps)
-        evaluations += more
-        if landed is None:
-            break
-        clock += float(landed.time)
-        if status == FlightStatus.AT_PLANE:
-            end = BallState(landed.position, landed.velocity, landed.spin, clock)
-            return CoarseEnd(end, status, evaluations)
-        state = bounce(landed, ball, surface)
-        if state.velocity[2] < LEAST_REBOUND:
-            rest, more = _roll_out(state, environment, surface, steps, clock)
-            return CoarseEnd(rest, FlightStatus.AT_REST, evaluations + more)
-    return CoarseEnd(None, "", evaluations)
-
-
-def coarse_path(
-    launch: BallState, environment: FlightEnvironment, steps: int
-) -> tuple[CoarseEnd, list[State]]:
-    """Return the end of one flight, and the nodes up to it; arguments as for `coarse_end`.
-
-    A node is displacement [m], velocity [m/s], and spin over that of the launch.
-    """
-    ball, air, _, plane = environment
+    ball, air, ground, plane = environment
     drop, rise = drop_below(launch, environment), float(launch.velocity[2])
     nodes: list[State] = [(0.0, 0.0, 0.0, *launch.velocity.tolist(), 1.0)]
     fastest = math.hypot(*nodes[0][3:6])
+    if _is_left_to_fly(air) or (ground is not None and ground.surface is not None):
+        return CoarseEnd(None, "", 0)
     inside = drop < -1e-9 * ball.radius and drop < -1e-9 * abs(float(launch.position[2]))
     if inside or not fastest <= MAX_SPEED:  # refused by the exact integrators
-        return CoarseEnd(None, "", 0), nodes
+        return CoarseEnd(None, "", 0)
     if drop <= 0.0 and rise <= 0.0:
         end = BallState(launch.position, launch.velocity, launch.spin)
-        return CoarseEnd(end, FlightStatus.LANDED, 0), nodes
+        return CoarseEnd(end, FlightStatus.LANDED, 0)
     drop, g = max(drop, 0.0), downward(ball, air)
     heights = [_height((0.0, 0.0, 1.0), drop)]
     longest = time_to_fall(rise, drop, g)
@@ -102,7 +71,7 @@ def coarse_path(
         closing = -float(plane.normal @ launch.velocity)
         longest = min(longest, gap / closing) if closing > 0.0 else longest
     if not 0.0 < longest < math.inf:
-        return CoarseEnd(None, "", 0), nodes
+        return CoarseEnd(None, "", 0)
     rates, step, evaluations = _rates(environment, launch), longest / steps, 0
     fastest = max(fastest, math.sqrt(2.0 * g * drop) if g > 0.0 else 0.0)
     # given up after 8 durations in a vacuum, or 1000 s, as by the exact integrators
@@ -119,7 +88,7 @@ def coarse_path(
         if number == 0:
             break  # the vacuum's duration was no estimate of this flight's
         found = [_crossing(rates, before, after, step, heights[i]) for i in passed]
-        evaluations += 7 * len(passed)
+        evaluations += 5 * NEWTON * len(passed)
         reached = [(*part, i) for part, i in zip(found, passed, strict=True) if part is not None]
         if len(reached) < len(passed):
             break
@@ -129,8 +98,8 @@ def coarse_path(
         velocity, spin = np.array(node[3:6]), node[6] * launch.spin
         end = BallState(position, velocity, spin, number * step + late)
         status = (FlightStatus.LANDED, FlightStatus.AT_PLANE)[which]
-        return CoarseEnd(end, status, evaluations), nodes
-    return CoarseEnd(None, "", evaluations), nodes
+        return CoarseEnd(end, status, evaluations, nodes)
+    return CoarseEnd(None, "", evaluations)
 
 
 def drop_below(launch: BallState, environment: FlightEnvironment) -> float:
@@ -140,10 +109,17 @@ def drop_below(launch: BallState, environment: FlightEnvironment) -> float:
     return float(launch.position[2]) - environment.ball.radius - environment.ground.height
 
 
-def refuses_extrapolation(air: Air | None) -> bool:
-    """Return whether a coefficient of the air ends a flight that leaves the coefficient's range."""
-    models = () if air is None else (air.drag, air.lift)
-    return any(getattr(model, "refuses", False) for model in models)
+def _is_left_to_fly(air: Air | None) -> bool:
+    """Return whether a coefficient of the air needs the exact integrators.
+
+    That is one that ends a flight beyond its range, and the user's own, which large steps may pass
+    over where it changes within a narrow range of speeds.
+    """
+    models = () if air is None else (air.drag, air.lift, air.torque)
+    return any(
+        model is not None and (getattr(model, "refuses", False) or not is_known(model))
+        for model in models
+    )
 
 
 def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:
@@ -153,9 +129,10 @@ def _rates(environment: FlightEnvironment, launch: BallState) -> Rates:
     wx, wy, wz = launch.spin.tolist()
     if air is None or air.density == 0.0:
         return lambda y: (y[3], y[4], y[5], 0.0, 0.0, -GRAVITY, 0.0)
-    acceleration = forces(ball, air)
+    acceleration = acceleration_function(ball, air)
 
     def rates(y: State) -> State:
+        """Return the rates of a state."""
         _, _, z, vx, vy, vz, left = y
         ax, ay, az, k = acceleration(height + z, vx, vy, vz, left * wx, left * wy, left * wz)
         return vx, vy, vz, ax, ay, az, -k * left
@@ -190,81 +167,15 @@ def _height(normal: State, gap: float) -> Callable[[State], float]:
 def _crossing(
     rates: Rates, before: State, after: State, step: float, height: Callable[[State], float]
 ) -> tuple[float, State] | None:
-    """Return when, in a step, the height falls to 0, and the node there; None where unclear.
-
-    The cubic through both ends gives a first root; one step of Newton's from there has little to
-    correct unless the cubic was a bad approximation.
-    """
-    start, end = height(before), height(after)
+    """Return when, in a step, the height falls to 0, and the node there; None where unclear."""
     level = height((0.0,) * 7)  # its constant term, which is not differentiated
-    first = (height(rates(before)) - level) * step
-    last = (height(rates(after)) - level) * step
-    low, high = 0.0, 1.0
-    for _ in range(30):
-        s = 0.5 * (low + high)
-        t = 1.0 - s
-        cubic = t * t * ((1 + 2 * s) * start + s * first) + s * s * ((3 - 2 * s) * end - t * last)
-        low, high = (s, high) if cubic > 0.0 else (low, s)
-    node, _ = _step(rates, before, high * step)
-    slope = rates(node)
-    fall = height(slope) - level
-    more = -height(node) / fall if fall < 0.0 else math.inf
-    if not abs(more) <= 0.1 * step:
-        return None
-    return high * step + more, _along(node, slope, more)
-
-
-def _roll_out(
-    state: BallState, environment: FlightEnvironment, surface: Surface, steps: int, clock: float
-) -> tuple[BallState | None, int]:
-    """Return the ball at rest, after it slid and rolled, and the evaluations.
-
-    None where the wind keeps it rolling, or it reaches a plane.
-    """
-    ball, air, _, plane = environment
-    sliding = slide(state, ball, air, surface)
-    if sliding is not None:
-        state, clock = sliding.end, clock + sliding.duration
-    windy = air is not None and air.density > 0.0 and (callable(air.wind) or air.wind.any())
-    if windy:
-        if plane is not None:
-            return None, 0
-        # with the cube of the steps, so that what is missed shows when their number is doubled
-        rolling = roll(state, ball, air, surface, max(1e-9 * (4.0 / steps) ** 3, 1e-13))
-        end = BallState(rolling.end.position, (0, 0, 0), (0, 0, 0), clock + rolling.duration)
-        return (None if rolling.blown else end), rolling.evaluations
-    place, duration, evaluations = _straight_roll(state, environment, surface, steps)
-    if plane is not None:
-        try:
-            if plane.gap(ball, place) <= 0.5 * ball.radius:  # reaches it, or nearly
-                return None, evaluations
-        except InvalidInput:  # the ball came to rest beyond it
-            return None, evaluations
-    return BallState(place, (0, 0, 0), (0, 0, 0), clock + duration), evaluations
-
-
-def _straight_roll(
-    state: BallState, environment: FlightEnvironment, surface: Surface, steps: int
-) -> tuple[Array, float, int]:
-    r"""Return where a ball that rolls in still air comes to rest, after how long, and evaluations.
-
-    :math:`x = \int v\,dv/a(v)` and :math:`t = \int dv/a(v)`, by Gauss-Legendre quadrature.
-    """
-    ball, air = environment.ball, environment.air
-    vx, vy, _ = state.velocity.tolist()
-    speed = math.hypot(vx, vy)
-    if speed == 0.0:
-        return state.position, 0.0, 0
-    along = np.array([vx, vy, 0.0]) / speed
-    nodes, weights = np.polynomial.legendre.leggauss(max(steps, 4))  # on -1 to 1
-    speeds, weights, evaluations = 0.5 * speed * (nodes + 1.0), 0.5 * weights, 0
-    slowing = np.full(len(nodes), surface.rolling_deceleration)
-    if air is not None and air.density > 0.0:
-        evaluations = len(nodes)
-        acceleration, height = forces(ball, air), float(state.position[2])
-        share = 1.0 / (1.0 + ball.inertia / (ball.mass * ball.radius**2))  # of a rolling ball
-        for i, v in enumerate(speeds.tolist()):
-            ax, ay, _, _ = acceleration(height, v * along[0], v * along[1], 0.0, 0.0, 0.0, 0.0)
-            slowing[i] -= share * (ax * along[0] + ay * along[1])
-    place = state.position + speed * float(weights @ (speeds / slowing)) * along
-    return place, speed * float(weights @ (1.0 / slowing)), evaluations
+    time, more = 0.0, step * height(before) / (height(before) - height(after))
+    for _ in range(NEWTON):
+        time += more
+        node, _ = _step(rates, before, time)
+        slope = rates(node)
+        fall = height(slope) - level
+        more = -height(node) / fall if fall < 0.0 else math.inf
+        if not abs(more) <= step:
+            return None
+    return time + more, _along(node, slope, more)

@@ -1,14 +1,12 @@
 """The strike of a scene, and what a contact that takes time may change, by strikes alone."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import pinocchio as pin
 
 from kickdyn.contact import Contact
-from kickdyn.core.vectors import GRAVITY
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike

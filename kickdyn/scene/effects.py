@@ -1,19 +1,14 @@
 """The physical effects of a scene: which it has, the scene without one, and bounds of each."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.air import Air
-from kickdyn.ball import BallState
-from kickdyn.contact import Contact
-from kickdyn.scene.envelope import Envelope
+from kickdyn.ball import Ball, BallState
+from kickdyn.scene.envelope import EXACT, Envelope, LaunchError
 from kickdyn.scene.scene import Scene
 
 
@@ -25,17 +20,17 @@ class Effect:
         name: of the effect.
         is_in: whether a scene has it.
         without: returns the scene without it, given the launch.
-        bound: how far leaving it out can move the end of the flight [m]; None where it is not
-            bounded, because it costs no time to model.
+        change: what neglecting it changes in the flight: the acceleration [m/s2] and the launch;
+            None where it is not bounded, because it costs no time to model.
         reason: why the bound holds.
-        through: names of the effects that this one acts through: where all of them are left out, so
-            is this one, and their bounds hold with it and without.
+        through: names of the effects that this one acts through: where all of them are neglected,
+            so is this one, and their bounds hold with it and without.
     """
 
     name: str
     is_in: Callable[[Scene], bool]
     without: Callable[[Scene, BallState], Scene]
-    bound: Callable[[Envelope], float] | None = None
+    change: Callable[[Envelope], tuple[float, LaunchError]] | None = None
     reason: str = ""
     through: tuple[str, ...] = ()
 
@@ -45,8 +40,8 @@ class EffectVerdict(NamedTuple):
 
     Attributes:
         effect: its name.
-        modelled: whether it is; otherwise it is left out.
-        bound: how far leaving it out can move the end [m]; inf where no bound is known, nan where
+        modelled: whether it is; otherwise it is neglected.
+        bound: how far neglecting it can move the end [m]; inf where no bound is known, nan where
             none was needed.
         why: the reason.
     """
@@ -65,39 +60,48 @@ def effects_of(scene: Scene) -> list[Effect]:
 def judge_effects(
     effects: Sequence[Effect], envelope: Envelope, allowed: float
 ) -> tuple[EffectVerdict, ...]:
-    """Leave out the effects with the least bounds while their sum is at most what is allowed [m].
+    """Neglect the effects with the least bounds while they move the end by what is allowed [m].
 
-    The envelope is around the flight of the scene whose effects these are.
+    The envelope is around the flight of the scene whose effects these are. Changes of acceleration
+    add up, and all that is neglected moves the end by more than the sum of what each does: the
+    bounds of what is neglected are in proportion to those of each alone, and add up to the whole.
     """
-    bounds = {effect.name: effect.bound(envelope) for effect in effects if effect.bound is not None}
+    changes = {effect.name: effect.change(envelope) for effect in effects if effect.change}
+    bounds = {name: envelope.shift(*change) for name, change in changes.items()}
     through = {effect.name: [o for o in effect.through if o in bounds] for effect in effects}
 
     def is_implied(name: str, out: list[str]) -> bool:
+        """Return whether an effect acts only through others that are out."""
         return bool(through[name]) and all(outer in out for outer in through[name])
+
+    def together(out: list[str]) -> float:
+        """Return how far all of these effects together can move the end [m]."""
+        found = [changes[name] for name in out if not is_implied(name, out)]
+        errors = [error for _, error in found if error != EXACT]
+        return envelope.shift(math.fsum(a for a, _ in found), *errors)
 
     out: list[str] = []
     for name in sorted(bounds, key=lambda name: bounds[name]):
-        more = [*out, name]
-        if math.fsum(bounds[other] for other in more if not is_implied(other, more)) <= allowed:
-            out = more
-    implied = [name for name in bounds if is_implied(name, out)]
+        if together([*out, name]) <= allowed:
+            out.append(name)
+    alone = math.fsum(bounds[name] for name in out if not is_implied(name, out))
+    factor = together(out) / alone if alone > 0.0 else 1.0
     verdicts = []
     for effect in effects:
         name, bound = effect.name, bounds.get(effect.name, math.nan)
-        if effect.bound is None:
+        if effect.change is None:
             verdicts.append(EffectVerdict(name, True, bound, "costs no time"))
-        elif name in implied:
-            verdicts.append(EffectVerdict(name, False, 0.0, effect.reason))
         elif name in out:
-            verdicts.append(EffectVerdict(name, False, bound, effect.reason))
+            share = 0.0 if is_implied(name, out) else factor * bound
+            verdicts.append(EffectVerdict(name, False, share, effect.reason))
         else:
             why = "not bounded here" if bound == math.inf else "its bound exceeds the tolerance"
             verdicts.append(EffectVerdict(name, True, bound, why))
     return tuple(verdicts)
 
 
-def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState) -> Scene:
-    """Return the scene without the effects that the verdicts leave out, itself if there are none.
+def without_neglected(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState) -> Scene:
+    """Return the scene without the effects that the verdicts neglect, itself if there are none.
 
     The launch is that of the ball from the foot.
     """
@@ -108,23 +112,6 @@ def leave_out(scene: Scene, verdicts: Sequence[EffectVerdict], launch: BallState
     return reduced
 
 
-def _with_air(scene: Scene, **changes: Any) -> Scene:
-    """Return a scene with some arguments of its air changed."""
-    names = ("density", "viscosity", "wind", "drag", "lift", "torque", "buoyancy")
-    return scene.replace(air=Air(**{name: getattr(scene.air, name) for name in names} | changes))
-
-
-def _has_air(condition: Callable[[Air], bool]) -> Callable[[Scene], bool]:
-    """Return a function that says whether a scene has air for which a condition holds."""
-    return lambda scene: scene.air is not None and scene.air.density > 0 and condition(scene.air)
-
-
-def _without_friction(scene: Scene, _: BallState) -> Scene:
-    """Return a scene whose contact is frictionless."""
-    contact = scene.contact
-    return scene.replace(contact=Contact(contact.normal, contact.restitution, 0.0, contact.offset))
-
-
 def _without_rotors(scene: Scene, _: BallState) -> Scene:
     """Return a scene whose joints of one degree of freedom have no armature."""
     leg = scene.leg
@@ -133,31 +120,41 @@ def _without_rotors(scene: Scene, _: BallState) -> Scene:
     return scene.replace(leg=leg.with_armature(dict.fromkeys(single, 0.0)))
 
 
-def _with_constant_drag(scene: Scene, launch: BallState) -> Scene:
-    """Return a scene with the drag coefficient of the launch, whatever the speed and the spin."""
-    air, radius = scene.air, scene.ball.radius
-    assert air is not None
+def _constant_drag(air: Air, ball: Ball, launch: BallState) -> Air:
+    """Return air with the drag coefficient of the launch, whatever the speed and the spin."""
     assert air.drag is not None
-    wind = np.zeros(3) if callable(air.wind) else air.wind
-    speed = max(math.hypot(*(launch.velocity - wind).tolist()), 1e-9)
-    surface_speed = radius * math.hypot(*launch.spin.tolist())
-    reynolds = 2.0 * radius * air.density / air.viscosity * speed
-    return _with_air(scene, drag=constant(air.drag(reynolds, surface_speed / speed)))
+    speed = max(math.dist(launch.velocity, air.wind_at(float(launch.position[2]))), 1e-9)
+    surface_speed = ball.radius * math.hypot(*launch.spin.tolist())
+    reynolds = 2.0 * ball.radius * air.density / air.viscosity * speed
+    return replace(air, drag=constant(air.drag(reynolds, surface_speed / speed)))
 
 
-def _spin_decay_bound(envelope: Envelope) -> float:
-    """Return how far the fastest decay of the spin can move the end [m]."""
-    ball, air, *_ = envelope.environment
-    assert air is not None
-    assert air.torque is not None
-    if not math.isfinite(envelope.time):
-        return envelope.shift(1.0)
-    fastest, per_speed = max(envelope.speeds), 2.0 * ball.radius * air.density / air.viscosity
-    most = max(air.torque(per_speed * speed, 0.0) for speed in envelope.speeds)
-    rate = air.density * ball.cross_section * ball.radius**2 * most * fastest
-    rate += 8.0 * math.pi * air.viscosity * ball.radius**3
-    lost = -math.expm1(-rate / ball.inertia * envelope.time)
-    return envelope.shift(envelope.by_spin * envelope.spin * lost)
+def _of_air(
+    name: str,
+    acts: Callable[[Air], bool],
+    change: Callable[[Air, Ball, BallState], Air],
+    through: tuple[str, ...] = (),
+) -> Effect:
+    """Return an effect of the air, bounded by its acceleration; `change` returns air without it."""
+
+    def without(scene: Scene, launch: BallState) -> Scene:
+        """Return the scene with the changed air."""
+        assert scene.air is not None
+        return scene.replace(air=change(scene.air, scene.ball, launch))
+
+    def neglected(envelope: Envelope) -> tuple[float, LaunchError]:
+        """Return the change of acceleration, and the error of the launch."""
+        ball, air, *_ = envelope.environment
+        assert air is not None
+        return envelope.difference(change(air, ball, envelope.launch)), EXACT
+
+    def is_in(scene: Scene) -> bool:
+        """Return whether the effect acts in a scene."""
+        return scene.air is not None and scene.air.density > 0.0 and acts(scene.air)
+
+    return Effect(
+        name, is_in, without, neglected, "the largest change of acceleration, all the time", through
+    )
 
 
 EFFECTS = (
@@ -165,10 +162,14 @@ EFFECTS = (
         "compliance",
         lambda scene: scene.contact_time is not None,
         lambda scene, _: scene.replace(contact_time=None),
-        lambda envelope: envelope.shift(launch_error=envelope.launch_error),
+        lambda envelope: (0.0, envelope.launch_error),
         "twice what the strike changes while the foot moves on",
     ),
-    Effect("friction", lambda scene: scene.contact.friction > 0.0, _without_friction),
+    Effect(
+        "friction",
+        lambda scene: scene.contact.friction > 0.0,
+        lambda scene, _: scene.replace(contact=replace(scene.contact, friction=0.0)),
+    ),
     Effect(
         "ball rotation",
         lambda scene: scene.ball.inertia_factor < math.inf,
@@ -182,50 +183,24 @@ EFFECTS = (
         lambda scene: scene.leg.constraints is not None and bool(scene.leg.constraints.supports),
         lambda scene, _: scene.replace(leg=scene.leg.with_supports()),
     ),
-    Effect(
-        "drag",
-        _has_air(lambda air: air.drag is not None),
-        lambda scene, _: _with_air(scene, drag=None),
-        lambda envelope: envelope.shift(envelope.drag),
-        "the largest of the flight, all the time",
+    _of_air("drag", lambda air: air.drag is not None, lambda air, *_: replace(air, drag=None)),
+    _of_air("drag crisis", lambda air: air.drag is not None, _constant_drag, ("drag",)),
+    _of_air("lift", lambda air: air.lift is not None, lambda air, *_: replace(air, lift=None)),
+    replace(
+        _of_air(
+            "spin decay",
+            lambda air: air.torque is not None,
+            lambda air, *_: replace(air, torque=None),
+            ("drag", "lift"),
+        ),
+        change=lambda envelope: (envelope.spin_decay(), EXACT),
     ),
-    Effect(
-        "drag crisis",
-        _has_air(lambda air: air.drag is not None),
-        _with_constant_drag,
-        lambda envelope: envelope.shift(envelope.drag_crisis),
-        "the largest change from a constant coefficient",
-        through=("drag",),
-    ),
-    Effect(
-        "lift",
-        _has_air(lambda air: air.lift is not None),
-        lambda scene, _: _with_air(scene, lift=None),
-        lambda envelope: envelope.shift(envelope.lift),
-        "the largest of the flight, all the time",
-    ),
-    Effect(
-        "spin decay",
-        _has_air(lambda air: air.torque is not None),
-        lambda scene, _: _with_air(scene, torque=None),
-        _spin_decay_bound,
-        "the fastest decay, times what spin changes",
-        through=("drag", "lift"),
-    ),
-    Effect(
+    _of_air(
         "wind",
-        _has_air(lambda air: callable(air.wind) or bool(air.wind.any())),
-        lambda scene, _: _with_air(scene, wind=(0.0, 0.0, 0.0)),
-        lambda envelope: envelope.shift(envelope.by_wind),
-        "the largest change of drag and lift, all the time",
-        through=("drag", "lift"),
+        lambda air: callable(air.wind) or bool(air.wind.any()),
+        lambda air, *_: replace(air, wind=(0.0, 0.0, 0.0)),
+        ("drag", "lift"),
     ),
-    Effect(
-        "buoyancy",
-        _has_air(lambda air: air.buoyancy),
-        lambda scene, _: _with_air(scene, buoyancy=False),
-        lambda envelope: envelope.shift(envelope.buoyancy),
-        "its acceleration, all the time",
-    ),
+    _of_air("buoyancy", lambda air: air.buoyancy, lambda air, *_: replace(air, buoyancy=False)),
 )
-"""Every effect that can be left out by itself. Those without a bound cost no time."""
+"""Every effect that can be neglected by itself. Those without a bound cost no time."""

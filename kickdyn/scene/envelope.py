@@ -1,35 +1,28 @@
 """How far a disturbance can move the end of a flight, from one flight in a few large steps."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
 from kickdyn.aerodynamics.coefficient_model import Coefficient
 from kickdyn.air import Air
 from kickdyn.ball import BallState
-from kickdyn.core.vectors import GRAVITY
-from kickdyn.flight.forces import time_to_fall
-from kickdyn.scene.coarse_flight import State, coarse_path, drop_below, refuses_extrapolation
+from kickdyn.core.gravity import GRAVITY
+from kickdyn.flight.forces import acceleration_function
+from kickdyn.scene.coarse_flight import State, coarse_end
 from kickdyn.scene.scene import FlightEnvironment
 
 STEPS = 4
 """Large steps of the flight."""
 
 MARGIN = 1.25
-"""Factor on coefficients, which are evaluated at the nodes of that flight only."""
+"""Factor on accelerations, which are evaluated at the nodes of that flight only."""
 
 
 class LaunchError(NamedTuple):
-    """How far the launch may be off.
-
-    Attributes:
-        velocity: [m/s].
-        spin: [rad/s].
-        position: [m].
-    """
+    """How far velocity [m/s], spin [rad/s] and position [m] of the launch may be off."""
 
     velocity: float = 0.0
     spin: float = 0.0
@@ -45,24 +38,15 @@ class Envelope:
     Let X be that flight and Y one whose acceleration differs by at most a where X is. Then both are
     :math:`\tfrac12 a t^2 e^{\lambda t}` apart at most (Gronwall's inequality), with
     :math:`\lambda` the largest rate at which the forces drive neighbours apart: drag does so only
-    where it falls as speed grows.
-
-    Args:
-        launch: by the instantaneous strike.
-        environment: what the ball flies through, and what ends its path.
-        launch_error: how far the launch may be off.
+    where it falls as speed grows. Accelerations are evaluated at the nodes of X, which has few
+    large steps.
 
     Attributes:
-        environment, launch_error: as given.
-        speeds: relative to the air, at the nodes of the flight [m/s].
-        spin: the largest [rad/s].
-        time: duration of the flight [s]; inf where nothing is known, as of a ball that bounces, or
-            that may leave the range of a coefficient that refuses extrapolation.
-        drag, lift, buoyancy: largest acceleration by each [m/s2].
-        drag_crisis: largest change of acceleration from the drag coefficient of the launch [m/s2].
-        by_spin: change of acceleration with spin [m/s2 per rad/s].
-        by_wind: change of acceleration by the wind [m/s2].
-        end: state at the end of the flight; None where nothing is known.
+        launch, environment, launch_error: as given.
+        time: duration of the flight [s]; inf where nothing is known, as of a ball that bounces, in
+            a wind that depends on height, or where a coefficient is the user's own or refuses
+            extrapolation.
+        end: state at the end of the flight in large steps; None where these do not suffice.
         evaluations: of the acceleration.
     """
 
@@ -72,153 +56,152 @@ class Envelope:
         environment: FlightEnvironment,
         launch_error: LaunchError = EXACT,
     ) -> None:
-        self.environment, self.launch_error = environment, launch_error
-        self._height, self._rise = float(launch.position[2]), float(launch.velocity[2])
-        self._fastest = math.hypot(*launch.velocity.tolist())
-        self._drop = max(drop_below(launch, environment), 0.0)
-        self.time, self.evaluations = math.inf, 0
-        self.spin = math.hypot(*launch.spin.tolist()) + launch_error.spin
-        self.drag = self.lift = self.buoyancy = self.drag_crisis = 0.0
-        self.by_spin = self.by_wind = self._growth = 0.0
-        self.speeds: list[float] = []
-        self.end: BallState | None = None
-        ball, air, ground, _ = environment
-        bounces = ground is not None and ground.surface is not None
-        if bounces or not launch_error.velocity < math.inf or refuses_extrapolation(air):
+        self.launch, self.environment, self.launch_error = launch, environment, launch_error
+        self.time, found = math.inf, coarse_end(launch, environment, STEPS)
+        self.end, _, self.evaluations, self._nodes = found
+        air, known = environment.air, launch_error.velocity < math.inf
+        if not known or self.end is None or (air is not None and callable(air.wind)):
             return
-        (self.end, _, self.evaluations), nodes = coarse_path(launch, environment, STEPS)
-        if self.end is None or not float(self.end.time) > 0.0:
-            return
-        self.time = float(self.end.time)
-        if air is not None and air.density > 0.0:
-            self.buoyancy = GRAVITY * air.density * ball.volume / ball.mass
-            if callable(air.wind):
-                self.time = math.inf
-                return
-            self._bound_forces(air, nodes)
+        if self.end.time > 0.0:
+            self.time = float(self.end.time)
+
+    def difference(self, air: Air | None) -> float:
+        """Return how far the acceleration with another air differs at most on the flight [m/s2]."""
+        if not math.isfinite(self.time):
+            return math.inf
+        return MARGIN * max(map(math.dist, self._accelerations(air), self._own_accelerations))
+
+    def spin_decay(self) -> float:
+        """Return how far the acceleration differs at most where the spin does not decay [m/s2]."""
+        if not math.isfinite(self.time):
+            return math.inf
+        lost = 1.0 - min(node[6] for node in self._nodes)
+        return self._by_spin * lost * math.hypot(*self.launch.spin.tolist())
 
     def shift(self, acceleration: float = 0.0, launch_error: LaunchError = EXACT) -> float:
         """Return how far the end can move [m]; inf where that is not known.
 
-        The paths part until the later one ends, and that one goes on after the other has ended.
-
-        Args:
-            acceleration: that is left out [m/s2].
-            launch_error: how far the launch is off.
+        What separates a path from its end as the other ends remains to be covered, at no less than
+        the speed that gravity and the air leave the ball. The acceleration that is neglected is in
+        m/s2.
         """
-        if self.end is None or not math.isfinite(self.time):
+        if not math.isfinite(self.time):
             return math.inf
         if acceleration == 0.0 and launch_error == EXACT:
             return 0.0
-        acceleration += self.by_spin * launch_error.spin
-        velocity = self.end.velocity
-        speed = max(self._fastest, math.hypot(*velocity.tolist())) + launch_error.velocity
-        gap, closing = self._other_end()
-        shift = self._steep_shift(self.time, acceleration, launch_error, speed, closing)
-        if self.environment.plane is None:
-            shift = min(shift, self._light_shift(acceleration, launch_error, speed))
+        t, growth = self.time, self._growth * self.time
+        if not growth < 50.0:
+            return math.inf
+        if launch_error.spin > 0.0:
+            acceleration += self._by_spin * launch_error.spin
+        faster = (launch_error.velocity + acceleration * t) * math.exp(growth)
+        parted = launch_error.position + launch_error.velocity * t + 0.5 * acceleration * t * t
+        parted *= math.exp(growth)
+        gap, closing, slowing = self._other_end()
+        least = closing - faster
+        left = least * least - 2.0 * max(slowing + acceleration, 0.0) * parted
+        if not (least > 0.0 and left > 0.0):
+            return math.inf
+        shift = parted * (1.0 + (self._fastest + faster) / math.sqrt(left))
         return shift if shift < gap else math.inf
 
-    def _bound_forces(self, air: Air, nodes: list[State]) -> None:
-        """Evaluate the coefficients at the nodes: the largest accelerations and their changes."""
-        ball = self.environment.ball
-        wx, wy, wz = (float(part) for part in air.wind)  # type: ignore[union-attr]
-        wind = math.hypot(wx, wy, wz)
-        off = self.launch_error.velocity
-        self.speeds = speeds = [
-            max(math.hypot(y[3] - wx, y[4] - wy, y[5] - wz) + off, 1e-9) for y in nodes
-        ]
+    @cached_property
+    def _own_accelerations(self) -> Sequence[State]:
+        """The acceleration at each node [m/s2]."""
+        return self._accelerations(self.environment.air)
+
+    def _accelerations(self, air: Air | None) -> Sequence[State]:
+        """Return the acceleration at each node, with another air [m/s2]."""
+        if air is None or air.density == 0.0:
+            return [(0.0, 0.0, -GRAVITY)] * len(self._nodes)
+        acting, (wx, wy, wz) = (
+            acceleration_function(self.environment.ball, air),
+            self.launch.spin.tolist(),
+        )
+        height, found = float(self.launch.position[2]), []
+        for _, _, z, vx, vy, vz, left in self._nodes:
+            found.append(acting(height + z, vx, vy, vz, left * wx, left * wy, left * wz)[:3])
+        self.evaluations += len(found)
+        return found
+
+    @cached_property
+    def _fastest(self) -> float:
+        """The largest speed of the flight [m/s]."""
+        return max(math.hypot(*state[3:6]) for state in self._nodes)
+
+    @cached_property
+    def _air_speeds(self) -> list[float]:
+        """Speeds relative to the air, from the least of the flight to the largest [m/s]."""
+        air, off = self.environment.air, self.launch_error.velocity
+        assert air is not None
+        wind = air.wind_at(0.0)
+        found = [math.dist(state[3:6], wind) for state in self._nodes]
+        least, most = max(min(found) - off, 1e-9), max(max(found) + off, 2e-9)
+        return [least + i * (most - least) / 8.0 for i in range(9)]
+
+    @cached_property
+    def _coefficient_scale(self) -> tuple[float, float]:
+        """Acceleration by a coefficient of 1 at 1 m/s, and the Reynolds number of that speed."""
+        ball, air = self.environment.ball, self.environment.air
+        assert air is not None
         per_speed = 2.0 * ball.radius * air.density / air.viscosity
-        k = MARGIN * 0.5 * air.density * ball.cross_section / ball.mass
-        surface_speed, fastest = ball.radius * self.spin, max(speeds)
+        return MARGIN * 0.5 * air.density * ball.cross_section / ball.mass, per_speed
 
-        def largest(values: list[float]) -> float:
-            return k * max(c * v * v for c, v in zip(values, speeds, strict=True))
-
-        if air.drag is not None:
-            found = [air.drag(per_speed * v, surface_speed / v) for v in speeds]
-            level = air.drag(per_speed * speeds[0], surface_speed / speeds[0])
-            self.drag = largest(found)
-            still = [air.drag(per_speed * v, 0.0) for v in speeds]  # spin along the flight
-            pairs = zip(found, still, strict=True)
-            self.drag_crisis = largest([max(abs(a - level), abs(b - level)) for a, b in pairs])
-            steepest = self._steepest_drag(air.drag, per_speed, fastest, min(speeds), k)
-            change = (2.0 * fastest + wind) * max(found) + steepest * fastest * fastest
-            self.by_wind = k * change * wind
-            self.by_spin = k * _spin_slope(air.drag, per_speed * fastest) * ball.radius * fastest
-        if air.lift is not None and surface_speed:
-            found = [air.lift(per_speed * v, surface_speed / v) for v in speeds]
-            self.lift = largest(found)
-            self._growth += k * max(found) * fastest
-            self.by_spin += k * _spin_slope(air.lift, per_speed * fastest) * ball.radius * fastest
-            self.by_wind += 2.0 * k * max(found) * (2.0 * fastest + wind) * wind
-
-    def _steepest_drag(
-        self, drag: Coefficient, per_speed: float, fastest: float, slowest: float, k: float
-    ) -> float:
-        """Return the steepest slope of the drag coefficient [s/m]; add to the rate of parting."""
-        width = (fastest - slowest) / 8.0
-        if not width > 1e-6 * fastest:
+    @cached_property
+    def _growth(self) -> float:
+        """The largest rate at which drag and lift drive neighbouring flights apart [1/s]."""
+        ball, air, *_ = self.environment
+        if air is None or air.density == 0.0:
             return 0.0
-        speeds = [slowest + i * width for i in range(9)]
-        found = [drag(per_speed * v, 0.0) for v in speeds]
-        force = [c * v * v for c, v in zip(found, speeds, strict=True)]
-        self._growth += k * max(0.0, *(a - b for a, b in pairwise(force))) / width
-        return max(abs(a - b) for a, b in pairwise(found)) / width
+        speeds, (scale, per_speed) = self._air_speeds, self._coefficient_scale
+        rate, width = 0.0, speeds[1] - speeds[0]
+        if air.drag is not None and width > 1e-6 * speeds[-1]:
+            force = [air.drag(per_speed * v, 0.0) * v * v for v in speeds]
+            rate += scale * max(0.0, *(a - b for a, b in pairwise(force))) / width
+        spin = math.hypot(*self.launch.spin.tolist()) + self.launch_error.spin
+        surface_speed = ball.radius * spin
+        if air.lift is not None and surface_speed:
+            most = max(air.lift(per_speed * v, surface_speed / v) for v in speeds)
+            rate += scale * most * speeds[-1]
+        return rate
 
-    def _parted(self, t: float, acceleration: float, error: LaunchError) -> float:
-        """Return how far two paths are apart at most after a time [m]."""
-        growth = math.exp(min(self._growth * t, 50.0))
-        return (error.position + error.velocity * t + 0.5 * acceleration * t * t) * growth
+    @cached_property
+    def _by_spin(self) -> float:
+        """The largest change of acceleration with spin [m/s2 per rad/s]."""
+        ball, air, *_ = self.environment
+        if air is None or air.density == 0.0:
+            return 0.0
+        fastest, (scale, per_speed) = self._air_speeds[-1], self._coefficient_scale
+        models = [model for model in (air.drag, air.lift) if model is not None]
+        slope = sum(_spin_slope(model, per_speed * fastest) for model in models)
+        return scale * slope * ball.radius * fastest
 
-    def _steep_shift(
-        self, t: float, acceleration: float, error: LaunchError, speed: float, closing: float
-    ) -> float:
-        """Return the shift of a path that reaches the ground, or the plane, steeply enough.
+    def _other_end(self) -> tuple[float, float, float]:
+        """Return the distance to what did not end the flight, and how the flight ends.
 
-        What separates a path from its end remains to be covered, at no less than the speed that
-        gravity leaves the ball.
+        The distance is in m; then follow the speed at what ended the flight [m/s] and the largest
+        deceleration towards that [m/s2].
         """
-        parted = self._parted(t, acceleration, error)
-        if not parted < math.inf:
-            return math.inf
-        left = closing * closing - 2.0 * MARGIN * GRAVITY * parted
-        if not (closing > 0.0 and left > 0.0):
-            return math.inf
-        return parted * (1.0 + (speed + acceleration * t) / math.sqrt(left))
-
-    def _light_shift(self, acceleration: float, error: LaunchError, speed: float) -> float:
-        """Return the shift of a path that the air bends by little.
-
-        Its duration is gravity's, more or less, and grows with rise, drop, and with what opposes
-        gravity.
-        """
-        force = self.drag + self.lift + self.buoyancy + acceleration
-        if not force < 0.9 * GRAVITY:
-            return math.inf
-        rise, drop, off = self._rise, self._drop, error.velocity
-        longest = time_to_fall(rise + off, drop + error.position, GRAVITY - force)
-        shortest = time_to_fall(rise - off, max(drop - error.position, 0.0), GRAVITY + force)
-        return self._parted(longest, acceleration, error) + speed * (longest - max(shortest, 0.0))
-
-    def _other_end(self) -> tuple[float, float]:
-        """Return the distance to what did not end the flight [m], and the speed at what did."""
         ball, _, ground, plane = self.environment
         end = self.end
         assert end is not None
         falling = -float(end.velocity[2])
+        by_air = [math.hypot(x, y, z + GRAVITY) for x, y, z in self._own_accelerations]
+        slowing = MARGIN * max(by_air)
         if plane is None:
-            return math.inf, falling
+            return math.inf, falling, slowing - GRAVITY
         closing = -float(plane.normal @ end.velocity)
         reached = {"front": -ball.radius, "centre": 0.0, "back": ball.radius}[plane.reached_by]
         gap = float(plane.normal @ (end.position - plane.point)) + reached
         if gap > 1e-6 * ball.radius:
-            return gap, falling
-        floor = self._height if ground is None else ground.height + ball.radius
-        return float(end.position[2]) - floor, closing
+            return gap, falling, slowing - GRAVITY
+        height = float(self.launch.position[2])
+        floor = height if ground is None else ground.height + ball.radius
+        slowing += GRAVITY * float(plane.normal[2])
+        return float(end.position[2]) - floor, closing, slowing
 
 
-def _spin_slope(model: Callable[[float, float], float], reynolds: float) -> float:
+def _spin_slope(model: Coefficient, reynolds: float) -> float:
     """Return the steepest change of a coefficient with the spin parameter."""
     grid = (0.0, 0.01, 0.1, 0.4)
     found = [model(reynolds, s) for s in grid]

@@ -1,7 +1,5 @@
 """The scene: everything that one kick consists of; what it does not name is not modelled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -19,6 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
 from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg, Posture
 
@@ -85,6 +84,7 @@ class Scene(ReprMixin):
     name: str
     posture: Posture = field(repr=False)
 
+    @validation.check_arguments
     def __init__(
         self,
         leg: Leg,
@@ -103,12 +103,7 @@ class Scene(ReprMixin):
         uncertainty: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
-        validation.check_type(Leg, leg=leg)
-        validation.check_type(Ball, ball=ball)
-        validation.check_type(Contact, contact=contact)
-        validation.check_type(Air, air=air, optional=True)
-        validation.check_type(Ground, ground=ground, optional=True)
-        validation.check_type(Plane, plane=plane, optional=True)
+        ball.check_movable("a scene")
         impact_law = validation.choice("law", law, ImpactLaw)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
@@ -133,13 +128,13 @@ class Scene(ReprMixin):
             air=air,
             ground=ground,
             plane=plane,
-            uncertainty=validation.mapping("uncertainty", uncertainty),
+            uncertainty=_checked_uncertainty(uncertainty),
             name=name,
             posture=posture.with_contact_offset(contact.offset),
             **arrays,
         )
 
-    def replace(self, **changes: Any) -> Scene:
+    def replace(self, **changes: Any) -> "Scene":
         """Return the scene with some of its arguments changed.
 
         Raises:
@@ -174,6 +169,7 @@ class Scene(ReprMixin):
         return tuple(lines)
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "name", self.name, ""
         yield "leg", self.leg.name, ""
         yield "contact point", self.posture.contact_point, "m"
@@ -195,6 +191,18 @@ class Scene(ReprMixin):
             if part is not None:
                 kind = type(part).__name__
                 yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""
+
+
+def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
+    """Return a mapping whose names are those of `Impact.uncertainty`, or raise `InvalidInput`."""
+    checked = validation.mapping("uncertainty", value)
+    for name in checked:
+        if name not in UNITS:
+            known = ", ".join(UNITS)
+            raise InvalidInput(
+                f"uncertainty of {validation.brief(name)} is unknown: choose {known}"
+            )
+    return checked
 
 
 def compliant_contact_faults(law: ImpactLaw, restitution: float) -> list[str]:

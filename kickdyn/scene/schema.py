@@ -4,8 +4,6 @@ Keys end in their unit; those without one are dimensionless, or names. Vectors a
 the world frame.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -52,6 +50,7 @@ def _valid(condition: Callable[[Any], bool], advice: str) -> Check:
     """Return a check of a condition; its message ends in the advice."""
 
     def check(name: str, value: Any) -> Any:
+        """Return a value that meets the condition."""
         if not condition(value):
             raise InvalidInput(f"{name} is {validation.brief(value)}: {advice}")
         return value
@@ -65,6 +64,7 @@ def _by_joint(unit: str, **limits: float) -> Check:
     is_table = _valid(lambda value: isinstance(value, dict), advice)
 
     def check(name: str, value: Any) -> dict[str, float]:
+        """Return the numbers of a table by joint."""
         found, faults = {}, []
         for joint, entry in is_table(name, value).items():
             try:
@@ -83,8 +83,10 @@ _text = _valid(
     "it must be printable text",
 )
 _texts = _valid(
-    lambda value: isinstance(value, list) and all(isinstance(entry, str) for entry in value),
-    "it must be a list of names",
+    lambda value: (
+        isinstance(value, list) and len(value) <= 100 and all(isinstance(v, str) for v in value)
+    ),
+    "it must be a list of names, at most 100",
 )
 _flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
@@ -157,7 +159,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
     },
     "uncertainty": {key: _number(unit, at_least=0.0) for key, (_, unit, _) in UNCERTAINTY.items()},
 }
-"""By section and key, the check of a value. SectionValues "" is the top of the file."""
+"""By section and key, the check of a value. Section "" is the top of the file."""
 
 ONE_OF = {
     "leg": ("model", "file", "robot"),
@@ -173,88 +175,59 @@ GOES_WITH = {"leg": ("legs_only", "robot"), "contact": ("side_deg", "attack_deg"
 """By section, a key and another one that it has a meaning with only."""
 
 
-class FaultyValueError(Exception):
-    """A value is needed that is faulty; its fault is listed already."""
+def check_document(document: Mapping[str, Any]) -> list[str]:
+    """Return a line for each fault of a TOML document's form: unknown, missing or invalid values.
 
-
-class SectionValues(dict[str, Any]):
-    """The valid values of a section.
-
-    Attributes:
-        faulty: keys of the values that are needed and invalid, missing, or ambiguous.
+    What only the robot can tell, such as the names of its joints, is not checked.
     """
-
-    faulty: frozenset[str] = frozenset()
-
-    def read(self, key: str, default: Any = None) -> Any:
-        """Return a value, or the default where it is not given; a faulty one raises an error."""
-        if key in self.faulty:
-            raise FaultyValueError
-        return self.get(key, default)
-
-
-def check_document(
-    document: Mapping[str, Any],
-) -> tuple[dict[str, SectionValues], dict[str, list[str]]]:
-    """Return the valid values of each section of a TOML document, and its faults by section."""
-    sections = {"": SectionValues()}
-    faults: dict[str, list[str]] = {name: [] for name in SECTIONS}
+    faults = []
     for name, content in document.items():
         if name in SECTIONS[""]:
-            sections[""].update(_check_section("", {name: content}, faults[""]))
+            faults += _check_section("", {name: content})
         elif name not in SECTIONS:
             names = [*(known for known in SECTIONS if known), *SECTIONS[""]]
             kind = f"section [{name}]" if isinstance(content, dict) else name
-            faults[""].append(_unknown(kind, name, names))
+            faults.append(_unknown(kind, name, names))
         elif not isinstance(content, dict):
             value = validation.brief(content)
-            faults[name].append(f"{name} is {value}: it must be a section, [{name}]")
+            faults.append(f"{name} is {value}: it must be a section, [{name}]")
         else:
-            sections[name] = _check_section(name, content, faults[name])
-    for name in REQUIRED:
-        if name not in document:
-            faults[name].append(f"section [{name}] is missing")
-        if name not in sections:
-            sections[name] = SectionValues()
-            sections[name].faulty = frozenset(SECTIONS[name])
-    return sections, faults
+            faults += _check_section(name, content)
+    missing = [f"section [{name}] is missing" for name in REQUIRED if name not in document]
+    return faults + missing
 
 
-def _check_section(section: str, content: dict[str, Any], faults: list[str]) -> SectionValues:
-    """Return the valid values of a section; add a line per fault to `faults`."""
-    found = SectionValues()
+def _check_section(section: str, content: dict[str, Any]) -> list[str]:
+    """Return a line for each fault of a section."""
+    faults, valid = [], {}
     for key, value in content.items():
         name = f"{section}.{key}" if section else key
         if key not in SECTIONS[section]:
             faults.append(_unknown(name, key, SECTIONS[section]))
             continue
         try:
-            found[key] = SECTIONS[section][key](name, value)
+            valid[key] = SECTIONS[section][key](name, value)
         except InvalidInput as error:
             faults += faults_of(error)
     choice, needed = ONE_OF.get(section, ()), NEEDED.get(section, ())
     named = [key for key in choice if key in content]
     if choice and len(named) != 1:
-        which = " and ".join(named) or "none of them"
-        faults.append(f"{section} names {which}: it must name one of {', '.join(choice)}")
+        which = " and ".join(named) or "none"
+        faults.append(f"{section} names {which} of {', '.join(choice)}: it must name one")
     faults += [f"{section}.{key} is missing" for key in needed if key not in content]
     key, other = GOES_WITH.get(section, ("", ""))
     if key in content and other not in content:
         faults.append(f"{section}.{key} is named without {other}: it goes with that")
-    faults += [f"{section}.{line}" for line in _clashes(section, found)]
-    ambiguous = choice if sum(key in found for key in choice) != 1 else ()
-    found.faulty = frozenset(ambiguous).union(k for k in (*content, *needed) if k not in found)
-    return found
+    return faults + [f"{section}.{line}" for line in _clashes(section, valid)]
 
 
-def _clashes(section: str, found: SectionValues) -> list[str]:
+def _clashes(section: str, valid: dict[str, Any]) -> list[str]:
     """Return a line for each valid value that does not go with another."""
-    if section == "contact" and "contact_time_s" in found:
-        return compliant_contact_faults(
-            ImpactLaw(found.get("law", "newton")), found.get("restitution", 1.0)
-        )
-    if section == "air" and found.get("model") == "paper":
-        weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in found)
+    if section == "contact" and "contact_time_s" in valid:
+        law = ImpactLaw(valid.get("law", "newton"))
+        return compliant_contact_faults(law, valid.get("restitution", 1.0))
+    if section == "air" and valid.get("model") == "paper":
+        weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in valid)
         why = "is named with model 'paper', whose air is known: leave it out"
         return [f"{key} {why}" for key in weather]
     return []
@@ -268,6 +241,6 @@ def faults_of(error: InvalidInput) -> list[str]:
 def _unknown(name: str, word: str, known: Iterable[str]) -> str:
     """Return the line for a word that is not known, with the nearest that is."""
     known = list(known)
-    near = difflib.get_close_matches(word, known, 1, 0.5)
+    near = difflib.get_close_matches(word[:100], known, 1, 0.5)
     hint = f"did you mean {near[0]}?" if near else f"choose {', '.join(known)}"
-    return f"{name} is unknown: {hint}"
+    return f"{name if len(name) <= 100 else name[:100] + '...'} is unknown: {hint}"

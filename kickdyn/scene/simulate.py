@@ -1,34 +1,46 @@
-"""A scene to a tolerance: leave out what cannot matter, compute the rest no better than needed."""
-
-from __future__ import annotations
+"""A scene to a tolerance: neglect what cannot matter, compute the rest no better than needed."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from kickdyn.ball import BallState
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
 from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.contact_drift import contact_drift, strike_scene
-from kickdyn.scene.effects import Effect, EffectVerdict, effects_of, judge_effects, leave_out
+from kickdyn.scene.effects import (
+    Effect,
+    EffectVerdict,
+    effects_of,
+    judge_effects,
+    without_neglected,
+)
 from kickdyn.scene.envelope import EXACT, Envelope
-from kickdyn.scene.flight_end import FINEST, FlightEnd, approximate_end, end_slopes, exact_end
+from kickdyn.scene.flight_end import (
+    CONTACT_SAFETY,
+    FINEST,
+    FlightEnd,
+    approximate_end,
+    end_slopes,
+    exact_end,
+)
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.simulation import Simulation
 
 MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
-"""Of the tolerance: for effects left out, for the contact's integrator, for the flight's."""
+"""Of the tolerance: for neglected effects, for the contact's integrator, for the flight's."""
 
 
+@validation.check_arguments
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    Every effect of the scene has a bound :math:`b_i` on how far leaving it out can move the end;
-    the least are left out while :math:`\sum b_i \le` half the tolerance. The rest is computed as
+    Every effect of the scene has a bound :math:`b_i` on how far neglecting it can move the end;
+    the least are neglected while :math:`\sum b_i \le` half the tolerance. The rest is computed as
     exactly as the other half requires, by the integrators' own estimates.
 
     Args:
@@ -43,7 +55,6 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
     """
-    validation.check_type(Scene, scene=scene)
     if scene.contact_time is not None:
         check_unconstrained(scene.leg, "a contact that takes time is")
     effects = effects_of(scene)
@@ -56,14 +67,16 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     envelope = Envelope(instant.ball_after, scene.environment, launch_error)
     verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
     contact = _ComputedContact(instant, 0.0, envelope.evaluations)
-    if scene.contact_time is not None and verdicts[0].modelled:
-        contact = _collide_to(scene, instant.ball_after, CONTACT_SHARE * tolerance)
+    if scene.contact_time is not None and verdicts[0].modelled:  # the first effect: compliance
+        speed = float(instant.ball_after.speed)
+        contact = _collide_to(scene, speed, CONTACT_SHARE * tolerance)
         evaluations = envelope.evaluations + contact.evaluations
         envelope = Envelope(contact.impact.ball_after, scene.environment)  # of another launch
         verdicts = (verdicts[0], *judge_effects(effects[1:], envelope, MODEL_SHARE * tolerance))
         contact = contact._replace(evaluations=evaluations + envelope.evaluations)
     launch = contact.impact.ball_after
-    reduced = leave_out(scene, verdicts, launch)
+    reduced = without_neglected(scene, verdicts, launch)
+    # the envelope has integrated the whole scene in four steps, which need not be repeated
     four_steps = envelope.end if reduced is scene else None
     end = approximate_end(launch, reduced.environment, FLIGHT_SHARE * tolerance, four_steps)
     return _result(scene, tolerance, contact, end, verdicts, lambda: contact.error + end.error())
@@ -74,9 +87,6 @@ def simulate_as_instant(scene: Scene) -> Simulation:
 
     Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
     the end lies from that of the whole scene, and inf where that cannot be computed.
-
-    Raises:
-        KickdynError: as for `simulate`, of the scene with a contact of an instant.
     """
     answer = simulate(scene.replace(contact_time=None), None)
     if scene.contact_time is None:
@@ -110,6 +120,7 @@ def _simulate_everything(scene: Scene, effects: Sequence[Effect]) -> Simulation:
     end = exact_end(launch, environment, FINEST)
 
     def numerical_error() -> float:
+        """Return the error of the numbers at the end [m]."""
         if isinstance(impact, Impact) or not end.ended:
             return end.error()
         slopes = end_slopes(launch, environment)
@@ -166,20 +177,20 @@ def _collide(scene: Scene, tol: float) -> Collision:
     )
 
 
-def _collide_to(scene: Scene, launch: BallState, accuracy: float) -> _ComputedContact:
+def _collide_to(scene: Scene, speed: float, accuracy: float) -> _ComputedContact:
     """Return the contact that takes time, as exact as the accuracy of the end [m] requires.
 
-    Its tolerance follows from how the end depends on the launch, first that of an instant.
+    Its tolerance follows from how the end depends on the launch, at first from the longest parabola
+    with the speed of an instant's launch [m/s].
     """
-    environment, radius = scene.environment, scene.ball.radius
-    slopes = end_slopes(launch, environment, confirm=False)
-    per_tol, evaluations = slopes.contact_error(launch, radius, 1.0), slopes.evaluations
+    radius, evaluations = scene.ball.radius, 0
+    tol = 0.5 * accuracy / (CONTACT_SAFETY * (2.0 * speed**2 / GRAVITY + radius))
     while True:
-        tol = min(max(accuracy / max(per_tol, 1e-300), FINEST), 1e-3)
+        tol = min(max(tol, FINEST), 1e-3)
         impact = _collide(scene, tol)
-        slopes = end_slopes(impact.ball_after, environment)
+        slopes = end_slopes(impact.ball_after, scene.environment)
         error = slopes.contact_error(impact.ball_after, radius, tol)
         evaluations += slopes.evaluations + impact.evaluations
         if error <= accuracy or tol == FINEST:
             return _ComputedContact(impact, error, evaluations)
-        per_tol = 2.0 * error / tol
+        tol *= 0.5 * accuracy / error

@@ -1,6 +1,4 @@
-"""The result of a simulation: where the ball ends, its error, and what was left out."""
-
-from __future__ import annotations
+"""The result of a simulation: where the ball ends, its error, and what was neglected."""
 
 import math
 import sys
@@ -27,7 +25,7 @@ class Simulation(Printed):
     Attributes:
         scene: as given.
         tolerance: on the position of the end [m]; None where everything is modelled, except for
-            what the `verdicts` leave out.
+            what the `verdicts` neglect.
         impact: of an instant, or one that took time.
         launch: the ball as it leaves the foot.
         end: where its path ends: on the ground, at the height of the launch, at the plane, or at
@@ -68,7 +66,7 @@ class Simulation(Printed):
 
     @property
     def model_error(self) -> float:
-        """Bound on what the effects that are left out would change at the end [m]."""
+        """Bound on what the neglected effects would change at the end [m]."""
         return math.fsum(v.bound for v in self.verdicts if not v.modelled)
 
     @property
@@ -98,7 +96,7 @@ class Simulation(Printed):
         return tuple(v.effect for v in self.verdicts if v.modelled)
 
     @property
-    def left_out(self) -> tuple[str, ...]:
+    def neglected(self) -> tuple[str, ...]:
         """Names of the effects of the scene that were not modelled."""
         return tuple(v.effect for v in self.verdicts if not v.modelled)
 
@@ -110,7 +108,7 @@ class Simulation(Printed):
     def __str__(self) -> str:
         """Return the end and the error budget."""
         if self.tolerance is None:
-            asked = "all modelled" + (f" but {', '.join(self.left_out)}" if self.left_out else "")
+            asked = "all modelled" + (f" but {', '.join(self.neglected)}" if self.neglected else "")
         else:
             asked = f"asked {self.tolerance:g} m"
         asked += "" if self.within_tolerance else ", NOT MET"
@@ -121,7 +119,7 @@ class Simulation(Printed):
         ]
         for effect, modelled, bound, why in self.verdicts:
             size = "" if math.isnan(bound) else f"{bound:.2g}"
-            lines.append(f"{effect:20}{'modelled' if modelled else 'left out':12}{size:>9}  {why}")
+            lines.append(f"{effect:20}{'modelled' if modelled else 'neglected':12}{size:>9}  {why}")
         numerics = self.numerical_error
         size = f"{numerics:.2g}" if numerics > 1e-12 else "rounding"
         lines.append(f"{'numerics':32}{size:>9}")

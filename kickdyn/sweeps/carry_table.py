@@ -6,8 +6,6 @@ of an infinitely heavy leg, the second by the friction. So thousands of flights 
 postures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 
@@ -20,7 +18,6 @@ from kickdyn.core.compilation import compiled
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.sweep_kick import Kick
 
 NODES, CHECKS = 8, 9
 """Flights per side of a patch, to fit its polynomial and to check it."""
@@ -29,15 +26,12 @@ DEPTH = 7
 """How often the rectangle of impulses is halved at most."""
 
 
-def launches(model: KernelModel, kick: Kick, impulse: Array) -> BallState:
+def launches(model: KernelModel, impulse: Array) -> BallState:
     r"""Return balls after impulses, :math:`v = p / m` and :math:`\omega = (r / I)\,p \times n`.
 
-    Args:
-        model: the contact's axes.
-        kick: ball and normal.
-        impulse: along the contact's axes, shape `(n, 3)` [N s].
+    The impulses are given along the contact's axes, shape `(n, 3)` [N s].
     """
-    p = impulse @ model.axes.T
+    p, kick = impulse @ model.axes.T, model.kick
     spin = np.cross(p, kick.direction) * (kick.ball.radius / kick.ball.inertia)
     return BallState(np.zeros(p.shape), p / kick.ball.mass, spin, np.zeros(len(p)))
 
@@ -50,20 +44,13 @@ class CarryTable:
     agrees with other flights within the tolerance. Patches that do not get there, and impulses
     whose ball does not land, are left to be flown.
 
-    Args:
-        model: constants of a planar leg and a kick.
-        kick: the kick, with air.
-        tolerance: largest error of a carry [m], above 0.
-
-    Attributes:
-        largest_error: largest error of the checks [m].
+    The leg of the model is planar, and the kick has air.
     """
 
-    def __init__(self, model: KernelModel, kick: Kick, tolerance: float) -> None:
-        self._model, self._kick = model, kick
+    def __init__(self, model: KernelModel, tolerance: float) -> None:
+        self._model, kick = model, model.kick
         self._largest_impulse = (1.0 + kick.restitution) * kick.speed * kick.ball.mass
         self._largest_slope = max(kick.friction, 1e-3)
-        self.largest_error = 0.0
         patches: list[Array] = []
         self._index = np.full((2**DEPTH, 2 * 2**DEPTH), -1, np.int64)
         corners = np.array([[0, 0], [0, 1]])
@@ -71,7 +58,6 @@ class CarryTable:
             if depth > 1:  # larger patches are checked at too few places
                 coefficients, errors = self._fit(corners, depth)
                 good = 2.0 * errors <= tolerance  # between the checks they may be larger
-                self.largest_error = max(self.largest_error, float(errors[good].max(initial=0.0)))
                 for corner, polynomial in zip(corners[good], coefficients[good], strict=True):
                     side = 2 ** (DEPTH - depth)
                     i, j = corner * side
@@ -86,15 +72,9 @@ class CarryTable:
         self._evaluate = _compiled_evaluate()
 
     def __call__(self, normal: Array, tangent: Array, carry: Array) -> NDArray[np.bool_]:
-        """Fill in the carries of impulses.
+        """Fill in the carries [m] of impulses along normal and tangent [N s], shapes `(n,)`.
 
-        Args:
-            normal: along the normal, shape `(n,)` [N s].
-            tangent: along the tangent, shape `(n,)` [N s].
-            carry: filled in, shape `(n,)` [m].
-
-        Returns:
-            Which balls must be flown instead, shape `(n,)`.
+        Return which balls must be flown instead.
         """
         to_fly = np.empty(len(normal), bool)
         largest, slope = self._largest_impulse, self._largest_slope
@@ -130,8 +110,8 @@ class CarryTable:
         """
         normal = share * self._largest_impulse
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
-        balls = launches(self._model, self._kick, impulse)
-        flown = fly_many(balls, self._kick.ball, self._kick.air, tol=1e-11)
+        kick = self._model.kick
+        flown = fly_many(launches(self._model, impulse), kick.ball, kick.air, tol=1e-11)
         return np.asarray(np.where(flown.status.values == 0, flown.range.values, np.nan))
 
 

@@ -1,20 +1,21 @@
 """All variables of a range of postures: a compiled kernel, flights, and a check of both."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
+from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.sweep_kick import Kick, kick_from
+from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, kick_from
 
 KERNEL_FROM = 2000
 """Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""
@@ -36,15 +37,11 @@ class ChunkSolver:
     """Computes all variables of ranges of postures; safe to call from several threads.
 
     A grid of at least `KERNEL_FROM` postures is computed by a compiled kernel. Where there is none
-    (a floating base, supports, loops, wind that changes with height), and where the kernel marks a
-    posture as doubtful, it is one `kick_from`, a thousand times slower.
+    (a floating base, supports, loops, wind that changes with height, a law other than `newton`),
+    and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
 
-    Args:
-        leg: the leg.
-        grid: the postures.
-        kick: the kick.
-        tolerance: largest error of a carry [m], where balls of the air are interpolated between
-            flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
+    `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
+    flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
 
     Attributes:
         chunk: number of postures to compute at a time.
@@ -56,7 +53,8 @@ class ChunkSolver:
         self._leg, self._grid, self._kick = leg, grid, kick
         windy = kick.air is not None and callable(kick.air.wind)
         few = grid.size < KERNEL_FROM
-        self._model = None if few or windy else KernelModel.of(leg, kick)
+        slow = few or windy or kick.law != ImpactLaw.NEWTON
+        self._model = None if slow else KernelModel.of(leg, kick)
         self.chunk = SLOW_CHUNK if self._model is None else CHUNK
         planar = self._model is not None and self._model.planar
         self.carry_tolerance = tolerance if planar and kick.air is not None else 0.0
@@ -73,22 +71,13 @@ class ChunkSolver:
         if self.carry_tolerance > 0.0:
             from kickdyn.sweeps.carry_table import CarryTable
 
-            self._table = CarryTable(self._model, self._kick, self.carry_tolerance)
+            self._table = CarryTable(self._model, self.carry_tolerance)
 
     def __call__(self, first: int, count: int) -> tuple[Array, NDArray[np.int8]]:
-        """Compute postures.
+        """Return variables and status flags of `count` postures from number `first` on.
 
-        Args:
-            first: number of the first posture.
-            count: how many follow each other.
-
-        Returns:
-            Variables in the order of `VARIABLES`, shape `(len(VARIABLES), count)`, and status
-            flags, shape `(count,)`.
-
-        Raises:
-            InvalidInput: as `kick_from`.
-            KickdynError: the kernel and `kick_from` disagree.
+        The variables are in the order of `VARIABLES`, shape `(len(VARIABLES), count)`. Raises
+        `KickdynError` where the kernel and `kick_from`, or it and Pinocchio's solver, disagree.
         """
         rows = np.full((len(VARIABLES), count), np.nan)
         status = np.zeros(count, np.int8)
@@ -98,9 +87,13 @@ class ChunkSolver:
             doubtful = self._compute(self._model, first, rows, status)
             sure = np.flatnonzero(~doubtful)
             if sure.size:
-                self._verify(first, int(sure[0]), rows)
+                _confirm(self._verify(first, int(sure[0]), rows))
         for i in np.flatnonzero(doubtful).tolist():
-            rows[:, i], status[i] = self._one(first + i)
+            outcome = self._one(first + i)
+            rows[:, i] = list(variables_of(outcome, self._kick).values())
+            status[i] = outcome.status.flag
+            if i == 0:
+                _confirm(outcome)
         return rows, status
 
     def _compute(
@@ -114,26 +107,26 @@ class ChunkSolver:
         assert self._kernel is not None
         kick = self._kick
         answer = self._kernel(first, len(status))
-        doubtful = fill_variables(answer, model, kick, rows, status)
+        doubtful = fill_variables(answer, model, rows, status)
         to_fly = np.ones(len(status), bool)
         if self._table is not None:
             to_fly = self._table(answer[NORMAL], answer[TANGENT], rows[_CARRY])
         flown = np.flatnonzero(to_fly & ~doubtful)
         if flown.size:
-            flights = fly_many(launches(model, kick, answer[:3, flown].T), kick.ball, kick.air)
+            flights = fly_many(launches(model, answer[:3, flown].T), kick.ball, kick.air)
             rows[_CARRY, flown] = flights.range.values
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful
 
-    def _one(self, number: int) -> tuple[Array, int]:
-        """Return variables and status flag of one posture by `kick_from`."""
+    def _one(self, number: int) -> PostureOutcome:
+        """Return the kick from one posture of the grid."""
         posture = self._leg.posture(self._grid.configuration(self._leg, number))
-        outcome = kick_from(posture, self._kick)
-        return np.array(list(variables_of(outcome, self._kick).values())), outcome.status.flag
+        return kick_from(posture, self._kick)
 
-    def _verify(self, first: int, i: int, rows: Array) -> None:
-        """Raise `KickdynError` where a posture of a chunk is not what `kick_from` computes."""
-        row, _ = self._one(first + i)
+    def _verify(self, first: int, i: int, rows: Array) -> PostureOutcome:
+        """Return what `kick_from` computes for a posture of a chunk; raise where it is not that."""
+        outcome = self._one(first + i)
+        row = np.array(list(variables_of(outcome, self._kick).values()))
         for k, name in enumerate(VARIABLES):
             slack = AGREEMENT * abs(row[k])
             if k == _CARRY:  # a launch that is level but for rounding comes down at once
@@ -143,3 +136,26 @@ class ChunkSolver:
                     f"posture {first + i}: the sweep has {name} {float(rows[k, i])!r}, a single "
                     f"kick {float(row[k])!r}"
                 )
+        return outcome
+
+
+def _confirm(outcome: PostureOutcome) -> None:
+    """Raise `KickdynError` where Pinocchio's `impulseDynamics` finds another impulse.
+
+    It knows no friction, so both solve the frictionless contact of a posture. It loses as many
+    digits as the condition of the leg's inertia has, some of which the closed form keeps, and
+    is not asked for legs of a thousandth of the ball's mass or less.
+    """
+    hit = outcome.impact
+    if hit is None or hit.effective_mass < 1e-3 * hit.ball.mass:
+        return
+    contact = Contact(hit.contact.normal, hit.contact.restitution)
+    closed = strike(hit.posture, hit.v_before, hit.ball, contact)
+    engine = strike(hit.posture, hit.v_before, hit.ball, contact, engine="pinocchio")
+    gap = float(np.linalg.norm(engine.impulse - closed.impulse))
+    slack = max(AGREEMENT, 1e3 * float(np.finfo(float).eps) * hit.condition)
+    if not gap <= slack * float(np.linalg.norm(closed.impulse)):
+        raise KickdynError(
+            f"{hit.posture!r}: without friction the impulse is {closed.impulse.tolist()} N s "
+            f"in closed form, {engine.impulse.tolist()} N s by pin.impulseDynamics"
+        )

@@ -1,7 +1,5 @@
 """The dataset of a sweep: its variables with units, the status flags, and its provenance."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from importlib import metadata
@@ -35,7 +33,11 @@ VARIABLES = {
     "restitution_residual": ("1", "relative error of Newton's restitution"),
     "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),
 }
-"""Name of every float64 variable of a dataset, with its unit and meaning."""
+"""Name of every float64 variable of a dataset, with its unit and meaning.
+
+A new one comes last. `variables_of` computes it for one posture, and `fill_variables` in
+`kernels.py` for large grids; a sweep without it there ends in a `KeyError`.
+"""
 
 STATUS_ATTRIBUTES: dict[str, Any] = {
     "long_name": "whether the leg can kick so",
@@ -56,19 +58,10 @@ _DIFFERENT_HASH = {
 def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dataset:
     """Return the dataset of a sweep without its variables: coordinates and provenance.
 
-    Args:
-        leg: the leg.
-        grid: the postures.
-        kick: the kick.
-        carry_tolerance: largest error of carries that are interpolated [m]; 0 where every ball is
-            flown.
-
-    Returns:
-        A dataset with a coordinate per joint [rad; m] and, of angles, the same in degrees under
-        the name `JOINT_deg`. Its attribute `finished` is 0.
-
-    Raises:
-        InvalidInput: the name of a joint is also that of a variable.
+    It has a coordinate per joint [rad; m] and, of angles, the same in degrees under the name
+    `JOINT_deg`. Its attribute `finished` is 0. `carry_tolerance` is the largest error of carries
+    that are interpolated [m], 0 where every ball is flown. Raises `InvalidInput` where the name of
+    a joint is also that of a variable.
     """
     _check_names(grid)
     attributes = {**provenance(leg, kick), "carry_tolerance_m": carry_tolerance, "finished": 0}
@@ -85,10 +78,8 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
 def with_variables(described: xr.Dataset, rows: Array, status: NDArray[np.int8]) -> xr.Dataset:
     """Return a dataset that has been described, with its variables.
 
-    Args:
-        described: coordinates and attributes.
-        rows: values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`.
-        status: flags, shape `(n,)`.
+    `rows` has values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`; `status` has flags,
+    shape `(n,)`.
     """
     data = described.copy()
     dims = [str(name) for name in described.dims]
@@ -132,15 +123,15 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "title": f"kicking postures of {leg.name}",
         "source": f"kickdyn {__version__} ({versions})",
         "leg": leg.name,
-        "leg_sha256": _sha256(text.encode()) if text else "",
-        "model_sha256": _sha256(_model_text(leg).encode()),
+        "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
+        "model_sha256": hashlib.sha256(_model_text(leg).encode()).hexdigest(),
         "frame": leg.frame,
         "foot_speed_m_s": kick.speed,
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
         "restitution": kick.restitution,
         "friction": kick.friction,
-        "impact_law": "newton",
+        "impact_law": str(kick.law),
         "ball_mass_kg": kick.ball.mass,
         "ball_radius_m": kick.ball.radius,
         "ball_inertia_factor": kick.ball.inertia_factor,
@@ -157,11 +148,9 @@ def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
     dims = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
     if dims[0] != dims[1]:
         return f"its joints are {dims[0]}, this one's {dims[1]}"
-    for name, values in wanted.coords.items():
-        if name not in stored.coords:
-            return f"it has no coordinate {name}"
-        if not np.array_equal(stored[name].values, values.values):
-            one, other = (np.atleast_1d(each[name].values) for each in (stored, wanted))
+    for name in wanted.dims:
+        one, other = stored[name].values, wanted[name].values
+        if not np.array_equal(one, other):
             return (
                 f"its {name} has {len(one)} values from {one[0]:.6g} to {one[-1]:.6g}, this one's "
                 f"{len(other)} from {other[0]:.6g} to {other[-1]:.6g}, not all the same"
@@ -200,8 +189,3 @@ def _air_hash(air: Air) -> str:
     wind = air.wind if callable(air.wind) else tuple(air.wind.tolist())
     numbers = (air.density, air.viscosity, air.buoyancy)
     return fingerprint((*numbers, wind, air.drag, air.lift, air.torque)) or ""
-
-
-def _sha256(content: bytes) -> str:
-    """Return the SHA-256 of some bytes in hexadecimal."""
-    return hashlib.sha256(content).hexdigest()

@@ -1,7 +1,5 @@
 """The grid of postures of a sweep: values of named joints, and the chunks it is computed in."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -19,8 +17,6 @@ IN_MEMORY = 1_000_000
 
 LARGEST = 10**10
 """Largest number of postures of a grid: about a terabyte on the disk."""
-
-DEFAULT_STEP_DEG = 10.0
 
 DECIMALS = 9
 """Decimals of an angle in degrees, so that it is 30, not 29.999999999999996."""
@@ -40,12 +36,8 @@ class Grid:
     axes: Mapping[str, Array]
 
     @classmethod
-    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> Grid:
-        """Return the grid over joints of a leg.
-
-        Args:
-            leg: the leg.
-            postures: joint name to a value or ascending values, shape `(k,)` [rad; m].
+    def of(cls, leg: Leg, postures: Mapping[str, ArrayLike]) -> "Grid":
+        """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
         Raises:
             InvalidInput: an unknown joint, values that are not ascending or outside the joint's
@@ -102,7 +94,7 @@ class Chunks:
     shape: tuple[int, ...]
 
     @classmethod
-    def of(cls, grid_shape: tuple[int, ...], size: int) -> Chunks:
+    def of(cls, grid_shape: tuple[int, ...], size: int) -> "Chunks":
         """Divide a grid into chunks of about `size` postures."""
         shape, remaining = [1] * len(grid_shape), size
         for axis in range(len(grid_shape) - 1, -1, -1):
@@ -140,33 +132,23 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
     """Raise `InvalidInput` where a grid has more postures than `largest`."""
     size = math.prod(shape)
     if size > largest:
-        limit = (
-            f"at most {largest:,} fit in memory: name a store, --out DIR.zarr (store= in Python)"
-            if largest < LARGEST
-            else f"at most {largest:,} can be swept"
-        )
-        gigabytes, seconds = size * 105 / 1e9, size / 2e5  # 13 float64 and the status; roughly
+        limit = "can be swept"
+        if largest < LARGEST:
+            limit = "fit in memory: name a store, --out DIR.zarr (store= in Python)"
         raise InvalidInput(
-            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}), which fill "
-            f"{gigabytes:,.1f} GB and take about {seconds:,.0f} s of one core: {limit}, or take "
-            "larger steps"
+            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {size * 105e-9:,.1f} "
+            f"GB): at most {largest:,} {limit}, or take larger steps"
         )
 
 
-def read_postures(leg: Leg, joints: Iterable[str] = ()) -> dict[str, Array]:
-    """Return the postures that a command line asks for.
+def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
+    """Return the postures that a command line asks for, as `Grid.of` takes them [rad; m].
 
-    Args:
-        leg: the leg, whose joints and ranges count.
-        joints: texts `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints]. Without
-            any, every joint of a leg of up to three is swept over its range in steps of 10 deg.
-
-    Returns:
-        Joint name to its values, as `Grid.of` takes them [rad; m].
+    Texts are `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
 
     Raises:
-        InvalidInput: a text that cannot be read, an unknown joint, a joint named twice, too many
-            values.
+        InvalidInput: no text, one that cannot be read, an unknown joint, a joint named twice, too
+            many values.
     """
     axes: dict[str, Array] = {}
     for text in joints:
@@ -174,7 +156,13 @@ def read_postures(leg: Leg, joints: Iterable[str] = ()) -> dict[str, Array]:
         if name in axes:
             raise InvalidInput(f"joint {name!r} is given twice: give it once")
         axes[name] = values
-    return axes or _default_postures(leg)
+    if not axes:
+        names = leg.joint_names
+        raise InvalidInput(
+            f"name the joints of {leg.name} to sweep, for example --joint {names[0]}=0:30:5 "
+            f"(there are {', '.join(names)})"
+        )
+    return axes
 
 
 def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
@@ -206,33 +194,6 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
     values = values if leg.joint_unit(name) == "m" else np.radians(values)
     _check_range(leg, name, values, "swept")
     return name, values
-
-
-def _default_postures(leg: Leg) -> dict[str, Array]:
-    """Return the whole range of each of up to three joints."""
-    joints = leg.single_joints
-    if len(joints) > 3:
-        raise InvalidInput(
-            f"{leg.name} has {len(joints)} joints: name those to sweep, "
-            f"for example --joint {joints[0]}=0:30:5 (there are {', '.join(joints)})"
-        )
-    axes = {}
-    for name in joints:
-        low, high = leg.joint_range(name)
-        metres = leg.joint_unit(name) == "m"
-        step = (high - low) / 9 if metres else math.radians(DEFAULT_STEP_DEG)
-        if not abs(low) + abs(high) < (1e6 if metres else IN_MEMORY * step):
-            raise InvalidInput(
-                f"joint {name} ranges from {low:g} to {high:g}: name the values to sweep, "
-                f"for example --joint {name}=0:30:5"
-            )
-        if metres:
-            axes[name] = np.unique(np.linspace(low, high, 10))
-            continue
-        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        inside = np.radians(DEFAULT_STEP_DEG * np.arange(first, last + 1))
-        axes[name] = inside if inside.size else np.array([low])
-    return axes
 
 
 def _check_range(leg: Leg, name: str, values: Array, how: str) -> None:

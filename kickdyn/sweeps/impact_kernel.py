@@ -26,8 +26,6 @@ resumed sweep would differ from one that ran at once. So `njit` allows no fused 
 of them the compiler finds depends on what it inlines.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The constants of a leg and a kick that the compiled kernels work with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,11 +39,7 @@ class KernelModel:
         constants: constants of each joint, shape `(n + 1, columns)`, columns as above.
         foot: the joint that carries the contact point.
         lever: from its origin to the contact point, in the joint's axes, shape `(3,)` [m].
-        ball_mobility: what the ball adds to the Delassus matrix along the tangents,
-            :math:`1/m + r^2/I`, and along the normal, :math:`1/m` [1/kg].
-        speed: foot speed [m/s].
-        restitution: coefficient e.
-        friction: coefficient mu.
+        kick: the kick.
     """
 
     planar: bool
@@ -56,21 +50,14 @@ class KernelModel:
     constants: Array
     foot: int
     lever: Array
-    ball_mobility: tuple[float, float]
-    speed: float
-    restitution: float
-    friction: float
+    kick: Kick
 
     @classmethod
-    def of(cls, leg: Leg, kick: Kick, planar: bool | None = None) -> KernelModel | None:
+    def of(cls, leg: Leg, kick: Kick, planar: bool | None = None) -> "KernelModel | None":
         """Return the model of a leg and a kick, or None where no kernel serves them.
 
-        Kernels serve no floating base, no supports, no loops and no helical joints.
-
-        Args:
-            leg: the leg.
-            kick: the kick.
-            planar: False takes the spatial kernel for a planar leg too.
+        Kernels serve no floating base, no supports, no loops and no helical joints. `planar=False`
+        takes the spatial kernel for a planar leg too.
         """
         model = leg.workspace.model
         if leg.constraints is not None or any(nv != 1 for nv in list(model.nvs)[1:]):
@@ -78,10 +65,7 @@ class KernelModel:
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))
         n = model.njoints - 1
-        columns = [
-            np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))[:, model.idx_vs[k]]
-            for k in range(1, n + 1)  # of a single joint it is a vector
-        ]
+        columns = [np.ravel(data.joints[k].S) for k in range(1, n + 1)]
         slides = np.array([False, *(not column[3:].any() for column in columns)])
         if any(column[:3].any() and column[3:].any() for column in columns):
             return None  # helical
@@ -98,16 +82,22 @@ class KernelModel:
         )
         parent = np.array(list(model.parents), dtype=np.int64)
         v = [model.idx_vs[k] for k in range(1, n + 1)]
-        masses = np.array([inertia.mass for inertia in model.inertias])
-        constants[1:, MASS], constants[1:, CARRIED] = masses[1:], _carried(masses, parent)[1:]
+        pin.computeSubtreeMasses(model, data)
+        constants[1:, MASS] = [inertia.mass for inertia in list(model.inertias)[1:]]
+        constants[1:, CARRIED] = list(data.mass)[1:]
         constants[1:, ARMATURE], constants[1:, LIMIT] = model.armature[v], leg.velocity_limit[v]
-        ball = kick.ball
+        carries = np.isin(np.arange(n + 1), list(model.supports[leg.contact_joint])[1:])
         return cls(
-            is_planar, contact_axes, parent, slides, _ancestors(parent, leg.contact_joint),
-            constants, leg.contact_joint, lever,
-            (1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass),
-            kick.speed, kick.restitution, kick.friction,
-        )  # fmt: skip
+            is_planar,
+            contact_axes,
+            parent,
+            slides,
+            carries,
+            constants,
+            leg.contact_joint,
+            lever,
+            kick,
+        )
 
 
 def _contact_axes(normal: Array, across: Array | None) -> Array:
@@ -118,22 +108,6 @@ def _contact_axes(normal: Array, across: Array | None) -> Array:
         across -= normal * (across @ normal)
         across /= np.linalg.norm(across)
     return np.column_stack([np.cross(across, normal), across, normal])
-
-
-def _ancestors(parent: NDArray[np.int64], foot: int) -> NDArray[np.bool_]:
-    """Return which joints carry the foot."""
-    carries, k = np.zeros(len(parent), bool), foot
-    while k > 0:
-        carries[k], k = True, int(parent[k])
-    return carries
-
-
-def _carried(masses: Array, parent: NDArray[np.int64]) -> Array:
-    """Return the mass of the bodies that each joint carries, its own included [kg]."""
-    carried = masses.copy()
-    for k in range(len(parent) - 1, 0, -1):
-        carried[parent[k]] += carried[k] if parent[k] else 0.0
-    return carried
 
 
 def _plane_normal(axes: list[Array], slides: NDArray[np.bool_], normal: Array) -> Array | None:

@@ -8,8 +8,6 @@ Two kernels are compiled from one text, `_sweep`: in space, and in a plane. They
 what differs between legs are arrays. Compiling takes seconds, so machine code is kept on the disk.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable
@@ -35,6 +33,7 @@ from kickdyn.sweeps import (
     speed_use_kernel,
     sweep_kick,
 )
+from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.impact_kernel import (
     D33,
@@ -50,7 +49,6 @@ from kickdyn.sweeps.impact_kernel import (
 )
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.speed_use_kernel import least_speed_use
-from kickdyn.sweeps.sweep_kick import Kick
 
 TANGENT, ACROSS, NORMAL, MOBILITY, DOUBT, LOST, USE, WORST, RESTITUTION, MOMENTUM = range(10)
 """Rows of an answer: impulse on the ball along the contact's axes [N s], n^T J M^-1 J^T n [1/kg],
@@ -59,17 +57,14 @@ in a joint [N s], residuals of restitution and momentum. The impulse alone fills
 
 ROWS = 10
 
+BLOCK = 4096
+"""Postures whose variables are filled in at a time."""
+
 _tuple: Any = numba.types.UniTuple
 
 
 class Kernel:
-    """The kernel of a leg, a kick and a grid: call it with a range of postures.
-
-    Args:
-        model: constants of leg and kick.
-        leg: the leg.
-        grid: the postures.
-    """
+    """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
         self._kernel = _compiled(model.planar)
@@ -82,22 +77,19 @@ class Kernel:
             steps, np.array(joints, np.int64), np.cumsum(steps) - steps,
             np.ascontiguousarray(np.concatenate(tables)),
         )  # fmt: skip
+        kick, ball = model.kick, model.kick.ball
+        # what the ball adds to the Delassus matrix along the tangents and along the normal
+        mobility = 1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass
         self._model = (
             np.ascontiguousarray(np.concatenate(at_zero)), model.parent, model.slides,
             model.carries_foot, model.constants, model.foot, tuple(map(float, model.lever)),
-            (*model.ball_mobility, model.speed, model.restitution, model.friction),
+            (*mobility, kick.speed, kick.restitution, kick.friction),
         )  # fmt: skip
 
     def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
-        """Compute postures.
+        """Return the answers of `count` postures from number `first` on, shape `(ROWS, count)`.
 
-        Args:
-            first: number of the first posture.
-            count: number of postures.
-            full: False computes the impulse alone, the first five rows.
-
-        Returns:
-            The answers, shape `(ROWS, count)`, rows as above.
+        Rows are as above. Without `full`, the impulse alone is computed, the first five rows.
         """
         answer = np.empty((ROWS, count))
         self._kernel(*self._grid, first, *self._model, full, answer)
@@ -105,25 +97,43 @@ class Kernel:
 
 
 def fill_variables(
-    answer: Array, model: KernelModel, kick: Kick, rows: Array, status: NDArray[np.int8]
+    answer: Array, model: KernelModel, rows: Array, status: NDArray[np.int8]
 ) -> NDArray[np.bool_]:
-    """Fill in the variables of a sweep from a kernel's answers, all but the carry.
+    """Fill in variables and status of a sweep from a kernel's answers, all but the carry.
 
-    Args:
-        answer: shape `(ROWS, n)`.
-        model: constants of leg and kick.
-        kick: the kick.
-        rows: filled in, shape `(13, n)`, in the order of `dataset.VARIABLES`.
-        status: flags, filled in.
-
-    Returns:
-        Which postures are doubtful: the kernel marks them, or an answer is not finite.
+    `answer` has shape `(ROWS, n)`; `rows` has a row for each of `dataset.VARIABLES`. Returns which
+    postures are doubtful: the kernel marks them, or an answer is not finite.
     """
-    doubtful = np.empty(len(status), bool)
-    ball = kick.ball
-    scalars = kick.speed, kick.restitution, ball.mass, ball.radius / ball.inertia
-    _compiled_fill()(answer, model.axes, scalars, rows, status, doubtful)
-    return doubtful
+    kick, ball = model.kick, model.kick.ball
+    if len(status) > BLOCK:  # arrays that stay in the processor's cache take a third of the time
+        parts = [slice(at, at + BLOCK) for at in range(0, len(status), BLOCK)]
+        each = (fill_variables(answer[:, k], model, rows[:, k], status[k]) for k in parts)
+        return np.concatenate(list(each))
+    nx, _, nz = kick.direction
+    with np.errstate(all="ignore"):  # of doubtful postures
+        x, y, z = model.axes.T[:, :, None]  # not as a matrix: its rounding depends on the processor
+        p = x * answer[TANGENT] + y * answer[ACROSS] + z * answer[NORMAL]
+        level = p[0] * p[0] + p[1] * p[1]
+        size, spin = np.sqrt(level + p[2] * p[2]), ball.radius / ball.inertia
+        found = {
+            "effective_mass": 1.0 / answer[MOBILITY],
+            "impulse": size,
+            "immovable_impulse": (1.0 + kick.restitution) * kick.speed / answer[MOBILITY],
+            "ball_speed": size / ball.mass,
+            "speed_ratio": size / ball.mass / kick.speed,
+            "launch_angle": np.arctan2(p[2], np.sqrt(level)),
+            "back_spin": 0.0 - (p[2] * nx - p[0] * nz) * spin,
+            "worst_joint_impulse": answer[WORST],
+            "energy_lost": answer[LOST],
+            "speed_use": answer[USE],
+            "restitution_residual": answer[RESTITUTION],
+            "momentum_residual": answer[MOMENTUM],
+        }
+        for row, name in zip(rows, VARIABLES, strict=True):
+            if name != "carry":
+                row[:] = found[name]
+        status[:] = answer[USE] > 1.0
+        return np.asarray((answer[DOUBT] != 0.0) | ~np.isfinite(answer.sum(axis=0)))
 
 
 def _motion(values: Array, slide: bool) -> NDArray[np.float64]:
@@ -247,36 +257,3 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
         numba.int64, three, five, numba.boolean, matrix,
     )  # fmt: skip
     return compiled(variant, signature, **OPTIONS)
-
-
-def _fill(found, axes, scalars, rows, status, doubt):  # type: ignore[no-untyped-def]
-    """Fill in variables, status and doubt; scalars are v, e, m_B and r over I."""
-    speed, e, mass, turn = scalars
-    nx, ny, nz = axes[0, 2], axes[1, 2], axes[2, 2]
-    for i in range(found.shape[1]):
-        a, b, c = found[TANGENT, i], found[ACROSS, i], found[NORMAL, i]
-        px = axes[0, 0] * a + axes[0, 1] * b + nx * c
-        py = axes[1, 0] * a + axes[1, 1] * b + ny * c
-        pz = axes[2, 0] * a + axes[2, 1] * b + nz * c
-        size = math.sqrt(px * px + py * py + pz * pz)
-        effective_mass = 1.0 / found[MOBILITY, i]
-        rows[0, i], rows[1, i] = effective_mass, size
-        rows[2, i] = (1.0 + e) * speed * effective_mass
-        rows[3, i], rows[4, i] = size / mass, size / mass / speed
-        rows[5, i] = math.atan2(pz, math.sqrt(px * px + py * py))
-        rows[6, i] = 0.0 - (pz * nx - px * nz) * turn
-        rows[7, i], rows[8, i], rows[9, i] = found[WORST, i], found[LOST, i], found[USE, i]
-        rows[11, i], rows[12, i] = found[RESTITUTION, i], found[MOMENTUM, i]
-        status[i] = 1 if found[USE, i] > 1.0 else 0
-        total = 0.0
-        for k in range(found.shape[0]):
-            total += 0.0 * found[k, i]  # nan if one of them is not finite
-        doubt[i] = found[DOUBT, i] != 0.0 or total != 0.0
-
-
-@cache
-def _compiled_fill() -> Callable[..., None]:
-    """Return `_fill` in machine code."""
-    matrix, four = numba.float64[:, ::1], _tuple(numba.float64, 4)
-    flags, doubts = numba.int8[::1], numba.boolean[::1]
-    return compiled(_fill, numba.void(matrix, matrix, four, matrix, flags, doubts))

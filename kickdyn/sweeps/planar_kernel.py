@@ -6,8 +6,6 @@ body are those of the contact. The functions have the names and arguments of tho
 `spatial_kernel`.
 """
 
-from __future__ import annotations
-
 import math
 
 from kickdyn.core.lanes import LANES

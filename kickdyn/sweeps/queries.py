@@ -4,11 +4,10 @@ All else is xarray's: `data.ball_speed.where(possible(data)).max(("hip", "ankle"
 speed for each angle of the knee. A dataset may be larger than memory: `blocks` cuts it.
 """
 
-from __future__ import annotations
-
 import ast
 import operator
 from collections.abc import Callable, Iterator
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES
-from kickdyn.sweeps.grid import Chunks
+from kickdyn.sweeps.grid import DECIMALS, Chunks
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 BLOCK = 1_000_000
@@ -32,7 +31,10 @@ _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
     ast.Eq: operator.eq, ast.NotEq: operator.ne,
 }  # fmt: skip
-_LANGUAGE = "names, numbers, + - * /, < <= > >= == !=, and, or, not, ( )"
+_LANGUAGE = "comparisons (< <= > >= == !=) of names and numbers (+ - * /), and, or, not, ( )"
+
+_UNREADABLE = (SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, RecursionError,
+               MemoryError)  # fmt: skip
 
 
 def possible(data: xr.Dataset) -> xr.DataArray:
@@ -59,22 +61,19 @@ def condition(data: xr.Dataset, text: str) -> xr.DataArray:
     """
     if not isinstance(text, str) or len(text) > 1000:
         raise InvalidInput(f"a condition is text of up to 1000 characters, not {str(text)[:40]!r}")
+    refused = f"condition {text[:100]!r} cannot be read: it consists of {_LANGUAGE}"
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = _evaluate(tree, data)
+            found = xr.DataArray(_evaluate(ast.parse(text.strip(), mode="eval").body, data))
     except InvalidInput as error:
         raise InvalidInput(f"condition {text[:100]!r} {error}") from None
-    except (SyntaxError, ValueError, TypeError, ArithmeticError, RecursionError, MemoryError):
-        raise InvalidInput(
-            f"condition {text[:100]!r} cannot be read: it consists of {_LANGUAGE}"
-        ) from None
-    result = xr.DataArray(found)
-    if result.dtype != bool:
+    except _UNREADABLE:
+        raise InvalidInput(refused) from None
+    if found.dtype != bool:
         raise InvalidInput(
             f"condition {text[:100]!r} is a number: compare it, as in ball_speed > 1"
         )
-    return result
+    return found
 
 
 def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
@@ -83,34 +82,18 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
         case ast.Name(id=name) | ast.Constant(value=str() as name):
             return _column(data, name)
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-            return xr.DataArray(np.float64(number))
-        case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
-            return _apply(op, _evaluate(operand, data))
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-            return _apply(op, _evaluate(left, data), _evaluate(right, data))
+            return np.float64(number)
+        case ast.UnaryOp(op=op, operand=operand):
+            return _OPERATORS[type(op)](_evaluate(operand, data))
+        case ast.BinOp(left=left, op=op, right=right):
+            return _OPERATORS[type(op)](_evaluate(left, data), _evaluate(right, data))
         case ast.BoolOp(op=op, values=values):
-            result = _evaluate(values[0], data)
-            for value in values[1:]:
-                result = _apply(op, result, _evaluate(value, data))
-            return result
-        case ast.Compare(left=left, ops=ops, comparators=others) if all(
-            type(op) in _OPERATORS for op in ops
-        ):
+            return reduce(_OPERATORS[type(op)], (_evaluate(value, data) for value in values))
+        case ast.Compare(left=left, ops=ops, comparators=others):
             terms = [_evaluate(each, data) for each in (left, *others)]
-            result = xr.DataArray(True)
-            for comparison, one, other in zip(ops, terms, terms[1:], strict=False):
-                result = result & _apply(comparison, one, other)
-            return result
+            pairs = zip(ops, terms, terms[1:], strict=False)
+            return reduce(operator.and_, (_OPERATORS[type(op)](a, b) for op, a, b in pairs))
     raise InvalidInput(f"has {ast.unparse(node)[:40]!r} in it: it consists of {_LANGUAGE}")
-
-
-def _apply(op: ast.AST, *terms: xr.DataArray) -> Any:
-    """Return an operator's value; raise `InvalidInput` where it mixes numbers and conditions."""
-    logical = isinstance(op, ast.And | ast.Or | ast.Not)
-    if any((term.dtype == bool) != logical for term in terms):
-        kinds = ("condition", "number") if logical else ("number", "condition")
-        raise InvalidInput(f"has a {kinds[1]} where a {kinds[0]} belongs")
-    return _OPERATORS[type(op)](*terms)
 
 
 def _column(data: xr.Dataset, name: str) -> xr.DataArray:
@@ -119,9 +102,15 @@ def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     if name not in joints and name not in VARIABLES:
         known = ", ".join(f"{each} [{shown_unit(data, each)}]" for each in (*joints, *VARIABLES))
         raise InvalidInput(f"names {name!r}, which is unknown: there are {known}")
-    if f"{name}_deg" in data.coords:
-        return data[f"{name}_deg"].drop_vars(f"{name}_deg").astype(float)
-    return xr.DataArray(np.degrees(data[name])) if shown_unit(data, name) == "deg" else data[name]
+    return shown(data, name)
+
+
+def shown(data: xr.Dataset, name: str) -> xr.DataArray:
+    """Return a joint or variable in the unit in which it is shown."""
+    if shown_unit(data, name) != "deg":
+        return data[name]
+    degrees = xr.DataArray(np.degrees(data[name]))
+    return degrees if name in VARIABLES else degrees.round(DECIMALS) + 0.0  # no -0
 
 
 def shown_unit(data: xr.Dataset, name: str) -> str:
@@ -131,10 +120,9 @@ def shown_unit(data: xr.Dataset, name: str) -> str:
 
 
 def blocks(data: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
-    """Cut a dataset into consecutive postures that fit in memory, as its store is cut.
+    """Cut a dataset into blocks that fit in memory, as its store is cut.
 
-    Yields:
-        Number of the first posture, and the dataset of the block.
+    Each comes with the number of its first posture.
     """
     status = data["status"]
     stored = status.encoding.get("chunks")
@@ -142,13 +130,6 @@ def blocks(data: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
     for k in range(len(chunks)):
         region = dict(zip(status.dims, chunks.region(k), strict=True))
         yield chunks.span(k)[0], data.isel(region)
-
-
-def take(data: xr.Dataset, numbers: NDArray[np.int64]) -> xr.Dataset:
-    """Return postures by their numbers, the last joint running fastest, along `posture`."""
-    place = np.unravel_index(numbers, data["status"].shape)
-    dims = zip(data["status"].dims, place, strict=True)
-    return data.isel({name: ("posture", i) for name, i in dims})
 
 
 def pareto_front(
@@ -177,7 +158,9 @@ def pareto_front(
         chosen = chosen_postures(block, where)
         columns = [_column(block, name).values.ravel()[chosen] for name in (more, less)]
         points = front_of(np.vstack([points, np.column_stack([*columns, first + chosen])]))
-    return take(data, points[:, 2].astype(np.int64)).load()
+    places = np.unravel_index(points[:, 2].astype(np.int64), data["status"].shape)
+    dims = zip(data["status"].dims, places, strict=True)
+    return data.isel({name: ("posture", i) for name, i in dims}).load()
 
 
 def chosen_postures(block: xr.Dataset, where: str | None = None) -> NDArray[np.intp]:
@@ -207,11 +190,8 @@ def front_of(points: Array) -> Array:
 def outcome_at(leg: Leg, kick: Kick, posture: xr.Dataset) -> PostureOutcome:
     """Return the impact of one posture of a dataset, with its joint impulses and its flight.
 
-    Args:
-        leg: the leg of the sweep.
-        kick: the kick of the sweep.
-        posture: one posture: each joint is a coordinate without dimension, as after
-            `data.isel(hip=3, knee=0)` or `pareto_front(data).isel(posture=0)`.
+    Each joint of the posture is a coordinate without dimension, as after
+    `data.isel(hip=3, knee=0)` or `pareto_front(data).isel(posture=0)`.
     """
     joints = [name for name in leg.joint_names if name in posture.coords]
     return kick_from(
@@ -219,79 +199,76 @@ def outcome_at(leg: Leg, kick: Kick, posture: xr.Dataset) -> PostureOutcome:
     )
 
 
-def optimum(data: xr.Dataset, of: str = "ball_speed", where: str | None = None) -> xr.Dataset:
-    r"""Return slopes and curvatures of a variable around its largest value on the grid.
+def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> xr.Dataset:
+    r"""Return slopes and curvatures of a variable on the grid around one of its postures.
 
-    The slopes are central differences :math:`(f_{+1} - f_{-1}) / 2h` with the grid's step
-    :math:`h`, and one-sided ones of second order at an end of the grid; the error is estimated from
-    the next coarser difference. Neighbours count where their status is `ok`, whether or not they
-    fulfil the condition.
+    The slopes are differences of second order between neighbours, central ones
+    :math:`(f_{+1} - f_{-1}) / 2h` inside the grid and one-sided ones at its ends and beside
+    postures whose status is not `ok` (`numpy.gradient`). The error is a third of the difference to
+    the slope from every other neighbour: Richardson's estimate, exact for cubics where both are
+    central.
 
     Args:
         data: the dataset, of any size.
+        posture: one posture of it, such as `data.isel(data.ball_speed.argmax(...))`.
         of: the variable.
-        where: condition that the best posture must fulfil.
 
     Returns:
-        All variables of the best posture and, along `joint`: `step` (nan where a joint has one
-        value), `step_down` and `step_up` (change of the variable by one step), `slope`,
-        `slope_error`, and `curvature` along `joint` and `other_joint`; per rad or metre.
+        Along `joint`, `slope` and `slope_error`, and along `joint` and `other_joint`, `curvature`,
+        in the variable's unit per rad or metre. They are nan where a joint has too few values, or
+        neighbours whose status is not `ok`.
 
     Raises:
-        InvalidInput: an unknown variable, or no posture fulfils the condition.
+        InvalidInput: an unknown variable, or a posture that the dataset does not have.
     """
-    best, largest = -1, -np.inf
-    for first, block in blocks(data):
-        chosen = chosen_postures(block, where)
-        values = _column(block, of).values.ravel()[chosen]
-        if values.size and values.max() > largest:
-            best, largest = first + int(chosen[values.argmax()]), float(values.max())
-    if best < 0:
-        raise InvalidInput(f"no posture has status ok and fulfils {where or 'anything'}")
-    shape, joints = data["status"].shape, [str(name) for name in data["status"].dims]
-    centre, n = np.array(np.unravel_index(best, shape)), len(joints)
+    _column(data, of)
+    joints = [str(name) for name in data["status"].dims]
+    try:
+        centre = {name: data.indexes[name].get_loc(float(posture[name])) for name in joints}
+    except (KeyError, TypeError, ValueError):
+        raise InvalidInput("posture is not one posture of the dataset: select it by isel") from None
 
-    def at(*moves: tuple[int, int]) -> float:
-        place = centre.copy()
-        for joint, steps in moves:
-            place[joint] += steps
-        if (place < 0).any() or (place >= shape).any():
-            return np.nan
-        here = data.isel(dict(zip(joints, place.tolist(), strict=True)))
-        return float(here[of]) if bool(possible(here)) else np.nan
+    def near(*along: str, count: int) -> tuple[xr.DataArray, list[int]]:
+        """Return the variable around the best posture along joints, and where that is in it."""
+        here, places = dict[str, Any](centre), []
+        for name in along:
+            begin = max(0, min(centre[name] - count // 2, data.sizes[name] - count))
+            here[name] = slice(begin, begin + count)
+            places.append(centre[name] - begin)
+        part = data[[of, "status"]].isel(here).transpose(*along)
+        return part[of].where(possible(part)), places
 
-    value, curvature = at(), np.full((n, n), np.nan)
-    columns = {name: np.full(n, np.nan) for name in ("step", "step_down", "step_up", "slope",
-                                                     "slope_error")}  # fmt: skip
+    n = len(joints)
+    slopes, curvature = np.full((n, 2), np.nan), np.full((n, n), np.nan)
     for i, name in enumerate(joints):
-        if shape[i] == 1:
-            continue
-        axis = data[name].values
-        h = columns["step"][i] = (axis[-1] - axis[0]) / (len(axis) - 1)
-        line = [at((i, steps)) for steps in (-2, -1, 0, 1, 2)]
-        columns["step_down"][i], columns["step_up"][i] = line[1] - value, line[3] - value
-        columns["slope"][i], columns["slope_error"][i] = _slope(line, h)
-        curvature[i, i] = (line[1] - 2 * value + line[3]) / h**2
-        for j in range(i):
-            corners = [at((i, a), (j, b)) for a, b in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
-            mixed = corners[0] + corners[1] - corners[2] - corners[3]
-            curvature[i, j] = curvature[j, i] = mixed / (4 * h * columns["step"][j])
-    found = take(data, np.array([best])).isel(posture=0).load()
-    found = found.assign_coords(joint=joints, other_joint=joints)
-    along: dict[str, Any] = {name: ("joint", column) for name, column in columns.items()}
-    return found.assign({**along, "curvature": (("joint", "other_joint"), curvature)})
+        line, (at,) = near(name, count=9)
+        slopes[i] = _slope(line[name].values, line.values, at)
+        for j, other in enumerate(joints):
+            patch, places = near(*dict.fromkeys((name, other)), count=3)
+            if min(patch.shape) == 3:
+                bent = patch.differentiate(name, edge_order=2).differentiate(other, edge_order=2)
+                curvature[i, j] = bent.values[tuple(places)]
+    return xr.Dataset(
+        {
+            "slope": ("joint", slopes[:, 0]),
+            "slope_error": ("joint", slopes[:, 1]),
+            "curvature": (("joint", "other_joint"), curvature),
+        },
+        {"joint": joints, "other_joint": joints},
+    )
 
 
-def _slope(line: list[float], h: float) -> tuple[float, float]:
-    """Return slope and error at the middle of five values, of which some may be missing."""
-    low, lower, middle, upper, high = line
-    central = (upper - lower) / (2 * h)
-    if not np.isnan(central):
-        return central, abs(central - (high - low) / (4 * h)) / 3
-    for one, two, sign in ((upper, high, 1), (lower, low, -1)):
-        if not np.isnan(two):
-            slope = sign * (4 * one - 3 * middle - two) / (2 * h)
-            return slope, abs(slope - sign * (one - middle) / h)
-        if not np.isnan(one):
-            return sign * (one - middle) / h, np.nan
-    return np.nan, np.nan
+def _slope(x: Array, f: Array, place: int) -> tuple[float, float]:
+    """Return slope and error at a place of a line whose values are nan where they do not count."""
+    missing = np.flatnonzero(np.isnan(f))
+    low = int(missing[missing < place].max(initial=-1)) + 1
+    high = int(missing[missing > place].min(initial=len(f)))
+    slopes = []
+    for step in (1, 2):
+        begin = low + (place - low) % step
+        points = slice(begin, high, step)
+        slope = np.full(len(f), np.nan)
+        if len(x[points]) >= 3:
+            slope[points] = np.gradient(f[points], x[points], edge_order=2)
+        slopes.append(float(slope[place]))
+    return slopes[0], abs(slopes[1] - slopes[0]) / 3

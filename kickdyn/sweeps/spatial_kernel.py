@@ -7,8 +7,6 @@ Dynamics Algorithms, 2008, written out in components: loops over lanes become ve
 only where no small matrices are allocated.
 """
 
-from __future__ import annotations
-
 import math
 
 from kickdyn.core.lanes import LANES

@@ -5,11 +5,10 @@ because it is written after all other variables of the chunk. The attribute `fin
 chunks are. A store that was stopped at any moment is thus a valid dataset, and can be resumed.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import shutil
+import warnings
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from kickdyn.core import validation
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -31,19 +31,13 @@ _NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
 class SweepStore:
     """A Zarr store that chunks of a sweep are written to.
 
-    Args:
-        path: a folder ending in `.zarr`.
-        described: coordinates and attributes of the sweep, see `dataset.describe`.
-        chunk: number of postures per chunk, roughly.
-        resume: whether the store may be there, if it is one of the same sweep.
+    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `chunk` is the
+    number of postures per chunk, roughly. With `resume`, the store may be there if it is one of the
+    same sweep.
 
     Attributes:
         created: whether the store was not there before.
         chunks: the division of the grid.
-
-    Raises:
-        InvalidInput: something else is there, a store of another sweep or version, or the folder
-            cannot be written.
     """
 
     def __init__(
@@ -84,7 +78,7 @@ class SweepStore:
                 name: ("f8", math.nan, {"units": unit, "long_name": meaning})
                 for name, (unit, meaning) in VARIABLES.items()
             }
-            flags = {**STATUS_ATTRIBUTES, "flag_values": [s.flag for s in PostureStatus]}
+            flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
             for name, (dtype, fill, attributes) in arrays.items():
                 group.create_array(
@@ -92,6 +86,9 @@ class SweepStore:
                     fill_value=fill, dimension_names=list(described.dims), attributes=attributes,
                     compressors=None,
                 )  # fmt: skip
+            with warnings.catch_warnings():  # of Zarr, that other readers may not know it
+                warnings.simplefilter("ignore")
+                _zarr().consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
             draft.rename(self._path)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
@@ -117,6 +114,7 @@ class SweepStore:
         self._group.attrs["finished"] = 1
 
 
+@validation.check_arguments
 def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     """Open a sweep from a file: a Zarr store, finished or not, or a netCDF file.
 
@@ -154,15 +152,13 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
 def check_netcdf_name(path: str | PathLike[str]) -> None:
     """Raise `InvalidInput` unless the name ends in `.nc`."""
     if Path(path).suffix != ".nc":
-        raise InvalidInput(f"{path} has no known ending: datasets are written as .nc (netCDF 4)")
+        raise InvalidInput(
+            f"{path} has no known ending: a sweep is written as .nc (netCDF 4) or .zarr (a store)"
+        )
 
 
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
-    """Write a dataset as netCDF 4, which `open_sweep` reads.
-
-    Raises:
-        InvalidInput: the name does not end in `.nc`, or the file cannot be written.
-    """
+    """Write a dataset as netCDF 4, which `open_sweep` reads, or raise `InvalidInput`."""
     check_netcdf_name(path)
     with replacing(path) as draft:
         data.to_netcdf(draft, engine="h5netcdf")
@@ -170,7 +166,7 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
 
 def _checked_path(path: str | PathLike[str]) -> Path:
     """Return the path, or raise `InvalidInput` where it cannot be one."""
-    if not isinstance(path, str | PathLike) or "\0" in str(path):
+    if "\0" in str(path):
         raise InvalidInput(f"path is {path!r}: it must be the name of a folder or file")
     return Path(path)
 

@@ -1,20 +1,15 @@
-"""The summary of a sweep of any size: counts, the best postures, the front, marginals, a sample."""
-
-from __future__ import annotations
+"""The summary of a sweep of any size: counts, the best postures, the front, maps and a sample."""
 
 import math
-from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from kickdyn.core.validation import Array
-from kickdyn.sweeps.dataset import VARIABLES
-from kickdyn.sweeps.grid import DECIMALS
-from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown_unit
+from kickdyn.sweeps.dataset import VARIABLES, with_variables
+from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown, shown_unit
 from kickdyn.sweeps.sweep_kick import PostureStatus
 
 BEST = 10
@@ -24,58 +19,56 @@ SAMPLE = 4000
 """Postures of the random sample."""
 
 BINS = 200
-"""Values of a joint that a marginal distinguishes; of more, neighbours go together."""
+"""Values of a joint that a map distinguishes; of more, neighbours go together."""
 
 
 class Summary:
     """Reduces a sweep chunk by chunk; memory does not grow with the grid.
 
     `counts` and `residual` are of all computed postures; all else is of those whose status is `ok`
-    and that fulfil the condition. Postures are rows of `columns`: joints [deg; m], then variables.
+    and that fulfil the condition. A posture is a row: ball speed [m/s], largest impulse in a joint
+    [N s], number in the grid.
 
     Args:
         described: coordinates and attributes of the sweep, see `dataset.describe`.
         where: a condition, see `queries.condition`.
-        detailed: whether marginals and a sample are wanted, as a plot needs them.
 
     Attributes:
+        axes: values of each joint, shape `(k,)` [deg; m].
+        units: unit of each joint.
         counts: number of postures by status.
         residual: largest residual of restitution and momentum; nan without any impact.
         chosen: number of postures that count.
-        best: rows of the `BEST` postures of highest ball speed, the fastest first.
+        best: the `BEST` postures of highest ball speed, the fastest first, shape `(n, 3)`.
         worst: number of the posture of lowest ball speed, -1 without any.
-        front: rows (ball speed, worst joint impulse, number) that no other posture beats in both.
-        sample: rows of a random sample of `SAMPLE` postures.
-        marginals: over one or two joints, see `Marginal`.
+        front: postures that no other beats in speed and impulse, the fastest first, `(n, 3)`.
+        sample: impulse in a joint, ball speed and speed use of `SAMPLE` random postures, `(n, 3)`.
+        maps: the highest ball speed over pairs of the three joints with most values, or over the
+            one joint there is, by the names of the joints.
+
+    Raises:
+        InvalidInput: a condition that cannot be read.
     """
 
-    def __init__(
-        self, described: xr.Dataset, where: str | None = None, *, detailed: bool = True
-    ) -> None:
+    def __init__(self, described: xr.Dataset, where: str | None = None) -> None:
         ordered = described["status"].dims if "status" in described else described.dims
-        self.joints = [str(name) for name in ordered]
-        self.axes = {name: shown_values(described, name) for name in self.joints}
-        self.units = {name: shown_unit(described, name) for name in self.joints}
+        joints = [str(name) for name in ordered]
+        self.axes = {name: shown(described, name).values for name in joints}
+        self.units = {name: shown_unit(described, name) for name in joints}
         self.attributes, self.where = dict(described.attrs), where
-        self.columns = (*self.joints, *VARIABLES)
         self.counts = {status.value: 0 for status in PostureStatus}
         self.residual, self.chosen, self.worst = math.nan, 0, -1
-        self.best = self.sample = np.empty((0, len(self.columns)))
-        self.best_numbers = np.empty(0, np.int64)
-        self.front = np.empty((0, 3))
+        self.best, self.front, self.sample = (np.empty((0, 3)) for _ in range(3))
         self._lowest, self._draws = math.inf, np.empty(0)
         self._random = np.random.default_rng(0)
-        varied = [name for name in self.joints if len(self.axes[name]) > 1] or self.joints[:1]
+        varied = [name for name in joints if len(self.axes[name]) > 1]
         longest = sorted(varied, key=lambda name: -len(self.axes[name]))[:3]
-        pairs = combinations([name for name in varied if name in longest], 2)
-        over: list[tuple[str, ...]] = [*((name,) for name in self.joints), *pairs]
-        self._detailed = detailed
-        self.marginals = {names: Marginal(self.axes, names) for names in over if detailed}
+        pairs = list(combinations([name for name in varied if name in longest], 2))
+        over: list[tuple[str, ...]] = [*pairs] or [tuple([*varied, *joints][:1])]
+        self.maps = {names: SpeedMap(self.axes, names) for names in over}
         if where is not None:  # refuse what cannot be read before any posture is computed
-            first = described.isel({name: slice(0, 1) for name in self.joints})
-            one = (self.joints, np.ones([1] * len(self.joints)))
-            ones = dict.fromkeys((*VARIABLES, "status"), one)
-            condition(xr.Dataset(ones, first.coords).assign_attrs(first.attrs), where)
+            first = described.isel({name: slice(0, 1) for name in joints})
+            condition(with_variables(first, np.ones((len(VARIABLES), 1)), np.zeros(1, int)), where)
 
     @property
     def postures(self) -> int:
@@ -85,8 +78,7 @@ class Summary:
     def add(self, block: xr.Dataset) -> None:
         """Add the next postures, in the order of the grid."""
         first = sum(self.counts.values())
-        flags = block["status"].values.ravel()
-        found = np.bincount(flags + 1, minlength=len(PostureStatus))
+        found = np.bincount(block["status"].values.ravel() + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
             self.counts[status.value] += int(found[status.flag + 1])
         for name in ("restitution_residual", "momentum_residual"):
@@ -96,75 +88,53 @@ class Summary:
         self.chosen += places.size
         if not places.size:
             return
-        speed = block["ball_speed"].values.ravel()[places]
-        load = block["worst_joint_impulse"].values.ravel()[places]
+        names = "ball_speed", "worst_joint_impulse", "speed_use"
+        speed, load, use = (block[name].values.ravel()[places] for name in names)
         slowest = int(speed.argmin())
         if speed[slowest] < self._lowest:
             self._lowest, self.worst = float(speed[slowest]), first + int(places[slowest])
-        self._add_best(first, block, places, speed)
         points = np.column_stack([speed, load, first + places])
         self.front = front_of(np.vstack([self.front, points]))
-        if not self._detailed:
-            return
-        self._add_sample(block, places)
-        index = dict(zip(self.joints, np.unravel_index(places, block["status"].shape), strict=True))
+        few = min(BEST, speed.size)
+        fast = np.vstack([self.best, points[speed >= np.partition(speed, -few)[-few]]])
+        self.best = fast[np.argsort(-fast[:, 0], kind="stable")[:BEST]]
+        draws = np.append(self._draws, self._random.random(len(load)))
+        kept = np.argsort(draws)[:SAMPLE]  # the smallest of all draws so far
+        rows = np.vstack([self.sample, np.column_stack([load, speed, use])])
+        self._draws, self.sample = draws[kept], rows[kept]
+        speeds = np.full(block["status"].shape, np.nan)
+        speeds.reshape(-1)[places] = speed
         start = np.unravel_index(first, [len(axis) for axis in self.axes.values()])
-        for name, begin in zip(self.joints, start, strict=True):
-            index[name] = index[name] + begin
-        for marginal in self.marginals.values():
-            marginal.add(index, speed)
-
-    def _add_best(self, first: int, block: xr.Dataset, places: NDArray[np.intp], v: Array) -> None:
-        """Keep the postures of highest ball speed v [m/s]; of equals, the first."""
-        near = np.flatnonzero(v >= np.partition(v, -min(BEST, v.size))[-min(BEST, v.size)])
-        rows = np.vstack([self.best, self._rows(block, places[near])])
-        numbers = np.append(self.best_numbers, first + places[near])
-        order = np.argsort(-rows[:, self.columns.index("ball_speed")], kind="stable")[:BEST]
-        self.best, self.best_numbers = rows[order], numbers[order]
-
-    def _add_sample(self, block: xr.Dataset, places: NDArray[np.intp]) -> None:
-        """Keep the postures that draw the smallest random numbers."""
-        draws = self._random.random(places.size)
-        limit = self._draws.max() if self._draws.size >= SAMPLE else 1.0
-        near = np.flatnonzero(draws < limit)
-        draws = np.append(self._draws, draws[near])
-        order = np.argsort(draws)[:SAMPLE]
-        self._draws = draws[order]
-        self.sample = np.vstack([self.sample, self._rows(block, places[near])])[order]
-
-    def _rows(self, block: xr.Dataset, places: NDArray[np.intp]) -> Array:
-        """Return rows of `columns` of postures of a block."""
-        index = np.unravel_index(places, block["status"].shape)
-        axes = [shown_values(block, name)[i] for name, i in zip(self.joints, index, strict=True)]
-        return np.column_stack([*axes, *(block[name].values.ravel()[places] for name in VARIABLES)])
+        for each in self.maps.values():
+            each.add(dict(zip(self.axes, start, strict=True)), speeds)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is kept of the postures as plain values, columns with an entry for each."""
-        axes, shape = self.axes.items(), [len(axis) for axis in self.axes.values()]
-        index = np.unravel_index(self.front[:, 2].astype(np.int64), shape)
-        front = {name: axis[i].tolist() for (name, axis), i in zip(axes, index, strict=True)}
-        return {
-            "best": _columns(self.columns, self.best),
-            "front": {**front, **_columns(("ball_speed", "worst_joint_impulse"), self.front)},
-            "marginals": {name: self.marginals[name,].as_json() for name in self.joints},
-            "sample": _columns(self.columns, self.sample[:1000]),
-        }
+        """Return the best postures and the front: joints, ball speed and impulse as lists."""
+        kept = {}
+        for name, rows in (("best", self.best), ("front", self.front)):
+            shape = [len(axis) for axis in self.axes.values()]
+            index = np.unravel_index(rows[:, 2].astype(np.int64), shape)
+            angles = zip(self.axes.items(), index, strict=True)
+            kept[name] = {
+                "angles": {joint: axis[i].tolist() for (joint, axis), i in angles},
+                "ball_speed": rows[:, 0].tolist(),
+                "worst_joint_impulse": rows[:, 1].tolist(),
+            }
+        return kept
 
 
-class Marginal:
-    """The highest and the mean ball speed for each value of one or two joints.
+class SpeedMap:
+    """The highest ball speed for each value of one or two joints.
 
-    Args:
-        axes: values of every joint.
-        over: the joints that are kept; at most `BINS` values of each are distinguished.
+    At most `BINS` values of each joint are distinguished.
 
     Attributes:
         values: of each joint, or their means where neighbours go together.
-        count: number of postures.
+        best: highest ball speed [m/s], one axis per joint, nan where there is no posture.
     """
 
     def __init__(self, axes: dict[str, Array], over: tuple[str, ...]) -> None:
-        self.over = over
+        self._kept = [name in over for name in axes]
         self._bin_of = {
             name: np.arange(len(axes[name])) * min(BINS, len(axes[name])) // len(axes[name])
             for name in over
@@ -173,33 +143,14 @@ class Marginal:
             name: np.bincount(bins, axes[name]) / np.bincount(bins)
             for name, bins in self._bin_of.items()
         }
-        shape = [len(values) for values in self.values.values()]
-        self._best, self._total = np.full(shape, -np.inf), np.zeros(shape)
-        self.count = np.zeros(shape, np.int64)
+        self.best = np.full([len(values) for values in self.values.values()], np.nan)
 
-    @property
-    def best(self) -> Array:
-        """Highest ball speed [m/s], one axis per joint, nan where there is no posture."""
-        return np.where(self.count > 0, self._best, np.nan)
-
-    @property
-    def mean(self) -> Array:
-        """Mean ball speed [m/s], nan where there is no posture."""
-        with np.errstate(invalid="ignore"):
-            return self._total / self.count
-
-    def add(self, index: dict[str, NDArray[np.intp]], speed: Array) -> None:
-        """Add postures by their places along each joint, shape `(n,)`."""
-        cells = tuple(self._bin_of[name][index[name]] for name in self.over)
-        cell = np.ravel_multi_index(cells, self.count.shape)
-        np.maximum.at(self._best.reshape(-1), cell, speed)
-        self._total.reshape(-1)[:] += np.bincount(cell, speed, self.count.size)
-        self.count.reshape(-1)[:] += np.bincount(cell, minlength=self.count.size)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the values of the joints, `best`, `mean` and `count` as plain values."""
-        columns = {**self.values, "best": self.best, "mean": self.mean}
-        return {**{k: _plain(v) for k, v in columns.items()}, "count": self.count.tolist()}
+    def add(self, start: dict[str, np.intp], speeds: Array) -> None:
+        """Add a block of postures: where it starts along each joint, and ball speeds or nan."""
+        others = tuple(axis for axis, kept in enumerate(self._kept) if not kept)
+        lengths = dict(zip(start, speeds.shape, strict=True))
+        bins = (b[start[k] : start[k] + lengths[k]] for k, b in self._bin_of.items())
+        np.fmax.at(self.best, np.ix_(*bins), np.fmax.reduce(speeds, axis=others))
 
 
 def summarize(data: xr.Dataset, where: str | None = None) -> Summary:
@@ -208,20 +159,3 @@ def summarize(data: xr.Dataset, where: str | None = None) -> Summary:
     for _, block in blocks(data):
         summary.add(block)
     return summary
-
-
-def shown_values(data: xr.Dataset, name: str) -> Array:
-    """Return the values of a joint [deg; m]."""
-    if shown_unit(data, name) != "deg":
-        return np.asarray(data[name].values)
-    return np.asarray(np.round(np.degrees(data[name].values), DECIMALS) + 0.0)  # no -0
-
-
-def _columns(names: Sequence[str], rows: Array) -> dict[str, list[float | None]]:
-    """Return columns of rows by name, as plain values."""
-    return {name: _plain(column) for name, column in zip(names, rows.T, strict=False)}
-
-
-def _plain(values: Array) -> list[float | None]:
-    """Return numbers as a list, None where one is not finite."""
-    return [each if math.isfinite(each) else None for each in values.tolist()]

@@ -1,8 +1,5 @@
 """The sweep: one kick from every posture of a grid."""
 
-from __future__ import annotations
-
-import logging
 import math
 import os
 import pickle
@@ -13,17 +10,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import (
     BrokenExecutor,
     Executor,
+    Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
-from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from contextlib import contextmanager, nullcontext
+from functools import lru_cache, partial
 from itertools import islice
 from multiprocessing import get_context
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import xarray as xr
@@ -42,8 +39,8 @@ from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
 CARRY_TOLERANCE = 1e-6
 """Largest error of an interpolated carry unless another is asked for [m]."""
 
-CLUSTER_TIMEOUT = 5.0
-"""How long the answer of a cluster is waited for [s]."""
+AHEAD = 1000
+"""Chunks of a store that are given to an executor before the first of them is computed."""
 
 Progress = Callable[[int, float], None]
 """Is called with the number of postures computed since the last call, and the highest ball speed
@@ -52,6 +49,7 @@ among those that the leg can kick from [m/s], nan without any."""
 T = TypeVar("T")
 
 
+@validation.check_arguments
 def sweep(
     leg: Leg,
     postures: Mapping[str, ArrayLike],
@@ -62,7 +60,7 @@ def sweep(
     tolerance: float = CARRY_TOLERANCE,
     threads: int | None = None,
     workers: int | None = None,
-    cluster: str | None = None,
+    executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     r"""Strike a ball from every posture of a grid, and fly it.
@@ -84,9 +82,11 @@ def sweep(
             whose carries are interpolated between flights; 0 flies every ball, to 1e-9 of its
             carry.
         threads: threads of this process; None takes one per core.
-        workers: processes of this machine instead of threads.
-        cluster: address of a scheduler of dask.distributed whose workers are used instead; they
-            must see `store` and have the same versions.
+        workers: processes of this machine instead of threads. They are children of this process
+            and open no socket.
+        executor: an executor with the interface of `concurrent.futures`, such as one of a cluster,
+            instead of threads. Its workers must see `store` and have the same versions; it is not
+            shut down, and its own errors are not changed.
         progress: function that is called as postures are computed.
 
     Returns:
@@ -96,26 +96,38 @@ def sweep(
 
     Raises:
         InvalidInput: postures that the leg does not have, more than fit, a store that is there
-            without `resume` or is of another sweep, a cluster that does not answer.
+            without `resume` or is of another sweep.
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
     """
-    validation.check_type(Leg, leg=leg)
-    validation.check_type(Kick, kick=kick)
-    if sum(each is not None for each in (threads, workers, cluster)) > 1:
-        raise InvalidInput("threads, workers and cluster exclude each other: give one of them")
-    if store is None and (resume or workers is not None or cluster is not None):
-        raise InvalidInput("resume, workers and cluster need a store: name it with store=")
+    if sum(each is not None for each in (threads, workers, executor)) > 1:
+        raise InvalidInput("threads, workers and executor exclude each other: give one of them")
+    if store is None and (resume or workers is not None or executor is not None):
+        raise InvalidInput("resume, workers and executor need a store: name it with store=")
     grid = Grid.of(leg, postures)
     solver = ChunkSolver(leg, grid, kick, tolerance)  # chooses the kernel
     described = describe(leg, grid, kick, solver.carry_tolerance)
     if store is None:
         check_size(grid.shape, IN_MEMORY)
-        return _in_memory(solver, grid, described, threads, progress)
+        _, rows, status = zip(*_computed(solver, grid, threads, progress), strict=True)
+        finished = described.assign_attrs(finished=1)
+        return with_variables(finished, np.hstack(rows), np.hstack(status))
     filled = SweepStore(store, described, solver.chunk, resume=resume)
-    job = _StoreJob(Path(store).absolute(), leg, grid, kick, tolerance)
-    with _resumable(filled, store), _pool(threads, workers, cluster) as pool:
-        _fill_store(filled, job, pool, progress)
+    own = nullcontext(executor) if executor else _pool(threads, workers)
+    with _resumable(filled, store), own as pool:
+        missing, spans = filled.missing(), filled.chunks.span
+        if progress is not None:
+            progress(grid.size - sum(spans(k)[1] for k in missing), math.nan)
+        if missing:
+            if executor is None and workers is None:
+                task = _chunk_writer(filled, solver)
+            else:
+                sent = Path(store).absolute(), leg, grid, kick, tolerance
+                task = partial(_write_chunk, _pickled(sent))
+            for count, speed in _in_order(pool, task, missing, AHEAD):
+                if progress is not None:
+                    progress(count, speed)
+            filled.finish()
     return open_sweep(store)
 
 
@@ -136,201 +148,100 @@ def sweep_chunks(
     solver = ChunkSolver(leg, grid, kick, tolerance)
     described = describe(leg, grid, kick, solver.carry_tolerance)
     chunks = Chunks.of(grid.shape, solver.chunk)
-    computed = _computed(solver, grid, threads, progress)
-    for k, (_, rows, status) in enumerate(computed):
+    for k, rows, status in _computed(solver, grid, threads, progress):
         region = dict(zip(grid.axes, chunks.region(k), strict=True))
         yield with_variables(described.isel(region), rows, status)
-
-
-def _in_memory(
-    solver: ChunkSolver,
-    grid: Grid,
-    described: xr.Dataset,
-    threads: int | None,
-    progress: Progress | None,
-) -> xr.Dataset:
-    """Return the dataset of all postures of a grid."""
-    rows, status = np.empty((len(VARIABLES), grid.size)), np.empty(grid.size, np.int8)
-    for first, chunk_rows, chunk_status in _computed(solver, grid, threads, progress):
-        part = slice(first, first + len(chunk_status))
-        rows[:, part], status[part] = chunk_rows, chunk_status
-    return with_variables(described.assign_attrs(finished=1), rows, status)
-
-
-def _fill_store(store: SweepStore, job: _StoreJob, pool: _Pool, progress: Progress | None) -> None:
-    """Compute the missing chunks of a store."""
-    missing = store.missing()
-    if progress is not None:
-        progress(job.grid.size - sum(store.chunks.span(k)[1] for k in missing), math.nan)
-    if missing:
-        for count, speed in _in_order(pool, _task(job, pool), missing):
-            if progress is not None:
-                progress(count, speed)
-        store.finish()
 
 
 def _computed(
     solver: ChunkSolver, grid: Grid, threads: int | None, progress: Progress | None
 ) -> Iterator[tuple[int, Array, NDArray[np.int8]]]:
-    """Yield first posture, variables and status of each chunk of a grid, in order."""
+    """Yield number, variables and status of each chunk of a grid, in order."""
     solver.prepare()
     chunks = Chunks.of(grid.shape, solver.chunk)
-
-    def compute(k: int) -> tuple[int, Array, NDArray[np.int8]]:
-        first, count = chunks.span(k)
-        return first, *solver(first, count)
-
+    numbers = range(len(chunks))
     with _pool(threads) as pool:
-        for first, rows, status in _in_order(pool, compute, range(len(chunks))):
+        found = _in_order(
+            pool, lambda k: solver(*chunks.span(k)), numbers, 2 * int(threads or _cores())
+        )
+        for k, (rows, status) in zip(numbers, found, strict=True):
             if progress is not None:
                 progress(len(status), _highest_speed(rows, status))
-            yield first, rows, status
+            yield k, rows, status
 
 
-@dataclass(frozen=True, eq=False)
-class _StoreJob:
-    """Computes chunks into a store, in this process or another, which need not share memory."""
+def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> Callable[[int], tuple[int, float]]:
+    """Return a function that computes and writes a chunk.
 
-    path: Path
-    leg: Leg
-    grid: Grid
-    kick: Kick
-    tolerance: float
+    It returns the number of postures of the chunk and the highest ball speed [m/s].
+    """
+    solver.prepare()
 
-    @cached_property
-    def _solver(self) -> ChunkSolver:
-        return ChunkSolver(self.leg, self.grid, self.kick, self.tolerance)
-
-    @cached_property
-    def _store(self) -> SweepStore:
-        if not self.path.is_dir():
-            raise InvalidInput(f"a worker does not see {self.path}")
-        tolerance = self._solver.carry_tolerance
-        described = describe(self.leg, self.grid, self.kick, tolerance)
-        return SweepStore(self.path, described, self._solver.chunk, resume=True)
-
-    def prepare(self) -> None:
-        """Open the store and compile what all chunks need; to be called before threads."""
-        _ = self._store
-        self._solver.prepare()
-
-    def __call__(self, k: int) -> tuple[int, float]:
-        """Compute and write a chunk; return its number of postures and highest ball speed."""
-        first, count = self._store.chunks.span(k)
-        rows, status = self._solver(first, count)
-        self._store.write(k, rows, status)
+    def write(k: int) -> tuple[int, float]:
+        """Write a chunk; return its number of postures and its highest speed [m/s]."""
+        first, count = store.chunks.span(k)
+        rows, status = solver(first, count)
+        store.write(k, rows, status)
         return count, _highest_speed(rows, status)
 
-
-@dataclass(frozen=True)
-class _Pool:
-    """Threads, processes or a cluster behind one interface, and how many work at a time."""
-
-    submit: Callable[..., Any]
-    size: int
-    shares_memory: bool = False
+    return write
 
 
-def _in_order(pool: _Pool, function: Callable[[int], T], numbers: Iterable[int]) -> Iterator[T]:
-    """Yield what a function returns for numbers, in their order; a few are computed ahead."""
-    waiting, under_way = iter(numbers), deque[Any]()
-    while True:
-        for number in islice(waiting, 2 * pool.size - len(under_way)):
-            under_way.append(pool.submit(function, number))
-        if not under_way:
-            return
-        yield under_way.popleft().result()
-
-
-@contextmanager
-def _pool(
-    threads: int | None, workers: int | None = None, cluster: str | None = None
-) -> Iterator[_Pool]:
-    """Give what computes chunks; on leaving, chunks under way are completed and others dropped."""
-    if cluster is not None:
-        with _cluster(cluster) as pool:
-            yield pool
-        return
-    executor: Executor
-    if workers is not None:
-        size = int(validation.number("workers", workers, at_least=1))
-        # Ctrl-C, which a terminal sends to every process, ends the main process only
-        ignore = (signal.SIGINT, signal.SIG_IGN)
-        executor = ProcessPoolExecutor(size, get_context("spawn"), signal.signal, ignore)
-    else:
-        size = _cores() if threads is None else threads
-        executor = ThreadPoolExecutor(int(validation.number("threads", size, at_least=1)))
+def _pickled(sweep: tuple[Path, Leg, Grid, Kick, float]) -> bytes:
+    """Return a sweep as it is sent to other processes."""
     try:
-        yield _Pool(executor.submit, size, shares_memory=workers is None)
-    finally:
-        executor.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _cluster(address: str) -> Iterator[_Pool]:
-    """Give the workers of a cluster of dask.distributed."""
-    try:
-        import distributed
-    except ImportError:
-        raise InvalidInput(
-            'a cluster needs dask.distributed: pip install "kickdyn[cluster]"'
-        ) from None
-    dask: Any = distributed
-    try:
-        dask.comm.get_address_host_port(address, strict=True)  # a client would try for 10 s
-        client = dask.Client(address, timeout=CLUSTER_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InvalidInput(f"no cluster answers at {address} ({reason})") from None
-    with _silenced("distributed"), client:  # of a scheduler that is lost it prints tracebacks
-        try:
-            client.wait_for_workers(1, timeout=CLUSTER_TIMEOUT)
-        except TimeoutError:
-            raise InvalidInput("the cluster has no workers") from None
-        try:
-            yield _Pool(partial(client.submit, pure=False), sum(client.nthreads().values()))
-        except dask.KilledWorker as error:
-            raise ChildProcessError(f"workers died again and again ({error})") from None
-        except (dask.client.FutureCancelledError, dask.comm.CommClosedError):
-            raise ConnectionError(f"lost the scheduler at {address}") from None
-
-
-@contextmanager
-def _silenced(package: str) -> Iterator[None]:
-    """Keep the loggers of a package from printing; several of them have levels of their own."""
-    names = [name for name in logging.root.manager.loggerDict if name.startswith(package)]
-    levels = {name: logging.getLogger(name).level for name in names}
-    try:
-        for name in names:
-            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-        yield
-    finally:
-        for name, level in levels.items():
-            logging.getLogger(name).setLevel(level)
-
-
-def _task(job: _StoreJob, pool: _Pool) -> Callable[[int], tuple[int, float]]:
-    """Return a job as the pool can call it."""
-    if pool.shares_memory:
-        job.prepare()
-        return job
-    try:
-        return partial(_call_pickled, pickle.dumps(job))
+        return pickle.dumps(sweep)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InvalidInput(f"the sweep cannot be sent to other processes ({error})") from None
 
 
 @lru_cache(maxsize=1)
-def _unpickled(job: bytes) -> _StoreJob:
-    """Return a job in another process, ready to compute chunks."""
-    found: _StoreJob = pickle.loads(job)
-    found.prepare()
-    return found
+def _sent_writer(sent: bytes) -> Callable[[int], tuple[int, float]]:
+    """Return the `_chunk_writer` of a sweep that was sent to this process."""
+    path, leg, grid, kick, tolerance = pickle.loads(sent)
+    if not path.is_dir():
+        raise InvalidInput(f"a worker does not see {path}")
+    solver = ChunkSolver(leg, grid, kick, tolerance)
+    described = describe(leg, grid, kick, solver.carry_tolerance)
+    return _chunk_writer(SweepStore(path, described, solver.chunk, resume=True), solver)
 
 
-def _call_pickled(job: bytes, k: int) -> tuple[int, float]:
-    """Compute a chunk in another process."""
-    return _unpickled(job)(k)
+def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:
+    """Compute and write a chunk in another process."""
+    return _sent_writer(sent)(k)
+
+
+def _in_order(
+    executor: Executor, function: Callable[[int], T], numbers: Iterable[int], ahead: int
+) -> Iterator[T]:
+    """Yield what a function returns for numbers, in their order; `ahead` are computed ahead."""
+    waiting, under_way = iter(numbers), deque[Future[T]]()
+    try:
+        while True:
+            for number in islice(waiting, ahead - len(under_way)):
+                under_way.append(executor.submit(function, number))
+            if not under_way:
+                return
+            yield under_way.popleft().result()
+    finally:
+        for future in under_way:
+            future.cancel()
+
+
+@contextmanager
+def _pool(threads: int | None, workers: int | None = None) -> Iterator[Executor]:
+    """Give threads or processes; on leaving, chunks under way are completed and others dropped."""
+    name, size = ("threads", threads) if workers is None else ("workers", workers)
+    size = int(validation.number(name, _cores() if size is None else size, at_least=1))
+    executor: Executor = ThreadPoolExecutor(size)
+    if workers is not None:
+        # Ctrl-C, which a terminal sends to every process, ends the main process only
+        ignore = (signal.SIGINT, signal.SIG_IGN)
+        executor = ProcessPoolExecutor(size, get_context("spawn"), signal.signal, ignore)
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """One kick from one posture: the foot's velocity, the joint speeds it needs, impact and flight."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -17,6 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import KickdynError
 from kickdyn.flight.fly import fly
 from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 
@@ -39,7 +38,8 @@ class Kick:
         attack: :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
             :math:`[-\pi/2, \pi/2]`.
         restitution: coefficient e; 0.8 reproduces the paper's Table 2.
-        friction: Coulomb's coefficient mu; 0.4 is the paper's.
+        friction: Coulomb's coefficient mu, at most 1e9; 0.4 is the paper's.
+        law: impact law, as for `strike`.
         ball: the ball, at rest before the impact.
         air: air of the flight; None is the vacuum.
 
@@ -51,15 +51,19 @@ class Kick:
     attack: float = math.radians(30)
     restitution: float = 0.8
     friction: float = 0.4
+    law: str = ImpactLaw.NEWTON
     ball: Ball = field(default_factory=Ball)
     air: Air | None = field(default_factory=Air)
 
     def __post_init__(self) -> None:
         validation.number("foot speed", self.speed, above=0, at_most=1e6, unit="m/s")
+        validation.number("friction", self.friction, at_least=0, at_most=1e9)
+        object.__setattr__(self, "law", validation.choice("impact law", self.law, ImpactLaw))
         limit = math.pi / 2
         validation.number("attack", self.attack, at_least=-limit, at_most=limit, unit="rad")
         validation.check_type(Ball, ball=self.ball)
-        validation.check_type(Air, optional=True, air=self.air)
+        self.ball.check_movable("a sweep")
+        validation.check_type(Air, type(None), air=self.air)
         Contact(self.direction, self.restitution, self.friction)
 
     @property
@@ -120,13 +124,6 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     The joint velocity is that of least kinetic energy, or, where that exceeds a joint's limit,
     that of least `speed_use`. The impulse on the ball is the same for both: it depends on the
     velocity of the foot only.
-
-    Args:
-        posture: the posture of the leg.
-        kick: the kick.
-
-    Returns:
-        The outcome, whatever its status.
     """
     foot_velocity = kick.speed * kick.direction
     v = posture.try_joint_velocity(foot_velocity)
@@ -135,7 +132,7 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     use = least_speed_use(posture, foot_velocity)
     if use <= 1 < speed_use(posture, v):
         v = slowest_joint_velocity(posture, foot_velocity)
-    impact = strike(posture, v, kick.ball, kick.contact)
+    impact = strike(posture, v, kick.ball, kick.contact, kick.law)
     path = fly(impact.ball_after, kick.ball, kick.air)
     status = PostureStatus.OK if use <= 1 else PostureStatus.TOO_FAST
     return PostureOutcome(posture, status, use, impact, path.range)
@@ -144,9 +141,7 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
 def speed_use(posture: Posture, v: Array) -> float:
     r"""Return the largest joint speed over its limit, :math:`\max_i |v_i| / l_i`.
 
-    Args:
-        posture: the posture, whose leg has the limits :math:`l_i`.
-        v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+    The joint velocity v has shape `(nv,)` [rad/s; m/s for prismatic joints].
     """
     limit, needed = posture.leg.velocity_limit, np.abs(v)
     use = np.divide(needed, limit, out=np.where(needed > 0, np.inf, 0.0), where=limit > 0)
@@ -165,12 +160,8 @@ def least_speed_use(posture: Posture, foot_velocity: Array) -> float:
     :math:`y` that is orthogonal to as many columns as fix it, two in space and one in a plane, so
     that all candidates can be tried (Boyd and Vandenberghe, Convex Optimization, 2004, chapter 5).
 
-    Args:
-        posture: the posture.
-        foot_velocity: w, velocity of the contact point within reach, shape `(3,)` [m/s, world].
-
-    Returns:
-        The least use; inf where only joints whose limit is 0 could move the foot so.
+    The velocity w of the contact point is within reach, shape `(3,)` [m/s, world frame]. The use is
+    inf where only joints whose limit is 0 could move the foot so.
     """
     if posture.constraint_projector is not None:
         return speed_use(posture, slowest_joint_velocity(posture, foot_velocity))
@@ -215,18 +206,10 @@ def _dual_candidates(columns: Array) -> Array:
 
 
 def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
-    """Return a joint velocity of the least `speed_use` that moves the contact point as asked.
+    """Return the joint velocity of least `speed_use` that moves the contact point as asked.
 
-    Args:
-        posture: the posture; supports and loops of its leg are kept.
-        foot_velocity: velocity of the contact point within reach, shape `(3,)` [m/s, world].
-
-    Returns:
-        v, shape `(nv,)` [rad/s; m/s]; that of least kinetic energy where no joint velocity is
-        within any limits.
-
-    Raises:
-        KickdynError: the linear programme has no solution.
+    It keeps supports and loops, and is that of least kinetic energy where none is within any
+    limits, shape `(nv,)` [rad/s; m/s].
     """
     from scipy.optimize import linprog  # its import takes a quarter of a second
 

@@ -1,38 +1,17 @@
 """The plot of a sweep: ball speed over the joints, and against the largest joint impulse."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from kickdyn.core.files import replacing
 from kickdyn.core.plot_style import styled
-from kickdyn.errors import InvalidInput
-from kickdyn.sweeps.summary import Marginal, Summary
+from kickdyn.sweeps.summary import SpeedMap, Summary
 from kickdyn.sweeps.sweep_report import ReportLine
 
-ENDINGS = (".png", ".svg", ".pdf")
-
 _LABEL = "ball speed / foot speed"
-
-
-def check_name(path: str | PathLike[str]) -> None:
-    """Raise `InvalidInput` unless the name ends as a picture's does."""
-    if Path(path).suffix.lower() not in ENDINGS:
-        raise InvalidInput(f"{path} has no known ending: plots are written as {', '.join(ENDINGS)}")
-
-
-def save_figure(figure: Figure, path: str | PathLike[str]) -> None:
-    """Write a figure as PNG, SVG or PDF, by its ending; raise `InvalidInput` if that fails."""
-    check_name(path)
-    with replacing(path) as draft, styled():  # labels of ticks are made here
-        figure.savefig(draft, dpi=150)
 
 
 @styled()
@@ -49,17 +28,14 @@ def sweep_figure(summary: Summary, lines: Sequence[ReportLine] = ()) -> Figure:
         against the largest joint impulse, with the postures that no other beats in both.
     """
     foot_speed = float(summary.attributes["foot_speed_m_s"])
-    maps = [each for names, each in summary.marginals.items() if len(names) == 2]
-    if not maps:
-        varied = [each for each in summary.marginals.values() if each.count.size > 1]
-        maps = (varied or list(summary.marginals.values()))[:1]
+    maps = summary.maps
     rows = 2 if len(maps) > 1 else 1
     figure = Figure(figsize=(11, 4.6 * rows))
     panels = figure.subplots(rows, 2).ravel()
-    finite = np.concatenate([each.best[each.count > 0] for each in maps]) / foot_speed
-    span = (float(finite.min(initial=np.inf)), float(finite.max(initial=0.0)))
-    for each, panel in zip(maps, panels, strict=False):
-        _draw_marginal(figure, panel, each, summary, span)
+    ratios = np.concatenate([each.best.ravel() for each in maps.values()]) / foot_speed
+    span = (np.fmin.reduce(ratios), np.fmax.reduce(ratios))
+    for each, panel in zip(maps.values(), panels, strict=False):
+        _draw_map(figure, panel, each, summary, span)
     _draw_front(figure, panels[-1], summary, lines)
     figure.suptitle(_title(summary))
     return figure
@@ -79,20 +55,20 @@ def _title(summary: Summary) -> str:
     return title if share == 1.0 else f"{title}\nunfinished: {share:.0%} of the postures"
 
 
-def _draw_marginal(
-    figure: Figure, axes: Any, marginal: Marginal, summary: Summary, span: tuple[float, float]
+def _draw_map(
+    figure: Figure, axes: Any, speeds: SpeedMap, summary: Summary, span: tuple[float, float]
 ) -> None:
     """Draw the best ratio over one joint as a line, over two as a map."""
     others = [
         _plain(name)
         for name, values in summary.axes.items()
-        if name not in marginal.over and len(values) > 1
+        if name not in speeds.values and len(values) > 1
     ]
     if others:
         axes.set_title(f"best over {', '.join(others)}")
-    labels = [f"{_plain(name)} [{summary.units[name]}]" for name in marginal.over]
-    best = marginal.best / float(summary.attributes["foot_speed_m_s"])
-    values = list(marginal.values.values())
+    labels = [f"{_plain(name)} [{summary.units[name]}]" for name in speeds.values]
+    best = speeds.best / float(summary.attributes["foot_speed_m_s"])
+    values = list(speeds.values.values())
     if len(labels) == 1:
         axes.plot(values[0], best, ".-")
         axes.set(xlabel=labels[0], ylabel=_LABEL)
@@ -104,27 +80,21 @@ def _draw_marginal(
 
 def _draw_front(figure: Figure, axes: Any, summary: Summary, lines: Sequence[ReportLine]) -> None:
     """Draw ratio against joint impulse: a sample, the front, and the postures of the report."""
-    columns = dict(zip(summary.columns, summary.sample.T, strict=True))
-    load, ratio = columns["worst_joint_impulse"], columns["speed_ratio"]
-    dots = axes.scatter(load, ratio, c=100 * columns["speed_use"], s=7, cmap="cividis")
+    foot_speed = float(summary.attributes["foot_speed_m_s"])
+    load, speed, use = summary.sample.T
+    dots = axes.scatter(load, speed / foot_speed, c=100 * use, s=7, cmap="cividis")
     figure.colorbar(dots, ax=axes, label="joint speeds needed, % of their limits")
-    front = summary.front[::-1]
-    ratios = front[:, 0] / float(summary.attributes["foot_speed_m_s"])
-    axes.step(front[:, 1], ratios, where="post", color="tab:red", lw=1.2, label="front")
+    speed, load, _ = summary.front[::-1].T
+    axes.step(load, speed / foot_speed, where="post", color="tab:red", lw=1.2, label="front")
     for line in lines:
         x, y = line.values["worst_joint_impulse"], line.values["speed_ratio"]
         if np.isfinite(x):
             axes.plot(x, y, "o", markerfacecolor="none", color="tab:red", markersize=8)
             axes.annotate(  # at the side where no posture is better
-                line.label,
-                (x, y),
-                xytext=(-6, 2),
-                textcoords="offset points",
-                ha="right",
-                color="tab:red",
-                path_effects=[withStroke(linewidth=3, foreground="white")],
-            )
-    if len(front):
+                line.label, (x, y), xytext=(-6, 2), textcoords="offset points", ha="right",
+                color="tab:red", path_effects=[withStroke(linewidth=3, foreground="white")],
+            )  # fmt: skip
+    if len(load):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
     axes.set(xlabel="worst joint impulse [N s]", ylabel=_LABEL)
     axes.set_title("ball speed against joint impulse")

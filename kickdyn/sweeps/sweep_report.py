@@ -1,7 +1,5 @@
 """The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,8 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.core.console import PROSE, WIDE, empty_table, fits, screen_width, wrapped
+from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
+from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
+from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import provenance, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
@@ -57,7 +57,7 @@ class ReportLine:
             "posture": self.label,
             "angles": self.angles,
             "status": self.outcome.status.value,
-            **{k: v if math.isfinite(v) else None for k, v in self.values.items()},
+            **{name: finite(value) for name, value in self.values.items()},
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,
@@ -80,7 +80,7 @@ def extreme_lines(leg: Leg, grid: Grid, kick: Kick, summary: Summary) -> list[Re
     if not summary.chosen:
         return []
     lines = (
-        _line(leg, kick, "best", grid.configuration(leg, int(summary.best_numbers[0]))),
+        _line(leg, kick, "best", grid.configuration(leg, int(summary.best[0, 2]))),
         _line(leg, kick, "worst", grid.configuration(leg, summary.worst)),
     )
     return [replace(line, explanation=_explanation(line.values, kick)) for line in lines]
@@ -106,58 +106,51 @@ def _explanation(values: Mapping[str, float], kick: Kick) -> str:
 
 
 def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) -> None:
-    """Print table and text as wide as the screen is; no number is cut off."""
-    width = screen_width()
-    Console(highlight=False, width=WIDE).print(table(leg, kick, lines, width))
-    print(text(summary, lines, min(PROSE, width)))
-
-
-def table(leg: Leg, kick: Kick, lines: Sequence[ReportLine], width: int = WIDE) -> Table:
-    """Return the table of postures: a row each, or a column where that is too wide.
-
-    Args:
-        leg: the leg.
-        kick: the kick of all postures.
-        lines: the postures.
-        width: of the screen, in characters.
-    """
+    """Print the kick, the table and the text as wide as the screen is; no number is cut off."""
     flight = "vacuum" if kick.air is None else f"air {kick.air.density:.4g} kg/m3"
+    law = "" if kick.law == ImpactLaw.NEWTON else f"law {kick.law}, "
     title = (
-        f"{escape(leg.name)}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
-        f"e {kick.restitution:g}, mu {kick.friction:g}, "
+        f"{leg.name}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
+        f"{law}e {kick.restitution:g}, mu {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
-    units = {name: _unit(leg, name) for name in leg.single_joints}
-    names = (" / " if len(units) <= 3 else " /\n").join(units)
-    columns: dict[str, list[str]] = {
-        "posture": [line.label for line in lines],
-        escape(names) + "\n" + ", ".join(sorted({*units.values()})): [
-            " / ".join(f"{value:.4g}" for value in line.angles.values()) for line in lines
+    width = min(PROSE, screen_width())
+    print(wrapped(title, width))
+    Console(highlight=False, width=WIDE).print(table(leg, lines))
+    print(text(summary, lines, width))
+
+
+def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
+    """Return the table with a column for each posture."""
+    rows: dict[str, list[str]] = {
+        f"{name}, {_unit(leg, name)}": [f"{line.angles[name]:.4g}" for line in lines]
+        for name in leg.single_joints
+    }
+    rows |= {
+        "effective mass, kg": _cells(lines, "effective_mass", ".4g"),
+        "impulse, N s": _cells(lines, "impulse", ".4f"),
+        "ball / foot speed": _cells(lines, "speed_ratio", ".4f"),
+        "launch angle, deg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),
+        "back spin, rad/s": _cells(lines, "back_spin", ".3f"),
+        "carry, m": _cells(lines, "carry", ".4g"),
+        "worst joint": [
+            "" if line.outcome.impact is None else line.outcome.impact.worst_joint[0]
+            for line in lines
         ],
-        "eff. mass\nkg": _cells(lines, "effective_mass", ".4g"),
-        "impulse\nN s": _cells(lines, "impulse", ".4f"),
-        "ball /\nfoot": _cells(lines, "speed_ratio", ".4f"),
-        "launch\ndeg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),
-        "back spin\nrad/s": _cells(lines, "back_spin", ".3f"),
-        "carry\nm": _cells(lines, "carry", ".4g"),
-        "worst joint\nN s": [_worst_joint(line, " ") for line in lines],
-        "immovable\nN s": _cells(lines, "immovable_impulse", ".4g"),
+        "its impulse, N s": _cells(lines, "worst_joint_impulse", ".4f"),
+        "immovable, N s": _cells(lines, "immovable_impulse", ".4g"),
     }
     if any(line.paper for line in lines):
-        columns["Table 2\nN s"] = [f"{line.paper:.3f}" if line.paper else "" for line in lines]
+        rows["Table 2, N s"] = [f"{line.paper:.3f}" if line.paper else "" for line in lines]
     if any(line.outcome.status is not PostureStatus.OK for line in lines):
-        columns["status"] = [line.outcome.status.value for line in lines]
-    upright = _table(title, list(columns), list(zip(*columns.values(), strict=True)))
-    if fits(upright, width):
-        return upright
-    columns["worst joint\nN s"] = [_worst_joint(line, "\n") for line in lines]
-    names_in_line = [name.replace("\n", ", ").replace("/, ", "/ ") for name in columns]
-    rows = [(name, *cells) for name, cells in zip(names_in_line, columns.values(), strict=True)]
-    angles = [
-        (f"{escape(name)}, {unit}", *(f"{line.angles[name]:.4g}" for line in lines))
-        for name, unit in units.items()
-    ]
-    return _table(title, rows[0], [*angles, *rows[2:]])
+        rows["status"] = [line.outcome.status.value for line in lines]
+    result = empty_table("")
+    result.add_column("posture", no_wrap=True)
+    for line in lines:
+        result.add_column(line.label, justify="right", no_wrap=True)
+    for name, cells in rows.items():
+        result.add_row(*map(escape, (name, *cells)))
+    return result
 
 
 def _cells(lines: Sequence[ReportLine], name: str, form: str, scale: float = 1.0) -> list[str]:
@@ -168,31 +161,10 @@ def _cells(lines: Sequence[ReportLine], name: str, form: str, scale: float = 1.0
     ]
 
 
-def _worst_joint(line: ReportLine, separator: str) -> str:
-    """Return the joint that bears the largest impulse, and the impulse."""
-    impact = line.outcome.impact
-    if impact is None:
-        return ""
-    return escape(impact.worst_joint[0]) + f"{separator}{impact.worst_joint[1]:.4f}"
-
-
-def _table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Return a table, its first column to the left and the others to the right."""
-    result = empty_table(title)
-    for number, name in enumerate(head):
-        result.add_column(name, justify="right" if number else "left", no_wrap=True)
-    for row in rows:
-        result.add_row(*row)
-    return result
-
-
 def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> str:
     """Return the text below the table: explanations, counts, and the largest residual.
 
-    Args:
-        summary: the summary of the sweep.
-        lines: the postures of the table.
-        width: of a line, in characters; a longer word is not broken.
+    A line has at most `width` characters, unless a word is longer.
     """
     sentences = []
     for line in lines:
@@ -202,10 +174,12 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
             sentences.append(f"{line.label} ({posture}): {line.explanation}.")
     counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
     sentences.append(f"{summary.postures} postures: {counts}.")
-    if summary.where is not None:
+    if summary.where is not None and summary.chosen:
         sentences.append(
             f"Best and worst are of the {summary.chosen} that are ok where {summary.where}."
         )
+    elif summary.where is not None:
+        sentences.append(f"No posture is ok where {summary.where}.")
     if math.isfinite(summary.residual):
         power = math.ceil(math.log10(max(summary.residual, 1e-17))) + 1
         sentences.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
@@ -229,4 +203,5 @@ def as_json(
         "status": counts,
         **where,
         "lines": [line.as_json() for line in lines],
+        **summary.as_json(),
     }

@@ -1,7 +1,5 @@
 """The camera: as near as the picture allows, at the right side of the kick if that shows enough."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import product
@@ -39,12 +37,6 @@ class Camera:
     def distance(self, points: Array) -> Array:
         """Return the distance of points, shape `(n, 3)`, from the camera [m]."""
         return np.asarray(np.linalg.norm(points - self.position, axis=-1))
-
-    def project(self, point: Array) -> Array:
-        """Return where the picture shows a point: right and up, over its depth, shape `(2,)`."""
-        into = self.target - self.position
-        seen = _axes(into / np.linalg.norm(into)) @ (point - self.position)
-        return np.asarray(seen[:2] / seen[2])
 
 
 def camera_for(

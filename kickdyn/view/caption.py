@@ -1,19 +1,15 @@
-"""The numbers of a kick: as a panel of HTML beside the picture, and of a scene as JSON."""
-
-from __future__ import annotations
+"""The numbers of a kick, as a panel of HTML beside the picture."""
 
 import math
 from collections.abc import Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
-from kickdyn.scene.simulation import Simulation
-from kickdyn.view.impulses import JOINT, LEAST, joint_impulses_in_world
+from kickdyn.view.impulses import JOINT, LEAST
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
@@ -23,16 +19,13 @@ Row = tuple[str, str]
 
 def kick_panel(impact: Impact, path: Flight | Course, pace: Pace, stripe: float, text: str) -> str:
     """Return the panel of a kick, with a line of plain text, over stripes so wide [m]."""
-    few = len(impact.posture.leg.joint_names) <= 4  # of more, angles and impulses are folded
     rows = [
-        *(_angles(impact).items() if few else ()),
         *_impact_rows(impact),
         *_path_rows(path),
         ("shown", _pace(pace)),
         ("stripes", f"{stripe:g} m"),
     ]
-    title = impact.posture.leg.name or "leg"
-    return panel_of(title, rows, text, "" if few else _folded(impact))
+    return panel_of(impact.posture.leg.name or "leg", rows, text, _joints(impact))
 
 
 def panel_of(title: str, rows: Sequence[Row], text: str = "", end: str = "") -> str:
@@ -51,31 +44,21 @@ def _table(rows: Sequence[Row]) -> str:
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-def _angles(impact: Impact) -> dict[str, str]:
-    """Return the angle of each joint; none of a floating base, which has no single angle."""
+def _joints(impact: Impact) -> str:
+    """Return the joints that move or transmit an impulse, the largest first; many are folded."""
     leg = impact.posture.leg
-    if leg.nv != len(leg.joint_names):
-        return {}
-    return {
-        _name(name): f"{value:.4g} m" if unit == "m" else f"{value:.1f}°"
-        for name, (value, unit) in leg.display_values(impact.posture.q).items()
-    }
-
-
-def _folded(impact: Impact) -> str:
-    """Return the joints that move or transmit an impulse, the largest first, behind a summary."""
-    names = [_name(name) for name in impact.posture.leg.joint_names]
-    sizes = dict(zip(names, np.linalg.norm(impact.joint_impulses[:, :3], axis=1), strict=True))
-    angles, least = _angles(impact), LEAST * max(sizes.values())
-    moving = dict(zip(names, impact.v_before, strict=True)) if angles else {}
-    rows = [
-        (name, ", ".join([*([angles[name]] if angles else []), f"{size:.3g} N s"]))
-        for name, size in sorted(sizes.items(), key=lambda item: -item[1])
-        if size > least or moving.get(name)
-    ]
-    values = "angle and impulse" if angles else "impulse"
-    summary = f"<summary>{len(rows)} joints: {values} {_key(JOINT)}</summary>"
-    return f"<details>{summary}\n{_table(rows)}\n</details>\n"
+    values = leg.display_values(impact.posture.q)
+    norms = np.linalg.norm(impact.joint_impulses[:, :3], axis=1).tolist()
+    sizes = dict(zip(leg.joint_names, norms, strict=True))
+    rows = []
+    for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
+        value, unit = values.get(name, (0.0, ""))  # a floating base has no single angle
+        shown = {"m": f"{value:.4g} m, ", "deg": f"{value:.1f}°, "}.get(unit, "")
+        moves = name in values and impact.v_before[leg.velocity_index(name)]
+        if moves or size > LEAST * max(norms):
+            rows.append((_name(name), f"{shown}{size:.3g} N s"))
+    summary = f"<summary>{len(rows)} joints: angle and impulse {colour_key(JOINT)}</summary>"
+    return f"<details{' open' * (len(rows) <= 4)}>{summary}\n{_table(rows)}\n</details>\n"
 
 
 def _name(name: str) -> str:
@@ -92,8 +75,8 @@ def _impact_rows(impact: Impact) -> list[Row]:
         spin = 0.0
     ratio = [("ball / foot", f"{impact.speed_ratio:.4g}")] if impact.foot_velocity.any() else []
     return [
-        (f"impulse {_key(ARROW)}", f"{float(np.linalg.norm(impact.impulse)):.4g} N s"),
-        (f"worst joint {_key(JOINT)}", f"{size:.4g} N s at {_name(name)}"),
+        (f"impulse {colour_key(ARROW)}", f"{float(np.linalg.norm(impact.impulse)):.4g} N s"),
+        (f"worst joint {colour_key(JOINT)}", f"{size:.4g} N s at {_name(name)}"),
         ("foot speed", f"{float(np.linalg.norm(impact.foot_velocity)):.4g} m/s"),
         ("ball speed", f"{float(after.speed):.4g} m/s"),
         *ratio,
@@ -106,20 +89,20 @@ def _path_rows(path: Flight | Course) -> list[Row]:
     """Return the numbers of a flight, or of a course along the ground."""
     if isinstance(path, Course):
         return [
-            (f"path {_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
+            (f"path {colour_key(CURVE)}", f"{path.distance:.4g} m along the ground"),
             ("time", f"{path.duration:.4g} s"),
             ("speed there", f"{float(path.rest.speed):.4g} m/s"),
         ]
     aloft = " (still aloft)" if path.status == "aloft" else ""
     length = "to the plane" if path.status == "at-plane" else "carry"
     return [
-        (f"{length} {_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
+        (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
         ("flight", escape(path.method)),
     ]
 
 
-def _key(colour: int) -> str:
+def colour_key(colour: int) -> str:
     """Return a small square of a colour."""
     return f'<span class="key" style="background:#{colour:06x}"></span>'
 
@@ -134,35 +117,3 @@ def _pace(pace: Pace) -> str:
 def _times(slower: float) -> str:
     """Return a factor of time in words."""
     return f"{slower:.3g} times slower" if slower >= 1 else f"{1 / slower:.3g} times faster"
-
-
-def scene_numbers(simulation: Simulation, impact: Impact) -> dict[str, Any]:
-    """Return the numbers of a scene for JSON: SI units, joint angles in degrees as given."""
-    leg, after, end = impact.posture.leg, impact.ball_after, simulation.end
-    impulses = joint_impulses_in_world(impact)
-    bounds = {v.effect: _finite(v.bound) for v in simulation.verdicts if not v.modelled}
-    return {
-        "scene": simulation.scene.name,
-        "leg": leg.name,
-        "frame": leg.frame,
-        "angles": {
-            name: round(value, 9) + 0.0
-            for name, (value, _) in leg.display_values(impact.posture.q).items()
-        },
-        "impulse": impact.impulse.tolist(),
-        "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
-        "foot_speed": float(np.linalg.norm(impact.foot_velocity)),
-        "ball_velocity": after.velocity.tolist(),
-        "ball_spin": after.spin.tolist(),
-        "launch_angle": float(after.elevation),
-        "end": end.position.tolist(),
-        "time": float(end.time),
-        "error": _finite(simulation.error),
-        "warnings": list(simulation.warnings),
-        "left_out": bounds,
-    }
-
-
-def _finite(value: float) -> float | None:
-    """Return a number, or None where it is not finite."""
-    return value if math.isfinite(value) else None

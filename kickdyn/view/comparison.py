@@ -1,7 +1,5 @@
 """Several flights in one picture, or several impacts side by side, to be compared."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from html import escape
@@ -15,10 +13,10 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view.camera import camera_for
-from kickdyn.view.caption import panel_of
+from kickdyn.view.caption import colour_key, panel_of
+from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
-from kickdyn.view.labels import INK, LabelLayout
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import draw_ball, draw_curve, draw_ground
 
@@ -58,7 +56,7 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
     rows = [
         (
-            f'<span class="key" style="background:#{colour:06x}"></span> {escape(name)}',
+            f"{colour_key(colour)} {escape(name)}",
             _length(path),
         )
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
@@ -90,33 +88,22 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         figures.append(np.vstack([leg, ball - radius, ball + radius]))
     size = max(float(np.ptp(figure, axis=0).max()) for figure in figures)
     scale = 0.45 * size / most if most > 0 else 0.0
-    tips = [impact.posture.contact_point + scale * impact.impulse for impact in impacts.values()]
-    shifts, left = [], 0.0
-    for figure, tip in zip(figures, tips, strict=True):
-        low, high = figure[:, 0].min(), max(figure[:, 0].max(), tip[0])
-        shifts.append(np.array([left - low, 0.0, 0.0]))
-        left += float(high - low) + 0.25 * size
-    points = np.vstack([figure + shift for figure, shift in zip(figures, shifts, strict=True)])
-    floor, top = float(points[:, 2].min()), float(points[:, 2].max())
-    heads = [np.array([figure[:, 0].mean(), 0.0, top + 0.1 * size]) for figure in figures]
-    aside = 0.25 * size * X  # space for labels
-    edge = [point + shift + margin
-            for ends, margins in ((heads, (0.0 * X, aside)), (tips, (aside,)))
-            for point, shift in zip(ends, shifts, strict=True) for margin in margins]  # fmt: skip
-    camera = camera_for(points, np.vstack([points, *edge]), X)
-    set_stage(viewer, camera)
-    layout = LabelLayout(camera)
-    for number, (name, head) in enumerate(zip(impacts, heads, strict=True)):
-        label = layout.add(name, int(INK[1:], 16), head + shifts[number])
-        if label is not None:
-            viewer[f"{number}/name"].set_object(label)
-            viewer[f"{number}/name"].set_transform(tf.translation_matrix(head))
-    for number, (impact, shift) in enumerate(zip(impacts.values(), shifts, strict=True)):
+    shown, left = [], 0.0
+    for number, ((name, impact), figure) in enumerate(zip(impacts.items(), figures, strict=True)):
         node = viewer[str(number)]
+        head = np.array([figure[:, 0].mean(), 0.0, figure[:, 2].max() + 0.1 * size])
+        tip = impact.posture.contact_point + scale * impact.impulse
+        points = np.vstack([figure, head, tip + 0.25 * size * X])  # with space for labels
+        shift = (left - points[:, 0].min()) * X
+        shown.append(points + shift)
+        left = shown[-1][:, 0].max()
         node.set_transform(tf.translation_matrix(shift))
         draw_ball(node["ball"], impact.ball.radius, impact.ball_before.position)
+        draw_label(node["name"], name, "black", head)
         for arrow in impulse_arrows(impact, LEAST * most):
-            draw_impulse(node[arrow.node], arrow, scale, layout, shift)
+            draw_impulse(node[arrow.node], arrow, scale)
+    points, floor = np.vstack(shown), min(float(figure[:, 2].min()) for figure in figures)
+    set_stage(viewer, camera_for(points, points, X))
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
     draw_ground(viewer["ground"], centre, X, stripe_width(width), 8 * width)

@@ -4,8 +4,6 @@ meshcat's own controls are hidden; `#controls` at the end of the page's address 
 `#at=1.5` stops its animation at 1.5 s.
 """
 
-from __future__ import annotations
-
 import base64
 from functools import cache
 from html import escape
@@ -13,8 +11,10 @@ from importlib.resources import files
 from typing import Any
 
 import meshcat
+import meshcat.transformations as tf
 import umsgpack
 
+from kickdyn.core.validation import Array
 from kickdyn.view.camera import LEFT, RIGHT, UP
 
 # A browser runs and loads what the page itself contains, and refuses everything else.
@@ -25,7 +25,7 @@ _POLICY = (
 
 _STYLE = """
 body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
-#meshcat-pane { width: 100vw; height: 100vh; overflow: hidden; }
+#meshcat-pane { position: relative; width: 100vw; height: 100vh; overflow: hidden; }
 .dg.main { display: none; }
 #controls:target ~ .dg.main { display: block; }
 #caption {
@@ -44,6 +44,11 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption details th { white-space: normal; }
 #caption details td { white-space: nowrap; }
 #caption .key { display: inline-block; width: 10px; height: 10px; border-radius: 2px; }
+.label {
+  position: absolute; left: 0; top: 0; padding: 0 6px; border: 2px solid; border-radius: 5px;
+  font-size: 13px; white-space: nowrap; pointer-events: none; visibility: hidden;
+  background: rgba(255, 255, 255, 0.88); color: #1d2733;
+}
 @media (max-width: 1000px) {  /* a notebook's frame or a telephone has no space beside the leg */
   #meshcat-pane { height: 66vh; }
   #caption {
@@ -73,7 +78,9 @@ _PAGE = """<!DOCTYPE html>
 </head>
 <body>
 <i id="controls"></i>
-<div id="meshcat-pane"></div>
+<div id="meshcat-pane">
+{labels}
+</div>
 {panel}
 <script>{engine}</script>
 <script>
@@ -95,6 +102,32 @@ for (const command of [
 ]) {{
   viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
 }}
+const seen = node => node.getWorldPosition(node.position.clone()).project(viewer.camera);
+const caption = document.getElementById("caption");
+const place = () => {{  // each label beside its point, ahead of an arrow that ends there
+  const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
+  const placed = [];
+  for (const label of document.querySelectorAll(".label")) {{
+    const node = viewer.scene_tree.find(label.dataset.node.split("/").slice(1)).object;
+    const w = label.offsetWidth, h = label.offsetHeight;
+    const end = seen(node), start = seen(node.parent);
+    const shown = node.matrixWorld.getMaxScaleOnAxis() > 0.5 && end.z < 1;  // grown, and in front
+    label.style.visibility = shown ? "visible" : "hidden";
+    if (!shown) continue;
+    const right = (1 + end.x) / 2 * width + 6, left = right - w - 12;
+    let y = (1 - end.y) / 2 * height - h / 2, other;
+    const covered = !below.matches && left < caption.offsetLeft + caption.offsetWidth
+      && y < caption.offsetTop + caption.offsetHeight;
+    const x = right + w > width || (end.x < start.x && !covered) ? left : right;
+    while (other = placed.find(p => x < p.x + p.w && p.x < x + w && Math.abs(y - p.y) < h))
+      y = other.y + (end.y < start.y ? h : -h);
+    placed.push({{x, y, w}});
+    label.style.left = `${{x}}px`;
+    label.style.top = `${{y}}px`;
+  }}
+  requestAnimationFrame(place);
+}};
+requestAnimationFrame(place);
 const at = /^#at=([0-9.]+)$/.exec(location.hash);
 if (at) {{
   viewer.animator.pause();
@@ -112,7 +145,9 @@ class Recorder:
     web_url = "in memory"  # the address that a `meshcat.Visualizer` reads; there is none
 
     def __init__(self) -> None:
+        """Start without commands and labels."""
         self.commands: list[bytes] = []  # packed, in order
+        self.labels: list[str] = []  # HTML
 
     def send(self, command: Any) -> None:
         """Record a meshcat command."""
@@ -124,6 +159,18 @@ def recording_viewer() -> Any:
     return meshcat.Visualizer(window=Recorder())
 
 
+def draw_label(viewer: Any, text: str, colour: str, point: Array) -> None:
+    """Draw a plain text beside a point, shape `(3,)` [m], in a frame of a colour of CSS.
+
+    `viewer` is the label's node, whose parent's origin is the start of the arrow to that point.
+    """
+    viewer.set_transform(tf.translation_matrix(point))
+    viewer.window.labels.append(
+        f'<div class="label" data-node="{viewer.path.lower()}" style="border-color: {colour}">'
+        f"{escape(text)}</div>"
+    )
+
+
 def html_document(viewer: Any, title: str, panel: str) -> str:
     """Return a page that contains a recorded scene, a title in plain text, and a panel of HTML."""
     commands = (f'"{base64.b64encode(each).decode()}"' for each in viewer.window.commands)
@@ -131,6 +178,7 @@ def html_document(viewer: Any, title: str, panel: str) -> str:
         policy=_POLICY,
         title=escape(title),
         style=_STYLE,
+        labels="\n".join(viewer.window.labels),
         panel=panel,
         engine=_engine(),
         commands=",\n".join(commands),

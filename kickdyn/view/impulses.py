@@ -1,16 +1,13 @@
 """The impulses of a kick as arrows, all to one scale: on the ball, and through every joint."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
-import meshcat.transformations as tf
 import numpy as np
 
 from kickdyn.core.validation import Array
 from kickdyn.impact.impact_result import Impact
-from kickdyn.view.labels import LabelLayout
+from kickdyn.view.document import draw_label
 from kickdyn.view.leg_figure import joint_poses
 from kickdyn.view.marks import ARROW, draw_arrow
 
@@ -69,17 +66,8 @@ def impulse_arrows(impact: Impact, least: float) -> list[Arrow]:
     return [ball, *joints] if ball.size > 0.0 else joints
 
 
-def draw_impulse(
-    viewer: Any, arrow: Arrow, scale: float, layout: LabelLayout, shift: Array | None = None
-) -> None:
-    """Draw an arrow, `scale` metres long per N s, and its label where there is space for it.
-
-    `viewer` is the arrow's own node, whose parent is moved by `shift`, shape `(3,)` [m].
-    """
+def draw_impulse(viewer: Any, arrow: Arrow, scale: float) -> None:
+    """Draw an arrow, `scale` metres long per N s, with its size at its tip."""
     vector = scale * arrow.impulse
     draw_arrow(viewer, arrow.start, vector, arrow.colour)
-    start = arrow.start if shift is None else arrow.start + shift
-    label = layout.add(f"{arrow.size:.3g} N s", arrow.colour, start + vector, start)
-    if label is not None:
-        viewer["label"].set_object(label)
-        viewer["label"].set_transform(tf.translation_matrix(vector))
+    draw_label(viewer["label"], f"{arrow.size:.3g} N s", f"#{arrow.colour:06x}", vector)

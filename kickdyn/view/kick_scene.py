@@ -1,7 +1,5 @@
 """One kick, drawn and moving: leg, ball, impulses, flight and ground."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import product
@@ -18,7 +16,6 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.swing import Swing
 from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
-from kickdyn.view.labels import LabelLayout
 from kickdyn.view.leg_figure import draw_leg, joint_poses
 from kickdyn.view.marks import CURVE, SHADOW, draw_ball, draw_curve, draw_disc, draw_ground
 from kickdyn.view.playback import GROWING, RATE, Pace, ball_pose, kick_pace, leg_configuration
@@ -77,9 +74,8 @@ def draw_kick(
     draw_ball(viewer["ball"], ball.radius, before.position)
     draw_disc(viewer["shadow"], 0.8 * ball.radius, SHADOW, opacity=0.35)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
-    layout = LabelLayout(camera)
     for arrow in arrows:
-        draw_impulse(viewer[arrow.node], arrow, scale, layout)
+        draw_impulse(viewer[arrow.node], arrow, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
     foot = np.array([*before.position[:2], floor])

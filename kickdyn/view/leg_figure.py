@@ -1,7 +1,5 @@
 """The figure of a leg: shapes fixed to its joints, from its URDF, or sticks between the joints."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
 
+from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
@@ -117,16 +116,21 @@ def _visuals(leg: Leg, urdf: UrdfFile) -> Iterator[Part]:
 def _shapes(geometry: Any, urdf: UrdfFile) -> Iterator[tuple[Any, Array, Rgba | None]]:
     """Yield the shapes of a geometry: each with its pose and the colour that its mesh gives it."""
     if geometry.box:
-        yield shapes.Box(geometry.box.size.tolist()), np.eye(4), None
+        yield shapes.Box(_sizes(*geometry.box.size.tolist())), np.eye(4), None
     elif geometry.sphere:
-        yield shapes.Sphere(geometry.sphere.radius), np.eye(4), None
+        yield shapes.Sphere(*_sizes(geometry.sphere.radius)), np.eye(4), None
     elif geometry.cylinder:
-        cylinder = geometry.cylinder
-        yield shapes.Cylinder(cylinder.length, cylinder.radius), UPRIGHT, None
+        sizes = _sizes(geometry.cylinder.length, geometry.cylinder.radius)
+        yield shapes.Cylinder(*sizes), UPRIGHT, None
     else:
         for mesh in read_mesh(geometry.mesh.filename, urdf.folder, geometry.mesh.scale):
             triangles = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)
             yield triangles, np.eye(4), None if mesh.rgba is None else _rgba(mesh.rgba)
+
+
+def _sizes(*sizes: float) -> list[float]:
+    """Return the sizes of a shape [m]; raise `InvalidInput`."""
+    return [validation.number("size of a visual", x, above=0, at_most=1e6, unit="m") for x in sizes]
 
 
 def _rgba(values: Array) -> Rgba:

@@ -1,10 +1,8 @@
 """What surrounds the leg: the ball, the ground, curves and arrows."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import meshcat.geometry as shapes
@@ -19,7 +17,7 @@ CURVE, ARROW, SHADOW = 0xE63946, 0x2456D6, 0x14301A
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 SIDES = 8  # of a tube that draws a curve
-ROWS = 4  # triangles along the edge of a sector of the ball's panels
+CUTS = 12  # parts of an icosahedron's edge on the ball; a multiple of 3
 
 SHAFT, NECK, HEAD = 0.028, 0.72, 0.084
 """Of an arrow, over its length: radius of the shaft, where the head begins, the head's radius."""
@@ -53,19 +51,12 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     count = math.ceil(reach / stripe)
     edges = stripe * np.arange(-count, count + 1)
     end, far = edges[-1], 100 * edges[-1]
-    # One mesh, as two faces in one plane flicker: stripes in two halves, so that they can fade to
-    # both sides, and four plain pieces around. Those reach under the faded ends, so that the sky
-    # does not show through the seam.
-    pieces = [
-        (left, right, low, high, number % 2)
-        for number, (left, right) in enumerate(pairwise(edges))
-        for low, high in ((-end, 0.0), (0.0, end))
-    ]
-    seam = 0.98 * end
-    pieces += [(-far, -seam, -far, far, 0), (seam, far, -far, far, 0)]
-    pieces += [(-seam, seam, -far, -seam, 0), (-seam, seam, seam, far, 0)]
-    left, right, low, high, dark = np.array(pieces).T
+    # One mesh, as two faces in one plane flicker; stripes are halves, so that both sides can fade.
+    sides = pairwise([-far, *edges, far]), pairwise([-far, -end, 0.0, end, far])
+    pieces = np.array([(*x, *y) for x, y in product(*sides)])
+    left, right, low, high = pieces.T
     x, y = np.stack([left, right, right, left], 1), np.stack([low, low, high, high], 1)
+    dark = np.round(left / stripe) % 2
     shade = dark[:, None] * np.clip(1 - np.hypot(x, y) / end, 0.0, 1.0)
     light, deep = (np.array([c >> 16, c >> 8 & 255, c & 255]) / 255 for c in GRASS)
     colours = light + shade[..., None] * (deep - light)
@@ -148,39 +139,25 @@ def draw_ball(viewer: Any, radius: float, position: Array) -> None:
 
 @cache
 def _panels() -> dict[str, tuple[Array, NDArray[np.int64]]]:
-    """Return vertices and faces of all panels of a kind, on the unit sphere."""
+    """Return vertices and faces of all panels of a kind, on the unit sphere.
+
+    The twenty triangles of an icosahedron are cut into small ones. Those within a third of an edge
+    from its corners are the pentagons of a football, the others its hexagons.
+    """
     golden = (1 + 5**0.5) / 2
     corners = np.array([(0, a, b) for a in (-1, 1) for b in (-golden, golden)])
     icosahedron = np.vstack([np.roll(corners, turn, axis=1) for turn in range(3)])
     triangles = ConvexHull(icosahedron).simplices
-    # Each edge of the icosahedron is cut at its thirds; those cuts are the panels' corners.
-    cut = {(a, b): (2 * icosahedron[a] + icosahedron[b]) / 3
-           for t in triangles for a in t for b in t if a != b}  # fmt: skip
-    pentagons = [np.array([cut[pair] for pair in cut if pair[0] == a]) for a in range(12)]
-    hexagons = [np.array([cut[a, b] for a in t for b in t if a != b]) for t in triangles]
-    return {"pentagons": _on_sphere(pentagons), "hexagons": _on_sphere(hexagons)}
-
-
-def _on_sphere(polygons: list[Array]) -> tuple[Array, NDArray[np.int64]]:
-    """Return polygons as triangles, moved outwards to the unit sphere: vertices and faces."""
-    sectors = []
-    for polygon in polygons:
-        centre = polygon.mean(axis=0)
-        u = polygon[0] - centre
-        angle = np.arctan2(
-            (polygon - centre) @ np.cross(centre, u) / np.linalg.norm(centre),
-            (polygon - centre) @ u,
-        )
-        ring = polygon[np.argsort(angle)]
-        sectors += [(centre, p, q) for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
-    steps = [(i, j) for i in range(ROWS + 1) for j in range(ROWS + 1 - i)]
-    index = {step: k for k, step in enumerate(steps)}
-    faces = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in steps if i + j < ROWS]
-    faces += [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1])
-              for i, j in steps if i + j < ROWS - 1]  # fmt: skip
-    weights = np.array([(ROWS - i - j, i, j) for i, j in steps]) / ROWS
-    points = np.concatenate([weights @ np.array(sector) for sector in sectors])
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    offsets = len(steps) * np.arange(len(sectors))
-    indices = np.array(faces, dtype=np.int64) + offsets[:, None, None]
-    return points, indices.reshape(-1, 3)
+    weights = np.array([w for w in product(range(CUTS + 1), repeat=3) if sum(w) == CUTS])
+    index = {tuple(weight): number for number, weight in enumerate(weights.tolist())}
+    faces = np.array([
+        [index[tuple(corner)] for corner in np.add(start, steps).tolist()]
+        for steps in (np.eye(3, dtype=int), 1 - np.eye(3, dtype=int))
+        for start in product(range(CUTS), repeat=3) if sum(start) + steps[0].sum() == CUTS
+    ])  # fmt: skip
+    vertices = np.concatenate([weights @ icosahedron[triangle] for triangle in triangles])
+    vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    black = (weights[faces].min(axis=1) >= 2 * CUTS / 3).any(axis=1)
+    starts = len(weights) * np.arange(len(triangles))[:, None, None]
+    kinds = {"pentagons": faces[black], "hexagons": faces[~black]}
+    return {kind: (vertices, (starts + each).reshape(-1, 3)) for kind, each in kinds.items()}

@@ -5,12 +5,11 @@ a page that is passed on. So it is read once, from memory, without access to fur
 COLLADA or OBJ file can stand for a large scene; its size is bounded before the scene is built.
 """
 
-from __future__ import annotations
-
 import io
 import logging
 import re
 import stat
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -24,6 +23,7 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.urdf_file import parse_xml
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it ignores
 
@@ -35,6 +35,9 @@ MAX_BYTES = 50_000_000
 
 MAX_VERTICES = 3_000_000
 MAX_PARTS = 1000  # surfaces with a material or a position of their own
+
+INSTANCES, SURFACES = ("instance_node", "instance_geometry"), ("triangles", "polylist", "polygons")
+"""Tags of COLLADA: copies of other elements, and what has triangles."""
 
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -122,36 +125,32 @@ def _colour(part: object) -> Array | None:
     return np.asarray(source.main_color, dtype=float) / 255.0
 
 
-class _NoDoctype(ElementTree.TreeBuilder):
-    """Builds an XML tree, and refuses a DOCTYPE, whose entities could expand without end."""
-
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        raise ValueError("it has a DOCTYPE: entities are not expanded, remove it")
-
-
 def _parse_collada(content: bytes) -> ElementTree.Element:
     """Return the tree of a COLLADA file whose scene, with all its copies, can be built in seconds.
 
     A node may stand for another one several times, which multiplies from level to level.
     """
-    root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoDoctype()))
-    named = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
+    root = parse_xml(content.decode(errors="replace"))
+    named = defaultdict[str, list[ElementTree.Element]](list)
+    for element in root.iter():
+        named[f"#{element.get('id')}"].append(element)
 
     @cache
     def size(element: ElementTree.Element) -> tuple[int, int]:
-        """Return characters of text and number of surfaces, those of instances included."""
-        children = list(element)
-        is_instance = element.tag.rpartition("}")[2] in ("instance_node", "instance_geometry")
-        if is_instance and element.get("url") in named:
-            children.append(named[element.get("url", "")])
-        sizes = [size(child) for child in children]
+        """Return characters of text and number of parts, those of instances included."""
+        tag = element.tag.rpartition("}")[2]
+        copied = named.get(element.get("url", ""), []) if tag in INSTANCES else []
+        sizes = [size(child) for child in (*element, *copied)]
         text = len(element.text or "") + sum(characters for characters, _ in sizes)
-        return text, is_instance + sum(count for _, count in sizes)
+        return text, (tag in INSTANCES + SURFACES) + sum(count for _, count in sizes)
 
     text, count = size(root)
     if text > MAX_BYTES:
         raise ValueError(f"its scene has {text} characters: at most {MAX_BYTES} are read")
     _check_parts(count)
+    corners = sum(sum(map(int, (e.text or "").split())) for e in root.iterfind(".//{*}vcount"))
+    if corners > MAX_VERTICES:  # a few digits, for each of which memory would be taken
+        raise ValueError(f"its polygons have {corners} corners: at most {MAX_VERTICES} are read")
     return root
 
 

@@ -1,10 +1,12 @@
 """`page`: a kick, or several flights or impacts, as a 3-D page that opens in any browser."""
 
-from __future__ import annotations
-
 import math
+import sys
+import threading
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from html import escape
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -30,10 +32,12 @@ from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
 from kickdyn.view.document import html_document, recording_viewer
 from kickdyn.view.kick_scene import draw_kick
-from kickdyn.view.page_server import PageServer
 from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes
+
+ADDRESS = "127.0.0.1"
+"""Where `Page.serve` listens: on this machine alone."""
 
 _Path = Flight | Course
 _Comparable = Impact | Flight | Course | Launch | Pass
@@ -82,7 +86,7 @@ class Page:
         with replacing(file) as draft:
             draft.write_text(self.html, encoding="utf-8")
 
-    def serve(self, port: int = 0) -> PageServer:
+    def serve(self, port: int = 0) -> "PageServer":
         """Serve the page to browsers on this machine.
 
         Args:
@@ -108,6 +112,75 @@ class Page:
         )
 
 
+class PageServer(ThreadingHTTPServer):
+    """A server in a thread of this process, for this machine alone.
+
+    Raises:
+        InvalidInput: there is no such port, or it is not free.
+    """
+
+    def __init__(self, html: str, port: int = 0) -> None:
+        if not 0 <= port <= 65535:
+            raise InvalidInput(f"port is {port}: it must be 0 to 65535")
+        try:
+            super().__init__((ADDRESS, port), partial(_Handler, html.encode()))
+        except OSError as error:
+            raise InvalidInput(f"port {port} cannot be served ({error})") from None
+        self._thread = threading.Thread(
+            target=self.serve_forever, name="kickdyn page server", daemon=True
+        )
+        self._thread.start()
+
+    @property
+    def url(self) -> str:
+        """The address of the page."""
+        return f"http://{ADDRESS}:{self.server_port}/"
+
+    def stop(self) -> None:
+        """Stop to serve; a second time does nothing."""
+        if self._thread.is_alive():
+            self.shutdown()
+            self._thread.join()
+            self.server_close()
+
+    def __exit__(self, *error: object) -> None:
+        """Stop to serve at the end of a `with` block."""
+        self.stop()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error, unless a browser left before its answer was complete."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers `GET /` with a page, and everything else with 404."""
+
+    timeout = 10.0
+
+    def __init__(self, page: bytes, *args: Any) -> None:
+        self._page = page
+        super().__init__(*args)
+
+    def do_GET(self) -> None:
+        """Answer a request."""
+        host = self.headers.get("Host", "").partition(":")[0]
+        # Under another name of this machine a foreign page could read the scene.
+        if self.path != "/" or host not in (ADDRESS, "localhost"):
+            self.send_error(404)
+            return
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(self._page)))
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        self.wfile.write(self._page)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Stay silent, as a library does."""
+
+
+@validation.check_arguments
 def page(
     subject: _MovingSubject | _Comparable | Iterable[_Comparable] | Mapping[str, _Comparable],
     path: _Path | None = None,
@@ -135,6 +208,8 @@ def page(
             visual of its URDF cannot be read or names a mesh that is missing or lies outside the
             URDF's folder; or a swing does not reach its impact.
     """
+    for box in scenery:
+        validation.check_type(Box, scenery=box)
     if path is not None and not isinstance(subject, Impact):
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
@@ -203,7 +278,7 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
             "the impact of this Simulation takes time, or it has no path: show its Scene instead"
         )
     caption = caption or scene.name
-    if simulation.left_out:
+    if simulation.neglected:
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
         caption += f", its contact shown as an instant: it ends {error}"

@@ -1,7 +1,5 @@
 """What moves during a kick, and when the animation shows it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -18,8 +16,8 @@ from kickdyn.view.marks import pose_of
 RATE = 60
 """Pictures per second; what spins faster than half a turn in one cannot be shown anyway."""
 
-FOLLOW, CHANGE, FLY = 0.4, 0.6, 1.8
-"""How long each phase is shown: after the impact, change of pace, flight [s]."""
+FOLLOW, FLY = 0.7, 2.1
+"""How long the first part after the impact, in the strike's pace, and the flight are shown [s]."""
 
 GROWING = 8  # pictures from the impact to arrows of full length
 
@@ -64,21 +62,15 @@ def kick_pace(impact: Impact, duration: float, backswing: float | None = None) -
     """
     fastest = float(max(np.abs(impact.v_before).max(), np.abs(impact.v_after).max()))
     swing = TRAVEL / fastest if fastest > 0 else math.inf
-    alike = duration / (FOLLOW + CHANGE + FLY) if duration > 0 else math.inf
+    alike = duration / (FOLLOW + FLY) if duration > 0 else math.inf
     before = 1.2 if backswing is None else 3.0  # shown before the impact [s]
     strike = min(swing / before, alike) if backswing is None else backswing / before
     if not math.isfinite(strike):
         strike = 1.0
-    after = max(duration, strike * (FOLLOW + CHANGE + FLY))
-    flight = (after - strike * (FOLLOW + CHANGE / 2)) / (CHANGE / 2 + FLY)
-    moments = np.arange(round((before + FOLLOW + CHANGE + FLY) * RATE) + 1) / RATE - before
-    changing = np.clip(moments - FOLLOW, 0.0, CHANGE)
-    times = (
-        strike * np.minimum(moments, FOLLOW)
-        + strike * changing
-        + (flight - strike) * changing**2 / (2 * CHANGE)
-        + flight * np.maximum(moments - FOLLOW - CHANGE, 0.0)
-    )
+    after = max(duration, strike * (FOLLOW + FLY))
+    flight = (after - strike * FOLLOW) / FLY
+    moments = np.arange(round((before + FOLLOW + FLY) * RATE) + 1) / RATE - before
+    times = strike * moments + (flight - strike) * np.maximum(moments - FOLLOW, 0.0)
     end = len(times) - 1 + round(0.8 * RATE)
     return Pace(times, round(before * RATE), 1 / strike, 1 / flight, end)
 

@@ -1,7 +1,5 @@
 """A page as a picture: a screenshot by Chromium without a window."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The picture of a swing: what every joint does, from rest through the impact to rest."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """Obstacles and targets of a kick: a wall of players, a goal, a scene's plane."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import product

@@ -1,4 +1,4 @@
-"""What an effect is worth, against strikes and flights made by hand."""
+"""Sizes of effects, against strikes and flights made by hand."""
 
 import inspect
 import json
@@ -18,7 +18,7 @@ from kickdyn.cli.tradeoff_command import tradeoff
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 
 
-def worths(scene):
+def sizes(scene):
     return measure_effects(kd.simulate(scene, None))
 
 
@@ -28,7 +28,7 @@ def scene():
 
 
 def test_drag_and_friction(scene):
-    rows = {row.effect: row for row in worths(scene)}
+    rows = {row.effect: row for row in sizes(scene)}
     assert set(rows) == {"friction", "ball rotation", "drag", "drag crisis", "lift"}
     hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
     full = kd.fly(hit.ball_after, scene.ball, scene.air, scene.ground).landing.position
@@ -42,15 +42,15 @@ def test_drag_and_friction(scene):
 
 
 def test_the_largest_comes_first(scene):
-    ends = [row.end for row in worths(scene)]
+    ends = [row.end for row in sizes(scene)]
     assert ends == sorted(ends, reverse=True)
     assert ends[0] > 1
 
 
 def test_a_contact_that_takes_time_and_a_stance():
-    rows = {row.effect: row for row in worths(kd.load_scene(SCENES / "volley.toml"))}
+    rows = {row.effect: row for row in sizes(kd.load_scene(SCENES / "volley.toml"))}
     assert rows["compliance"].impulse > 0.1
-    robot = {row.effect: row for row in worths(kd.load_scene(SCENES / "robocup_carpet.toml"))}
+    robot = {row.effect: row for row in sizes(kd.load_scene(SCENES / "robocup_carpet.toml"))}
     assert {"stance", "armature"} <= set(robot)
     assert robot["armature"].end > robot["stance"].end > 0
 
@@ -60,15 +60,15 @@ def test_what_has_no_answer_says_so(scene):
     floats = kd.Ball(0.003, 0.1)  # lighter than air: drag is all that ends its flight
     plane = kd.Plane((30, 0, 0), (-1, 0, 0))
     parts = (scene.leg, scene.q, scene.v, floats, kd.Contact((1, 0, 0), 0.8))
-    rows = worths(kd.Scene(*parts, air=air, plane=plane))
+    rows = sizes(kd.Scene(*parts, air=air, plane=plane))
     assert {row.effect for row in rows} >= {"drag", "buoyancy"}
     for row in rows:
         assert np.isnan(row.end) == bool(row.why_not)
 
 
-def test_what_does_not_end_has_no_worth(scene):
+def test_an_effect_has_no_size_where_the_ball_does_not_end(scene):
     parts = (scene.leg, scene.q, scene.v, scene.ball, scene.contact)
-    rows = worths(kd.Scene(*parts, ground=kd.Ground(-1e7)))
+    rows = sizes(kd.Scene(*parts, ground=kd.Ground(-1e7)))
     assert {row.effect for row in rows} == {"friction", "ball rotation"}
     assert all(np.isnan(row.end) and row.why_not == "no end: aloft" for row in rows)
     assert all(row.impulse > 0 for row in rows)
@@ -82,20 +82,19 @@ def test_a_name_is_no_markup(tmp_path):
     assert ended.stdout.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")
 
 
-def test_the_door(tmp_path):
-    door = [sys.executable, "-m", "kickdyn", "tradeoff", "--scene"]
+def test_the_command_writes_json_only_where_asked():
     path = str(SCENES / "paper_kick.toml")
-    ended = subprocess.run([*door, path], capture_output=True, text=True)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert "the paper's kick: 6.485 N s" in ended.stdout
-    assert "drag crisis" in ended.stdout
-    ended = subprocess.run([*door, path, "--json", "-"], capture_output=True, text=True)
+    ended = CliRunner().invoke(tradeoff, ["--scene", path, "--json", "-"])
     document = json.loads(ended.stdout)
     assert document["units"] == {"end": "m", "impulse": "N s"}
     assert {"effect", "end", "impulse", "why_not"} == set(document["effects"][0])
+
+
+def test_the_command_names_every_fault_of_a_scene(tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text("[leg]\nmodle = 'human'\n")
-    ended = subprocess.run([*door, str(bad)], capture_output=True, text=True)
+    command = [sys.executable, "-m", "kickdyn", "tradeoff", "--scene", str(bad)]
+    ended = subprocess.run(command, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (2, "")
     assert "did you mean model?" in ended.stderr
     lines = ended.stderr.splitlines()
@@ -103,11 +102,11 @@ def test_the_door(tmp_path):
     assert all(line.split(": ", 1)[1].startswith(f"{bad}: ") for line in lines)
 
 
-def test_the_line_in_the_picture_is_what_is_asked_for_unless_told():
+def test_the_line_in_the_picture_is_the_default_tolerance():
     assert inspect.signature(kd.simulate).parameters["tolerance"].default == TOLERANCE
 
 
-def test_the_door_draws_and_writes(tmp_path):
+def test_the_command_draws_and_writes(tmp_path):
     path, plot, rows = str(SCENES / "paper_kick.toml"), tmp_path / "x.svg", tmp_path / "x.json"
     named = ["--scene", path, "--plot", str(plot), "--json", str(rows)]
     ended = CliRunner().invoke(tradeoff, named)
@@ -133,7 +132,7 @@ def test_what_makes_no_sense_beside_a_scene_is_refused(tmp_path, monkeypatch, mo
     assert list(tmp_path.iterdir()) == []
 
 
-def test_bars_of_what_effects_are_worth_beside_the_tolerance():
+def test_bars_of_effect_sizes_beside_the_tolerance():
     rows = [
         EffectSize("buoyancy", math.nan, math.nan, "flies off"),
         EffectSize("drag", 12.3, 0.0),

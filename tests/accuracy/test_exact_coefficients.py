@@ -2,8 +2,7 @@
 
 import pytest
 from extremes.exact_coefficients import FORMULAS, MODELS, Constants
-
-from kickdyn.accuracy.references.exact_leg import mp
+from references.exact_leg import mp
 
 
 def test_every_shipped_model_has_a_formula():

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from references.exact_impact import exact_impact, given
 
 from kickdyn.accuracy import impact_methods as impact
 from kickdyn.accuracy import measurement
-from kickdyn.accuracy.references.exact_impact import exact_impact, given
 
 
 @pytest.fixture(scope="module")
@@ -53,16 +53,15 @@ def test_mujoco_approaches_the_instant(rows, kick):
     assert stiff < soft / 4
 
 
-def test_the_front_is_what_nothing_of_the_same_kick_beats(rows):
-    for row in rows:
-        same = [other for other in rows if other.scene == row.scene]
-        beaten = any(o.seconds < row.seconds and o.error < row.error for o in same)
-        assert row.pareto is not beaten
-
-
 def test_the_kick_with_friction_sticks_and_turns_the_impulse():
     with_friction, without = impact.kick(0.4), impact.kick(0.0)
     assert with_friction.sticking
     gap = np.linalg.norm(with_friction.impulse - without.impulse)
     assert gap > 0.1 * np.linalg.norm(without.impulse)
-    assert exact_impact(*given(without))["impulse"].error(without.impulse) < 1e-15
+
+
+@pytest.mark.parametrize("kick", impact.KICKS)
+def test_the_reference_is_the_impulse_with_50_digits(kick):
+    friction, stored = impact.KICKS[kick]
+    exact = exact_impact(*given(impact.kick(friction)))["impulse"]
+    assert stored == tuple(float(part) for part in exact.exact)

@@ -191,3 +191,13 @@ def test_goff_carre_takes_its_published_values():
         level = 0.155 + 0.346 / (1 + math.exp((v - 12.19) / 1.309))
         assert model(v * REYNOLDS_PER_SPEED) == pytest.approx(level, rel=1e-12)
     assert model(25 * REYNOLDS_PER_SPEED, 0.2) == pytest.approx(0.2524, abs=5e-5)
+
+
+def test_goff_carre_joins_its_formulas_between_spin_parameters_of_4_and_6_per_cent():
+    fast = 30 * REYNOLDS_PER_SPEED
+    level = 0.155 + 0.346 / (1 + math.exp((30 - 12.19) / 1.309))
+    assert MODELS["goff-carre"](fast, 0.04) == pytest.approx(level, rel=1e-12)
+    assert MODELS["goff-carre"](fast, 0.06) == pytest.approx(0.4127 * 0.06**0.3056, rel=1e-12)
+    between = MODELS["goff-carre"](fast, 0.0400 * 1.5**0.5)  # half way in the logarithm
+    mean = 0.5 * (level + 0.4127 * (0.0400 * 1.5**0.5) ** 0.3056)
+    assert between == pytest.approx(mean, rel=1e-12)

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.shell_completion import BashComplete
 from click.testing import CliRunner
 
 from kickdyn.cli import commands
@@ -68,10 +69,11 @@ def test_every_command_is_on_the_page(name):
     assert f"`kickdyn {name}`" in PAGE
 
 
-def test_completion_knows_commands_and_options():
+def test_completion_knows_commands_and_options(monkeypatch):
     def completed(words, at):
-        asked = {"_KICKDYN_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(at)}
-        return script(**asked).stdout
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", str(at))
+        return BashComplete(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").complete()
 
     assert completed("kickdyn pos", 1).split() == ["plain,posture-sweep"]
     assert "--restitution" in completed("kickdyn plan --rest", 2)
@@ -116,6 +118,17 @@ def test_another_shell_is_refused():
     assert "'bash', 'zsh', 'fish'" in ended.stderr
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [("simulat", "Did you mean 'simulate'?"), ("posture_sweep", "'posture-sweep'?"), ("x", "'x'.")],
+)
+def test_an_unknown_command_is_refused_with_a_suggestion(word, said):
+    ended = CliRunner().invoke(kickdyn_command, [word])
+    assert ended.exit_code == 2
+    assert f"No such command '{word}'" in ended.output
+    assert ended.output.splitlines()[-1].endswith(said)
+
+
 def test_no_colour_in_a_pipe():
     ended = script("paper", "--only", "table 2", FORCE_COLOR="", NO_COLOR="1")
     assert ended.returncode == 0
@@ -127,12 +140,12 @@ def keys(value, name=""):
     if isinstance(value, dict):
         named = {
             **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
-            "left_out": "EFFECT",
+            "neglected": "EFFECT",
         }.get(name.split(".")[-1])
         parts = [(named or key, part) for key, part in value.items()]
         return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}
-    if isinstance(value, list) and value:
-        return {k for part in value for k in keys(part, f"{name}[]")}
+    if isinstance(value, list):
+        return {k for part in value or [None] for k in keys(part, f"{name}[]")}
     return {name}
 
 

@@ -18,6 +18,8 @@ def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
     assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
     with pytest.raises(kd.InvalidInput, match=r"'hunam' is neither human, testbed, g1, .* nor a f"):
         load_leg("hunam")
+    with pytest.raises(kd.InvalidInput, match="nor a file"):
+        load_leg("x" * 5000)
 
 
 def test_a_file_without_our_frame_is_told_the_option(tmp_path):

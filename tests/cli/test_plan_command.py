@@ -1,10 +1,12 @@
 """The planner's door, as a user opens it."""
 
 import json
+import math
 import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -76,8 +78,10 @@ def test_a_free_kick_over_a_wall_into_the_corner(tmp_path):
     assert report["goal"]["over"] == [9.15, 2.0]
     assert report["wall"]["above"] == pytest.approx(0.1, abs=1e-6)
     assert report["wall"]["beside"] < 0
-    post, bar = report["goal_mouth"]["post"], report["goal_mouth"]["bar"]
+    post, bar = 7.32 / 2 - 3.4 - kd.Ball().radius, 2.44 - 2.1 - 2 * kd.Ball().radius
     assert f"in, {post:.3g} m from the post and {bar:.3g} m under" in ended.stdout
+    assert report["goal_mouth"]["post"] == pytest.approx(post, abs=1e-6)
+    assert report["goal_mouth"]["bar"] == pytest.approx(bar, abs=1e-6)
     assert report["goal_mouth"]["end"] == "in"
 
 
@@ -153,6 +157,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--time", "1"], "Missing option '--distance'"),
         (["--distance", "30"], "nothing is named beside the target"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
+        (["--distance", "20", "--time", "1e-300"], "time is 1e-300: it must be"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),
         (
             ["--distance", "30", "--apex", "1", "--height", "3"],
@@ -250,3 +255,30 @@ def test_it_fits_the_screen(monkeypatch):
     narrow = CliRunner().invoke(plan, ["--distance", "100", "--time", "3", "--no-limits"]).stdout
     assert max(map(len, narrow.splitlines())) <= 80 < max(map(len, wide.splitlines()))
     assert narrow.split() == wide.split()
+
+
+def test_the_ball_of_a_plan():
+    options = ["--distance", "10", "--time", "1", "--json", "-", "--ball"]
+    impulses = {}
+    for ball in ("paper", "size-5"):
+        ended = CliRunner().invoke(plan, [*options, ball])
+        assert ended.exit_code == 0, ended.output
+        impulses[ball] = json.loads(ended.stdout)["impact"]["impulse"]
+    assert impulses["paper"] != impulses["size-5"]
+    refused = CliRunner().invoke(plan, [*options, "obstacle"])
+    assert "needs a finite mass" in str(refused.exception)
+
+
+def test_arc_wind_and_offset_are_those_of_the_plan(tmp_path):
+    file = tmp_path / "kick.json"
+    options = ["--arc", "high", "--wind", "2,-1,0", "--offset", "0.02,0,0.01"]
+    where = ["--distance", "10", "--launch-speed", "14", "--ball-height", "-0.7"]
+    assert CliRunner().invoke(plan, [*where, *options, "--json", str(file)]).exit_code == 0
+    report, goal = json.loads(file.read_text()), kd.Goal(10, speed=14)
+    launch = kd.plan_launch(goal, kd.Ball(), kd.Air(wind=(2, -1, 0)), arc="high")
+    assert report["launch"]["velocity"] == pytest.approx(launch.velocity.tolist(), abs=1e-6)
+    angles = {name: math.radians(value) for name, value in report["leg"]["q_deg"].items()}
+    leg = kd.Leg.human()
+    foot = leg.posture(leg.configuration(angles)).with_contact_offset((0.02, 0, 0.01))
+    centre = foot.contact_point + kd.Ball().radius * np.array(report["impact"]["normal"])
+    assert centre[2] == pytest.approx(-0.7, abs=1e-4)

@@ -1,5 +1,6 @@
 """The main door, as a user opens it."""
 
+import io
 import json
 import os
 import re
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +17,29 @@ import pytest
 import xarray as xr
 
 import kickdyn
+from kickdyn.air import AIRS
+from kickdyn.cli.command import run
+from kickdyn.cli.named_legs import load_leg
+from kickdyn.cli.posture_sweep_command import posture_sweep
+from kickdyn.sweeps.sweep_kick import kick_from
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
 
 
-def door(*arguments, cwd=None):
+def door(*arguments, cwd="."):
+    """Run the command in this process, as `python -m kickdyn.posture_sweep` does."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, "argv", ["posture-sweep", *arguments])
+        patch.chdir(cwd)
+        with pytest.raises(SystemExit) as ended:
+            run(posture_sweep)
+    code = ended.value.code
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def started(*arguments, cwd):
+    """Run the command in a process of its own."""
     noise = "ignore:zmq.eventloop.ioloop is deprecated"  # meshcat's
     strict = [sys.executable, "-W", "error", "-W", noise]
     command = [*strict, "-m", "kickdyn.posture_sweep", *arguments]
@@ -33,7 +53,7 @@ def interruptible():
 
 def test_table_and_files(tmp_path):
     files = ["--out", "sweep.nc", "--plot", "sweep.png", "--json", "sweep.json"]
-    ended = door(*SMALL, *files, cwd=tmp_path)
+    ended = started(*SMALL, *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
     for words in ("paper a", "1.557", "1.554", "best (hip ", "worst (hip ", "3 postures: 3 ok."):
         assert words in ended.stdout
@@ -57,11 +77,31 @@ def test_a_zarr_store_says_what_a_file_says(tmp_path):
     assert again.stdout == stored.stdout
     for arguments, words in (
         (("--out", "s.zarr"), "s.zarr exists: --resume goes on with it"),
-        (("--out", "t.nc", "--resume"), "--resume, --workers and --cluster are for a Zarr store"),
+        (("--out", "t.nc", "--resume"), "--resume and --workers are for a Zarr store"),
     ):
         ended = door(*SMALL, *speed, *arguments, cwd=tmp_path)
         assert ended.returncode == 2
         assert words in ended.stderr
+
+
+def test_every_option_of_the_kick_counts():
+    options = ("--speed", "3", "--attack", "10", "--restitution", "0.5", "--friction", "0.05")
+    ended = door(*SMALL, *options, "--air", "paper", "--frame", "foot", "--json", "-")
+    report = json.loads(ended.stdout)
+    leg, air = load_leg("human", "foot"), AIRS["paper"]
+    kick = kickdyn.Kick(speed=3.0, attack=np.radians(10), restitution=0.5, friction=0.05, air=air)
+    for line in report["lines"]:
+        q = leg.configuration({k: np.radians(v) for k, v in line["angles"].items()})
+        outcome = kick_from(leg.posture(q), kick)
+        assert line["impulse_vector"] == pytest.approx(outcome.impact.impulse.tolist(), rel=1e-12)
+        assert line["carry"] == pytest.approx(outcome.carry, rel=1e-9)
+
+
+def test_the_tolerance_of_carries_counts(tmp_path):
+    grid = ("--joint", "hip=0:40:2", "--joint", "knee=0:60:2", "--joint", "ankle=0:20:4")
+    door(*grid, "--tolerance", "1e-3", "--out", "s.nc", cwd=tmp_path)
+    with xr.open_dataset(tmp_path / "s.nc") as data:
+        assert data.attrs["carry_tolerance_m"] == 1e-3
 
 
 def test_conditions_choose_best_and_worst(tmp_path):
@@ -79,10 +119,19 @@ def test_conditions_choose_best_and_worst(tmp_path):
         assert best["posture"] == "best"
         assert best["angles"]["hip"] in (0, 20)
     assert told[0]["lines"][-2]["ball_speed"] == pytest.approx(told[1]["lines"][-2]["ball_speed"])
-    ended = door(*SMALL, "--where", "hip > 90")
+
+
+def test_a_condition_that_nothing_fulfils_is_a_line_and_an_empty_table(tmp_path):
+    files = ("--out", "s.nc", "--json", "j.json", "--plot", "p.png", "--view", "v.html")
+    ended = door("--leg", "testbed", *SMALL, "--where", "hip > 90", *files, cwd=tmp_path)
     assert ended.returncode == 0
-    assert "of the 0 that are ok where hip > 90." in ended.stdout
-    assert "best (" not in ended.stdout
+    assert ended.stderr == "no posture is ok where hip > 90: there is nothing to view\n"
+    assert "3 postures: 3 ok.\nNo posture is ok where hip > 90.\n" in ended.stdout
+    assert "best" not in ended.stdout
+    assert re.search(r"hip, deg *\n", ended.stdout)
+    report = json.loads((tmp_path / "j.json").read_text())
+    assert (report["lines"], report["chosen"], report["status"]["ok"]) == ([], 0, 3)
+    assert {f.name for f in tmp_path.iterdir()} == {"s.nc", "j.json", "p.png"}
 
 
 def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
@@ -90,31 +139,30 @@ def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
     asked = ("--where", "knee < 20", "--json", "j.json", "--plot", "p.png", "--view", "v.html")
     ended = door(*large, *asked, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert "No posture is kept" in ended.stdout
     report = json.loads((tmp_path / "j.json").read_text())
     assert report["postures"] == 101 * 101 * 101
-    kept = report["kept"]
-    assert set(kept) == {"best", "front", "marginals", "sample"}
-    assert max(kept["best"]["knee"] + kept["sample"]["knee"] + kept["front"]["knee"]) < 20
+    assert max(report["best"]["angles"]["knee"] + report["front"]["angles"]["knee"]) < 20
     best = report["lines"][-2]
-    assert best["angles"]["hip"] == pytest.approx(kept["best"]["hip"][0])
-    assert best["ball_speed"] == pytest.approx(kept["best"]["ball_speed"][0], rel=1e-12)
+    assert best["angles"]["hip"] == pytest.approx(report["best"]["angles"]["hip"][0])
+    assert best["ball_speed"] == pytest.approx(report["best"]["ball_speed"][0], rel=1e-12)
     assert {f.name for f in tmp_path.iterdir()} == {"j.json", "p.png", "v.html"}
     ended = door(*large, "--out", "s.nc", cwd=tmp_path)
     assert ended.returncode == 2
     assert "name a store, --out DIR.zarr" in ended.stderr
 
 
-def test_ctrl_c_says_how_to_go_on(tmp_path):
-    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.1", "--joint", "ankle=0:20:0.1"]
-    large += ["--tolerance", "0"]  # some minutes, were it not stopped
-    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, "--out", "my s.zarr"]
+@pytest.mark.parametrize("by", [(), ("--workers", "2")], ids=["threads", "workers"])
+def test_ctrl_c_says_how_to_go_on(tmp_path, by):
+    """A terminal sends it to all processes of the command."""
+    large = ["--joint", "hip=0:40:0.1", "--joint", "knee=10:60:0.05", "--joint", "ankle=0:20:0.05"]
+    command = [sys.executable, "-m", "kickdyn.posture_sweep", *large, *by, "--out", "my s.zarr"]
     colours = {**os.environ, "FORCE_COLOR": "1"}
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=colours,
-                          stdout=subprocess.PIPE, preexec_fn=interruptible) as stopped:  # fmt: skip
+                          stdout=subprocess.PIPE, preexec_fn=interruptible,
+                          start_new_session=True) as stopped:  # fmt: skip
         while not list(tmp_path.glob("*/status/c/*")) and stopped.poll() is None:
             time.sleep(0.05)
-        stopped.send_signal(signal.SIGINT)
+        os.killpg(stopped.pid, signal.SIGINT)
         out, said = stopped.communicate()
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1
@@ -151,7 +199,7 @@ def test_any_urdf(tmp_path):
         (["--friction", "-0.1"], "friction is -0.1"),
         (["--joint", "hip=5"], "joint 'hip' is given twice"),
         (["--where", "kne<30"], "names 'kne', which is unknown: there are hip [deg], knee [deg]"),
-        (["--where", "knee=30"], "'knee=30' cannot be read: it consists of names, numbers"),
+        (["--where", "knee=30"], "'knee=30' cannot be read: it consists of comparisons"),
         (["--where", "knee"], "is a number: compare it"),
         (["--out", "file.zarr"], "file.zarr exists: --resume goes on with it"),
         (["--out", "file.zarr", "--resume"], "file.zarr cannot be read as a sweep"),
@@ -167,7 +215,7 @@ def test_any_urdf(tmp_path):
         (["--view", "no/where.html"], "no/where.html cannot be written"),
         (["--json", "."], "is a folder"),
         (["--nose"], "No such option"),
-        (["--workers", "2"], "--resume, --workers and --cluster are for a Zarr store"),
+        (["--workers", "2"], "--resume and --workers are for a Zarr store"),
         (["--tolerance", "-1"], "tolerance is -1"),
         (["--threads", "2", "--workers", "2", "--out", "x.zarr"], "exclude each other"),
     ],
@@ -241,9 +289,8 @@ def test_what_the_leg_cannot_do_is_said(tmp_path):
     assert "too-fast" in ended.stdout
     assert "3 too-fast" in ended.stdout
     ended = door(*SMALL, "--speed", "60", "--view", "x.html", "--out", "x.nc", cwd=tmp_path)
-    assert ended.returncode == 2
-    assert "there is nothing to view" in ended.stderr
-    assert list(tmp_path.iterdir()) == []
+    assert (ended.returncode, ended.stderr) == (0, "no posture is ok: there is nothing to view\n")
+    assert [file.name for file in tmp_path.iterdir()] == ["x.nc"]
 
 
 def test_a_missing_mesh_stops_before_anything_is_written(tmp_path):
@@ -315,3 +362,31 @@ def test_a_robot_is_swept_by_name():
     ended = door(*sweep, "--frame", "nose")
     assert ended.returncode == 2
     assert "frame 'nose' is unknown: g1 has" in ended.stderr
+
+
+def test_ball_and_law():
+    ended = door(*SMALL, "--ball", "0.3:0.09", "--law", "stronge", "--json", "-")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    found = json.loads(ended.stdout)
+    assert found["impact_law"] == "stronge"
+    assert (found["ball_mass_kg"], found["ball_radius_m"]) == (0.3, 0.09)
+    assert "law stronge, e 0.8, mu 0.4, ball 0.45 kg, radius 0.1 m" in " ".join(
+        door(*SMALL, "--ball", "paper", "--law", "stronge").stdout.split()
+    )
+
+
+@pytest.mark.parametrize(
+    ("ball", "words"),
+    [
+        ("obstacle", "ball mass is inf, an obstacle that cannot move: a sweep needs a finite mass"),
+        ("tennis", "ball is 'tennis': it must be size-5, paper or MASS:RADIUS"),
+        ("1:2:3", "ball is '1:2:3': it must be"),
+        ("0:1", "ball mass is 0.0"),
+        ("nan:1", "ball mass is nan"),
+    ],
+)
+def test_what_is_no_ball_for_a_sweep(ball, words):
+    ended = door(*SMALL, "--ball", ball)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(f"posture-sweep: {words}")
+    assert ended.stderr.count("\n") == 1

@@ -26,7 +26,7 @@ def test_a_page_and_numbers(tmp_path):
     scene = kd.load_scene(SCENES / "free_kick.toml")
     whole = kd.simulate(scene, None)
     apart = np.linalg.norm(np.subtract(numbers["end"], whole.end.position))
-    assert numbers["left_out"] == {"compliance": pytest.approx(apart, rel=1e-3)}
+    assert numbers["neglected"] == {"compliance": pytest.approx(apart, rel=1e-3)}
     assert apart <= numbers["error"] <= 1.001 * apart
     assert f"error {apart:.2g} m, all modelled but compliance;" in ended.output
     told = f"free kick with spin, its contact shown as an instant: it ends {apart:.2g} m off"
@@ -45,8 +45,19 @@ def test_a_scene_without_time_for_its_contact_has_all_modelled(tmp_path):
     ended = run(SCENES / "paper_kick.toml", "--json", said)
     assert "m, all modelled;" in ended.output
     numbers = json.loads(said.read_text())
-    assert numbers["left_out"] == {}
+    assert numbers["neglected"] == {}
     assert numbers["error"] < 1e-6
+
+
+def test_a_bound_that_is_not_known_is_null(tmp_path):
+    """The contact's deflection in a tenth of a second is beyond the ball's radius."""
+    text = (SCENES / "paper_kick.toml").read_text("utf-8")
+    slow = text.replace("restitution = 0.8", "restitution = 0.8\ncontact_time_s = 0.1", 1)
+    (tmp_path / "slow.toml").write_text(slow)
+    assert run(tmp_path / "slow.toml", "--json", tmp_path / "slow.json").exit_code == 0
+    numbers = json.loads((tmp_path / "slow.json").read_text())
+    assert numbers["neglected"] == {"compliance": None}
+    assert numbers["error"] is None
 
 
 def test_it_fits_the_screen(tmp_path, monkeypatch):
@@ -101,3 +112,13 @@ def test_a_scene_with_a_goal_shows_it(commands_of):
     timed = kd.simulate(kd.load_scene(file), None)
     with pytest.raises(kd.InvalidInput, match="takes time"):
         kd.page(timed)
+
+
+def test_an_angle_that_is_rounded_to_zero_has_no_sign(tmp_path):
+    scene = (SCENES / "free_kick.toml").read_text().replace("ankle = 20", "ankle = -1e-12")
+    assert "ankle = -1e-12" in scene
+    file = tmp_path / "kick.toml"
+    file.write_text(scene)
+    ended = run(file, "--json", "-")
+    assert ended.exit_code == 0
+    assert '"ankle": 0.0' in ended.output

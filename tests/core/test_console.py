@@ -4,25 +4,7 @@ import pytest
 from rich.console import Console
 
 from kickdyn.core import console
-from kickdyn.core.console import WIDE, empty_table, fits, notes, screen_width, wrapped
-
-
-def table():
-    result = empty_table("A title that is longer than the table")
-    result.add_column("first", no_wrap=True)
-    result.add_column("second")
-    result.add_row("12345", "12 3456")
-    return result
-
-
-def test_a_table_fits_where_none_of_its_cells_is_cut():
-    least = next(width for width in range(1, 40) if fits(table(), width))
-    for width, whole in ((least, True), (least - 1, False)):
-        console = Console(width=width, highlight=False)
-        with console.capture() as said:
-            console.print(table())
-        assert ("12345  12 3456" in said.get()) is whole
-    assert least < 20, "its columns stand close"
+from kickdyn.core.console import WIDE, notes, screen_width, wrapped
 
 
 @pytest.mark.parametrize(("terminal", "width"), [(True, 66), (False, WIDE)])

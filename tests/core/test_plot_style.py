@@ -4,8 +4,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 
 from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure
-from kickdyn.core.plot_style import STYLE
-from kickdyn.sweeps.sweep_plot import save_figure
+from kickdyn.core.plot_style import STYLE, save_figure
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from references.exact_leg import DIGITS, mp
 
-from kickdyn.accuracy.references.exact_leg import DIGITS, mp
 from kickdyn.aerodynamics import drag, lift, spin_decay
 
 NUDGE = 10.0 ** -(DIGITS // 2)
@@ -117,7 +117,7 @@ def _saturating(c: Constants, reynolds: float, spin: float) -> Any:
     """Return the lift that saturates."""
     plateau, sp = c(0.4740), c(spin)
     drop = plateau - _level(c, drag.BALLS["brazuca"], reynolds)
-    gate = min(max(drop / (plateau - c(0.1748588996)), c.m.zero), c.m.one)
+    gate = drop / (plateau - c(0.1748588996))
     return gate * c(0.47) * sp / (c(0.135) + sp)
 
 

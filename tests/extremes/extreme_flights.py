@@ -8,6 +8,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from references.exact_flight import landing as exact_landing
+from references.exact_impact import Quantity
+from references.exact_leg import Exact, context, length, mp, numbers
 
 from extremes.exact_coefficients import (
     FORMULAS,
@@ -17,9 +20,6 @@ from extremes.exact_coefficients import (
     Formula,
 )
 from extremes.extreme_case import FULL, ExtremeCase, compare, digits, expect_refusal
-from kickdyn.accuracy.references.exact_flight import landing as exact_landing
-from kickdyn.accuracy.references.exact_impact import Quantity
-from kickdyn.accuracy.references.exact_leg import Exact, context, length, mp, numbers
 from kickdyn.aerodynamics.drag import BALLS, REYNOLDS_PER_SPEED, constant
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState

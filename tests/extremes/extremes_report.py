@@ -17,8 +17,7 @@ from extremes.gains import Gain, gains
 from kickdyn.cli.command import busy
 from kickdyn.core.console import empty_table
 from kickdyn.core.files import check_outputs, write_json
-from kickdyn.core.plot_style import styled
-from kickdyn.sweeps.sweep_plot import check_name, save_figure
+from kickdyn.core.plot_style import check_name, save_figure, styled
 
 
 @click.command("extremes", context_settings={"help_option_names": ["-h", "--help"]})

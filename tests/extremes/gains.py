@@ -1,4 +1,4 @@
-"""Where the straightforward formula loses digits, and what the one in use keeps."""
+"""Errors of six formulas that kickdyn uses, and of the plain ones that lose digits there."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from references.exact_impact import Quantity, exact_impact, given
+from references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 
 from extremes.extreme_impacts import BENT, USUAL, chain, grazes, sizes, usual
-from kickdyn.accuracy.references.exact_impact import Quantity, exact_impact, given
-from kickdyn.accuracy.references.exact_leg import ExactPosture, leg_numbers, length, mp, numbers
 from kickdyn.aerodynamics.coefficient_model import smoothstep
 from kickdyn.contact import Contact
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.vectors import cross
 from kickdyn.flight.forces import time_to_fall
 
 
 class Gain(NamedTuple):
-    """One formula in place of another.
+    """A formula that kickdyn uses in place of a plain one.
 
     Attributes:
-        what: is computed, and where.
-        plain, ours: the formulas.
-        plain_error, our_error: relative to 50 digits.
+        what: the result, and the input at which the plain formula loses digits.
+        plain, ours: the two formulas, in words.
+        plain_error, our_error: their relative errors, against 50 digits.
     """
 
     what: str
@@ -34,12 +35,12 @@ class Gain(NamedTuple):
 
 
 def gains() -> list[Gain]:
-    """Return every such place, measured."""
+    """Return all six comparisons."""
     return [_jump(), _straight(), _approach(), _far_base(), _fall(), _join()]
 
 
 def _number(exact: Any) -> Quantity:
-    """Return one number as a quantity."""
+    """Return one exact number as a quantity, whose error is relative to its size."""
     return Quantity(np.array([exact]), abs(exact))
 
 
@@ -51,7 +52,8 @@ def _jump() -> Gain:
     posture = impact.posture
     plain = impact.v_before + posture.solve(-impact.impulse @ posture.jacobian)
     return Gain(
-        "joint velocity after, 50 joints", "Cholesky factor of M", "articulated bodies",
+        "joint velocities after a strike, 50 joints", "by the Cholesky factor of M",
+        "by the articulated-body algorithm",
         exact.error(plain), exact.error(impact.v_after),
     )  # fmt: skip
 
@@ -81,7 +83,8 @@ def _approach() -> Gain:
     foot = exact_impact(*given(impact))["foot velocity"].exact
     exact = _number(-numbers(n) @ (numbers(ball.velocity) - foot))
     return Gain(
-        "approach, spin 1e12 rad/s", "n . velocity of the ball's surface", "n . that of its centre",
+        "approach speed, ball spinning at 1e12 rad/s", "n . velocity of its surface",
+        "n . velocity of its centre",
         exact.error(-n @ whole), exact.error(-n @ centre),
     )  # fmt: skip
 
@@ -95,20 +98,22 @@ def _far_base() -> Gain:
     quantity = Quantity(exact.ravel(), length(exact.ravel()))
     ours = leg.posture(BENT).inertia
     return Gain(
-        "joint-space inertia, base at 1e9 m", "about the world's origin", "in each joint's axes",
+        "joint-space inertia, base 1e9 m from the origin", "about the origin of the world",
+        "in the axes of each joint",
         quantity.error(world), quantity.error(ours),
     )  # fmt: skip
 
 
 def _fall() -> Gain:
     """Return the gain in the time of a fall that starts fast."""
-    drop, dive, g = 1e-6, 1e6, 9.81
+    drop, dive, g = 1e-6, 1e6, GRAVITY
     a, b, c = numbers((drop, dive, g))
     right = (mp.sqrt(b * b + 2 * c * a) - b) / c
     exact = _number(right)
     plain = (math.sqrt(dive * dive + 2 * g * drop) - dive) / g
     return Gain(
-        "fall by 1e-6 m at 1e6 m/s", "root of Eq. (24) as printed", "its other form",
+        "time of a fall by 1e-6 m that begins at 1e6 m/s", "root of Eq. (25) as printed",
+        "2 h / (v + sqrt(v^2 + 2 g h))",
         exact.error(plain), exact.error(time_to_fall(-dive, drop, g)),
     )  # fmt: skip
 
@@ -126,6 +131,7 @@ def _join() -> Gain:
         plain_error = max(plain_error, exact.error(plain))
         our_error = max(our_error, exact.error(smoothstep(x, low, high)))
     return Gain(
-        "weight of a join, Re 6e4 to 7e4", "polynomial of degree 7", "its mirror image, from 1",
+        "weight of a drag formula that takes over, Re 6e4 to 7e4", "polynomial of degree 7 in s",
+        "1 - the polynomial in 1 - s",
         plain_error, our_error,
     )  # fmt: skip

@@ -350,3 +350,60 @@ def test_any_speed_that_fly_takes_and_no_other():
         kd.fly(of(states, 4), BALL, AIR)
     level = kd.BallState([(0, 0, 0)], [(1e9, 0, 0)], [(0, 0, 0)], [0])  # never leaves
     assert int(fly_many(level, BALL, AIR).status[0]) == 2
+
+
+# --- the error ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tol", [1e-5, 1e-8, 1e-11])
+def test_the_error_of_each_flight_is_at_or_above_the_truth(tol):
+    """Twice what a finer flight differs by, against the finest: in the median twice the truth."""
+    states, ground = launches(400, seed=21, height=0.5), kd.Ground()
+    many = fly_many(states, BALL, AIR, ground, tol, error=True)
+    exact = fly_many(states, BALL, AIR, ground, 1e-13)
+    moved = many.landing_position.values - exact.landing_position.values
+    true, error = np.linalg.norm(moved, axis=1), many.error.values
+    assert (error >= true).all()
+    off = true > 0.01 * tol * np.maximum(exact.range.values, exact.height.values)
+    assert np.count_nonzero(off) > 60
+    assert np.median(error[off] / true[off]) < (10 if tol >= 1e-9 else 1000)
+    assert many.error.attrs["units"] == "m"
+    assert "error" not in exact
+
+
+def narrow(reynolds, spin_parameter):
+    return 0.2 + 0.5 * math.exp(-(((reynolds - 2.5e5) / 250.0) ** 2))
+
+
+def test_the_error_counts_narrow_features_of_ones_own_function():
+    states = kd.BallState(velocity=[(18.0 + i, 0, 6) for i in range(6)], spin=np.zeros((6, 3)))
+    air = kd.Air(drag=narrow, lift=None)
+    many, truth = fly_many(states, BALL, air, tol=1e-4, error=True), []
+    for i in range(6):
+        path = kd.fly(of(states, i), BALL, air, tol=1e-9, max_step=1e-3)
+        truth.append(np.linalg.norm(path.landing.position - many.landing_position.values[i]))
+    assert (truth <= many.error.values).all()
+    assert max(truth) > 1e-2
+    assert (many.error.values < 10 * np.array(truth) + 1e-3).all()
+
+
+def test_errors_of_what_is_not_integrated():
+    ground = kd.Ground(-1.0)
+    closed = fly_many(kd.BallState(velocity=[(10, 0, 5), (0, 0, 1e308)]), BALL, error=True)
+    path = kd.fly(kd.BallState(velocity=(10, 0, 5)), BALL)
+    assert closed.error.values[0] == pytest.approx(path.error, rel=0.5)
+    assert np.isnan(closed.error.values[1])  # it failed
+    broken = kd.Air(drag=lambda reynolds, spin_parameter: math.nan)
+    failed = fly_many(kd.BallState(velocity=[(10, 0, 5)]), BALL, broken, ground, error=True)
+    assert np.isnan(failed.error.values).all()
+    with pytest.raises(kd.InvalidInput, match="error is 1: it must be True or False"):
+        fly_many(kd.BallState(velocity=[(10, 0, 5)]), BALL, error=1)
+
+
+def test_a_lifted_ball_is_not_ballistic():
+    """Without drag, lift alone makes the difference between a ball that spins and one that not."""
+    air = kd.Air(drag=None, torque=None, lift=drag.constant(0.2))
+    states = kd.BallState(velocity=(20, 0, 8), spin=[(0, -30, 0), (0, 0, 0)])
+    many = fly_many(states, BALL, air)
+    assert (many.evaluations.values > 0).tolist() == [True, False]
+    assert many.duration.values[0] > 1.2 * many.duration.values[1]

@@ -8,8 +8,7 @@ from mpmath import mp, mpf
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.flight.equations import drag_length, tolerances
-from kickdyn.flight.fly import MAX_SPEED
+from kickdyn.flight.equations import MAX_SPEED, FlightEquations, drag_length, tolerances
 
 BALL = kd.Ball()
 
@@ -183,3 +182,17 @@ def test_error_estimates_hold_over_eight_decades_of_speed():
         assert true <= 300 * tol * max(np.abs(moved).max(), exact.height)
         ratios.append(path.error / max(true, 1e-300))
     assert np.median(ratios) < 100
+
+
+@pytest.mark.parametrize(
+    ("velocity", "spin", "air", "count"),
+    [
+        ((10, 3, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 6),  # x and y at constant speed
+        ((0, 0, 5), (0, 0, 0), kd.Air(drag=None, lift=None), 2),
+        ((10, 0, 5), (0, 9, 0), kd.Air(), 5),
+        ((10, 0, 5), (9, 0, 0), kd.Air(torque=None), 6),
+    ],
+)
+def test_states_that_change_are_counted(velocity, spin, air, count):
+    launch = kd.BallState(velocity=velocity, spin=spin)
+    assert FlightEquations(launch, BALL, air).count_changing() == count

@@ -1,12 +1,15 @@
 """What a flight answers once flown: arrival at x, orientation."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics.drag import constant
+from kickdyn.flight import integrate
 
 BALL = kd.Ball()
 
@@ -129,3 +132,72 @@ def test_lift_only_air_turns_too():
     air = kd.Air(drag=None, lift=constant(0.2))
     path = kd.fly(launch((25, 0, 10), (0, -30, 0)), BALL, air)
     assert 0 < path.orientation(0.05).magnitude() < 1.5
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8])
+def test_the_error_of_many_circles_is_at_or_above_the_truth(tol):
+    """Neutrally buoyant and without drag, lift alone turns a ball: ten times, at 3 m/s."""
+    air = kd.Air(drag=None, lift=constant(0.5), torque=None)
+    ball = kd.Ball(air.density * BALL.volume, BALL.radius)
+    radius = 2 * ball.mass / (air.density * ball.cross_section * 0.5)  # 0.6 m
+    launch, ground = kd.BallState(velocity=(3, 0, 0), spin=(0, 0, 20)), kd.Ground(-0.2)
+    path = kd.fly(launch, ball, air, ground, tol=tol, time_limit=12.0)
+    angle = 3.0 / radius * 12.0
+    exact = radius * np.array([math.sin(angle), 1 - math.cos(angle), 0])
+    true = np.linalg.norm(path.landing.position - exact)
+    assert true < path.error < 10 * true
+
+
+def test_the_error_counts_the_rounding_of_a_far_position():
+    near, far = (
+        kd.fly(kd.BallState((x, 0, 0.0), (20, 0, 8)), BALL, kd.Air()) for x in (0.0, 2.0**30)
+    )
+    moved = (far.landing.position - far.launch.position) - near.landing.position
+    assert 1e-8 < np.linalg.norm(moved) <= far.error < 1e-5
+    assert near.error < 0.9 * far.error
+
+
+def peak(reynolds, spin_parameter):
+    """500 wide in Re, 0.03 m/s: no step of a flight that is 1.5 s long sees it."""
+    return 0.2 + 0.5 * math.exp(-(((reynolds - 2.5e5) / 250) ** 2))
+
+
+def dip(reynolds, spin_parameter):
+    return 0.2 - 0.19 * math.exp(-(((reynolds - 2.5e5) / 440) ** 2))
+
+
+def jump(reynolds, spin_parameter):
+    return 0.2 if reynolds < 2.5e5 else 0.3
+
+
+@pytest.mark.parametrize("drag", [peak, dip, jump, drag_models.MODELS["brazuca"].function])
+def test_the_error_counts_narrow_features_of_a_coefficient_of_ones_own(drag):
+    air, worst = kd.Air(drag=drag), 0.0
+    for start in (launch((18, 0, 6)), launch((20, 0, 6))):
+        path = kd.fly(start, BALL, air, tol=1e-6)
+        exact = kd.fly(start, BALL, air, tol=1e-10, max_step=path.duration / 1000)
+        true = np.linalg.norm(path.landing.position - exact.landing.position)
+        assert true <= path.error < 10 * true + 1e-5
+        worst = max(true, worst)
+    assert worst > 1e-3 or drag is not peak
+
+
+def test_the_error_is_infinite_where_no_finer_flight_can_be_computed(monkeypatch):
+    """A ball that falls at the very speed where its drag jumps above its weight."""
+    air = kd.Air(drag=lambda reynolds, spin_parameter: 0.2 if reynolds < 1.5e5 else 5.0)
+    path = kd.fly(launch((1, 0, 0)), BALL, air, kd.Ground(-15), tol=1e-2)
+    assert path.status == "landed"
+    monkeypatch.setattr(integrate, "MAX_EVALUATIONS", 10_000)
+    assert path.error == math.inf
+
+
+def test_max_step_limits_the_steps_and_is_checked():
+    start = launch((20, 0, 6))
+    path = kd.fly(start, BALL, kd.Air(), max_step=0.01)
+    assert path.evaluations > 12 * path.duration / 0.01
+    assert pickle.loads(pickle.dumps(path)).evaluations == path.evaluations
+    for bad in (0, -1, math.nan, "1"):
+        with pytest.raises(kd.InvalidInput, match=r"max_step is .*above 0"):
+            kd.fly(start, BALL, kd.Air(), max_step=bad)
+    course = kd.follow(start, BALL, kd.Air(), max_step=0.01)
+    assert course.flights[0].evaluations == path.evaluations

@@ -1,4 +1,5 @@
 import math
+import pickle
 import re
 
 import numpy as np
@@ -142,3 +143,15 @@ def test_a_course_warns_of_the_time_in_the_air():
         kd.BallState((0, 0, BALL.radius), (5, 0, 0)), BALL, kd.Air(), kd.Ground(surface="turf")
     )
     assert slow.warnings == ()
+
+
+def test_a_course_can_be_pickled():
+    launch = kd.BallState((0, 0, 0.11), (8, 1, 5), (0, 30, 5))
+    course = kd.follow(launch, kd.Ball(), kd.Air(), kd.Ground(0, "carpet"), tol=1e-6)
+    copy = pickle.loads(pickle.dumps(course))
+    assert len(course.bounces) > 1
+    assert course.ground_phases
+    assert copy.status == course.status
+    assert copy.rest == course.rest
+    half = 0.5 * course.duration
+    assert copy.sample(half) == course.sample(half)

@@ -8,14 +8,20 @@ from mpmath import mp, mpf
 
 import kickdyn as kd
 from kickdyn.aerodynamics.drag import constant
-from kickdyn.core.vectors import GRAVITY
-from kickdyn.flight.forces import ballistic, downward, forces, is_ballistic, time_to_fall
+from kickdyn.core.gravity import GRAVITY
+from kickdyn.flight.forces import (
+    acceleration_function,
+    ballistic,
+    downward,
+    is_ballistic,
+    time_to_fall,
+)
 
 BALL = kd.Ball(mass=0.4, radius=0.12)
 
 
 def acceleration(air, velocity, spin=(0, 0, 0), ball=BALL):
-    return np.array(forces(ball, air)(9.0, *velocity, *spin)[:3])
+    return np.array(acceleration_function(ball, air)(9.0, *velocity, *spin)[:3])
 
 
 @pytest.mark.parametrize("seed", range(20))

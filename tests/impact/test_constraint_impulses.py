@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import any_kick
+from chains import any_kick, by_pinocchio
 from stacked import held_rows, inertia_of, rows_of, solved, struck
 
 import kickdyn as kd
@@ -34,13 +34,19 @@ LEGS = FREE | STANDING
 @pytest.mark.parametrize("seed", range(4))
 def test_every_robot_balances_and_pinocchio_agrees(name, seed):
     kick, options = any_kick(np.random.default_rng(seed), LEGS[name])
-    hit, engine = kd.strike(*kick, **options), kd.engine_strike(*kick, **options)
+    hit, engine = kd.strike(*kick, **options), by_pinocchio(*kick, **options)
     for ours, theirs in (
         (hit.impulse, engine.impulse),
         (hit.v_after, engine.v_after),
         (hit.ball_after.velocity, engine.ball_after.velocity),
+        (hit.joint_impulses, engine.joint_impulses),
     ):
         assert np.abs(ours - theirs).max() <= 1e-11 * np.abs(theirs).max()
+    for name, reaction in hit.support_impulses.items():
+        assert (
+            np.abs(reaction - engine.support_impulses[name]).max() <= 1e-9 * np.abs(reaction).max()
+        )
+    assert engine.momentum_residual <= 1e-11
     assert hit.restitution_residual <= 1e-12
     assert hit.momentum_residual <= 1e-12
     assert hit.support_residual <= 1e-10

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from chains import random_kick, random_leg
 from extremes.extreme_impacts import chain
+from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
-from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.impact.contact_problem import contact_axes
 from kickdyn.impact.laws import LAWS
 

@@ -68,3 +68,7 @@ def test_bad_input(arguments, words):
 def test_no_stiffness_beyond_the_floats(wrong):
     with pytest.raises(kd.InvalidInput, match=r"(contact time|restitution) is"):
         kd.contact_stiffness(*wrong)
+
+
+def test_a_force_beyond_double_precision_is_inf():
+    assert kd.HertzContact(1.0, 0.0).force(1e300, 0.0) == np.inf

@@ -101,3 +101,21 @@ def test_residuals_that_are_rounding_show_no_digits():
     for worse in (2.5e-9, 1e-14, np.nan):
         vars(hit)["leg_response"] = hit.leg_response._replace(momentum_residual=worse)
         assert f", {worse:.4g})\n" in repr(hit)
+
+
+@pytest.mark.parametrize(("share", "creates"), [(1e-13, False), (1e-11, True)])
+def test_energy_within_the_rounding_of_a_fast_spin_is_not_created(share, creates):
+    posture, ball = kd.Leg.human().posture([0.1, 0.2, 0.3]), kd.Ball()
+    v, contact = posture.joint_velocity((3, 0, 1)), kd.Contact((3, 0, 1), 0.8, 0.4)
+    hit = kd.strike(posture, v, ball, contact, ball_spin=(0.0, 1e6, 0.0))
+    gained = share * float(np.abs(hit.impulse).max()) * ball.radius * 1e6
+    solution = hit.solution._replace(energy_lost=-gained)
+    assert dataclasses.replace(hit, solution=solution).creates_energy is creates
+
+
+def test_digits_of_an_ordinary_kick_are_these():
+    posture = kd.Leg.human().posture(np.radians([5, 10, -5]))
+    contact = kd.Contact([0.9, 0, 0.4], 0.8, 0.4)
+    hit = kd.strike(posture, posture.joint_velocity([8, 0, 4]), kd.Ball(), contact)
+    assert hit.digits == pytest.approx(14.347, abs=0.005)
+    assert hit.joint_digits == pytest.approx([12.589, 12.878, 13.272], abs=0.005)

@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from chains import any_kick, random_kick
 from scipy.integrate import quad
@@ -28,6 +29,27 @@ def test_split_adds_up_and_only_rotors_act_along_the_axis():
     jump = (struck.v_after - struck.v_before)[1]
     assert loads["knee"].axis[4] == pytest.approx(-0.05 * jump, rel=1e-10)
     assert abs(loads["hip"].axis[4]) < 1e-13
+
+
+def test_axes_are_those_of_the_impacts_posture():
+    """A universal joint's second axis turns with its first angle; the leg has moved since."""
+    model, parent = pin.Model(), 0
+    universal = pin.JointModelUniversal(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))
+    for name, kind in (("hip", universal), ("knee", pin.JointModelRY())):
+        place = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.4]))
+        parent = model.addJoint(parent, kind, place, name)
+        body = pin.Inertia(2.0, np.array([0.0, 0.05, -0.2]), 0.02 * np.eye(3))
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", parent, 0, place, pin.FrameType.OP_FRAME))
+    leg = kd.Leg.from_model(model, "toe")
+    posture = leg.posture([0.7, -0.4, 0.5])
+    v = posture.joint_velocity((3.0, 1.0, 0.5))
+    struck = kd.strike(posture, v, kd.Ball(), kd.Contact((3.0, 1.0, 0.5), 0.8))
+    assert struck.joint_impulses.any()  # computed, and kept
+    leg.posture([-0.9, 0.8, 0.1])
+    hip = kd.joint_loads(struck)["hip"]
+    assert np.linalg.norm(hip.structure[3:]) > 1e-2
+    assert hip.axis == pytest.approx(np.zeros(6), abs=1e-13)  # passive
 
 
 def test_a_floating_base_is_all_freedom():
@@ -76,3 +98,11 @@ def test_a_contact_has_a_least_duration(brief):
     hit = kd.strike(posture, v, kd.Ball(), kd.Contact((3, 0, 1), 0.7))
     with pytest.raises(kd.InvalidInput, match=r"contact time is .* at least 1e-09"):
         kd.joint_loads(hit, brief)
+
+
+def test_a_line_has_the_part_along_the_axis_only_where_there_is_one():
+    structure, axis = np.array([3.0, 4.0, 0, 0, 0, 0]), np.array([0, 0, 2.0, 0, 0, 0])
+    driven = kd.JointLoad("knee", structure, axis, 10.0, 0.0)
+    assert repr(driven) == "JointLoad(knee: 5 N s, 2 N s along the axis, peak 10 N)"
+    passive = kd.JointLoad("knee", structure, 0.0 * axis, None, None)
+    assert repr(passive) == "JointLoad(knee: 5 N s)"

@@ -33,3 +33,10 @@ def test_the_papers_slip_transmits_mu_times_the_normal_part():
     assert friction / np.linalg.norm(friction) == pytest.approx(
         [math.sin(0.2), 0, -math.cos(0.2)], abs=1e-14
     )
+
+
+def test_the_mass_is_that_along_the_attack():
+    problem = planar_attack(friction=0.4, offset=0.2)
+    problem = problem._replace(delassus_factor=np.diag([1 / np.sqrt(5), 0.0, 3.0]))
+    expected = 1.8 * 14 / (1 / 5 + 1 / problem.ball.mass)
+    assert solve_paper(problem).impulse == pytest.approx([expected, 0, 0], rel=1e-14, abs=1e-13)

@@ -171,3 +171,11 @@ def test_links_without_mass_have_no_mass_to_scale():
     assert np.isfinite(slopes).all()
     assert not slopes[:, np.equal(masses, 0.0)].any()
     assert np.isfinite(hit.uncertainty(link_mass=0.1).branch_sigmas)
+
+
+def test_derivatives_beyond_double_precision_are_refused():
+    posture = kd.Leg.human().posture([0.1, 0.2, 0.3])
+    v = 1e138 * posture.joint_velocity((3, 0, 1))
+    hit = kd.strike(posture, v, kd.Ball(1e-170), kd.Contact((1, 0, 0.3), 0.8, 0.4))
+    with pytest.raises(kd.KickdynError, match="leave double precision"), np.errstate(all="ignore"):
+        hit.sensitivity()

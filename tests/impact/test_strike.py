@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import random_kick, random_leg
+from chains import in_units, random_kick, random_leg, slides
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -134,6 +134,57 @@ def test_restitution_residual_tells_where_the_papers_law_does_not_restitute():
     assert hit.restitution_residual > 0.01
 
 
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.4, 3.0])
+@pytest.mark.parametrize("seed", [None, 0, 1, 2])
+def test_an_obstacle_is_the_limit_of_heavy_balls(law, friction, seed):
+    """Of a planar leg, which cannot move across its plane, and of chains about any axes."""
+    if seed is None:
+        posture, normal = paper_posture(15), (1, 0, 0.6)
+        v = posture.joint_velocity((3, 0, 1))
+    else:
+        leg = random_leg(np.random.default_rng(seed), joints=6)
+        (posture, v, _, contact), _ = random_kick(np.random.default_rng(seed), leg)
+        normal = np.sign(contact.normal @ posture.point_velocity(v)) * contact.normal
+    contact = kd.Contact(normal, 0.8, friction)
+    heavy, hit = (kd.strike(posture, v, kd.Ball(m), contact, law) for m in (1e12, math.inf))
+    size = np.linalg.norm(hit.impulse)
+    assert hit.impulse == pytest.approx(heavy.impulse, abs=1e-8 * size)
+    assert hit.joint_impulses == pytest.approx(heavy.joint_impulses, abs=1e-8 * size)
+    assert hit.v_after == pytest.approx(heavy.v_after, rel=1e-7, abs=1e-8)
+    assert hit.energy_lost == pytest.approx(heavy.energy_lost, rel=1e-7, abs=1e-9)
+    assert hit.sticking == heavy.sticking
+    assert not hit.ball_after.velocity.any()
+    assert not hit.ball_after.spin.any()
+    if law == "newton":
+        assert hit.digits > 10
+        slopes = hit.sensitivity().impulse["v"] @ v
+        assert slopes == pytest.approx(hit.impulse, abs=1e-8 * size)  # linear in v
+
+
+@pytest.mark.parametrize(("ankle", "total"), [(-5, 1.554), (15, 0.944), (40, 0.646)])
+def test_table_2_is_a_strike_at_an_obstacle(ankle, total):
+    """What `test_table_2` computes without a strike, now with an impulse in every joint."""
+    posture = paper_posture(ankle)
+    v = posture.joint_velocity(ATTACK)
+    hit = kd.strike(posture, v, kd.Ball(math.inf), kd.Contact(ATTACK, 0.8))
+    expected = kd.normal_impulse(1.0, 0.8, posture.effective_mass(ATTACK))
+    assert np.linalg.norm(hit.impulse) == pytest.approx(expected, rel=1e-12)
+    assert expected == pytest.approx(total, abs=5e-3)
+    assert hit.momentum_residual < 1e-12
+    assert hit.joint_impulses[:, :3].any(axis=1).all()
+
+
+def test_an_obstacle_that_the_leg_cannot_move_towards_is_refused():
+    coming = {"ball_velocity": (0.0, -3.0, 0.0)}
+    for law in LAWS:
+        with pytest.raises(kd.InvalidInput, match="ball mass is inf, and the leg cannot move"):
+            kd.strike(
+                paper_posture(15), np.zeros(3), kd.Ball(math.inf), kd.Contact((0, 1, 0), 0.8), law,
+                **coming,
+            )  # fmt: skip
+
+
 def test_an_immovable_leg_returns_the_ball():
     """A stretched leg cannot give along itself: the ball bounces off as off a wall."""
     stretched, down = np.radians([0, 0, 90]), (0, 0, -1)
@@ -234,6 +285,54 @@ def test_impact_is_linear_in_the_velocities(law, friction, scale):
     scaled = kd.strike(LEG.posture(q), scale * v, kd.Ball(), contact, law)
     assert scaled.impulse / scale == pytest.approx(hit.impulse, rel=1e-9)
     assert scaled.speed_ratio == pytest.approx(hit.speed_ratio, rel=1e-9)
+
+
+powers = st.integers(-12, 12)
+
+
+@given(law=st.sampled_from(list(LAWS)), seed=seeds, metre=powers, half=powers, second=powers)
+@settings(max_examples=200, derandomize=True, deadline=None)
+def test_powers_of_two_of_the_units_change_no_bit(law, seed, metre, half, second):
+    """Of the kilogram powers of four, for roots of masses are taken."""
+    rng = np.random.default_rng(seed)
+    leg = random_leg(rng, last=rng.choice([1.0, 1e-2]))
+    friction = rng.choice([0.0, 0.3, 2.0])
+    (posture, v, ball, contact), motion = random_kick(rng, leg, friction=friction)
+    hit = kd.strike(posture, v, ball, contact, law, **motion)
+    m, kg, s, sliding = 2.0**metre, 4.0**half, 2.0**second, slides(leg)
+    again = kd.strike(
+        in_units(leg, m, kg).posture(posture.q * m**sliding),
+        v * m**sliding / s,
+        kd.Ball(ball.mass * kg, ball.radius * m),
+        contact,
+        law,
+        ball_velocity=motion["ball_velocity"] * m / s,
+        ball_spin=motion["ball_spin"] / s,
+    )
+    assert again.impulse.tolist() == (hit.impulse * kg * m / s).tolist()
+    assert again.energy_lost == hit.energy_lost * kg * m**2 / s**2
+    assert again.v_after.tolist() == (hit.v_after * m**sliding / s).tolist()
+    assert again.ball_after.spin.tolist() == (hit.ball_after.spin / s).tolist()
+    units = np.repeat([kg * m / s, kg * m**2 / s], 3)
+    assert again.joint_impulses.tolist() == (hit.joint_impulses * units).tolist()
+
+
+@pytest.mark.parametrize("metre", [2.0**-20, 2.0**20])
+def test_hinges_about_a_skew_axis_are_as_heavy_in_every_unit(metre):
+    model, parent, place = pin.Model(), 0, pin.SE3.Identity()
+    for k in range(4):
+        hinge = pin.JointModelRevoluteUnaligned(np.array([0.48, 0.6, 0.64]))
+        parent = model.addJoint(parent, hinge, place, f"hinge{k + 1}")
+        size = 0.02 if k == 1 else 1.0
+        moments = size**3 * np.diag([0.02, 0.03, 0.04])
+        body = pin.Inertia(size, size * np.array([0.1, 0.05, 0.2]), moments)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        place = pin.SE3(np.eye(3), size * np.array([0.3, -0.1, 0.4]))
+    model.addFrame(pin.Frame("toe", parent, 0, place, pin.FrameType.OP_FRAME))
+    leg, q = kd.Leg.from_model(model, "toe"), [0.3, 0.5, -0.4, 0.2]
+    assert leg.posture(q).is_ill_conditioned
+    mass = leg.posture(q).effective_mass((1.0, 0.3, 0.2))
+    assert in_units(leg, metre, 1.0).posture(q).effective_mass((1.0, 0.3, 0.2)) == mass
 
 
 @pytest.mark.parametrize("far", [1e3, 1e9, 1e15])

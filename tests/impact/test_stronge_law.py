@@ -26,10 +26,9 @@ def planar(a, b, c, u, w, mu, e):
 
 
 @given(seed=seeds)
-@settings(max_examples=2_500, derandomize=True, deadline=None, phases=UNTRACED)
+@settings(max_examples=300, derandomize=True, deadline=None, phases=UNTRACED)
 def test_energy_is_never_created(seed):
-    for k in range(4):  # 10,000 in all
-        check_energy(random_contact([seed, k]))
+    check_energy(random_contact([seed, 0]))
 
 
 @pytest.mark.parametrize("friction", [1e8, 1e300])

@@ -1,7 +1,10 @@
 """Feet that may leave the ground: the laws themselves, and the held foot where it would stand."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from chains import in_units, slides
 
 import kickdyn as kd
 
@@ -105,6 +108,34 @@ def test_where_the_ground_would_hold_it_nothing_changes():
     assert np.abs(held.v_after - loose.v_after).max() <= 1e-9 * np.abs(held.v_after).max()
     assert loose.impulse == pytest.approx(held.impulse, rel=1e-9)
     assert loose.support_impulses[FOOT] == pytest.approx(held.support_impulses[FOOT], abs=1e-9)
+
+
+def test_the_effective_mass_is_that_of_the_leg_without_supports():
+    held, loose = both("instep")
+    contact = KICKS["instep"][3]
+    free = ROBOT.posture(held.posture.q).with_contact_offset(contact.offset)
+    assert loose.effective_mass == free.effective_mass(contact.normal)
+    assert loose.effective_mass < 0.9999 * held.effective_mass
+
+
+@pytest.mark.parametrize("name", ["forward", "down", "slippery"])
+def test_an_obstacle_is_the_limit_of_heavy_balls(name):
+    posture, v, _, contact = KICKS[name]
+    heavy, hit = (
+        kd.unilateral_strike(posture, v, kd.Ball(mass), contact) for mass in (1e12, np.inf)
+    )
+    size = np.linalg.norm(hit.impulse)
+    assert hit.impulse == pytest.approx(heavy.impulse, abs=1e-8 * size)
+    assert hit.joint_impulses == pytest.approx(heavy.joint_impulses, abs=1e-8 * size)
+    assert not hit.ball_after.velocity.any()
+
+
+def test_digits_are_no_more_than_the_solver_leaves():
+    _, loose = both("forward")
+    rough = dataclasses.replace(loose, cone_residual=1e-6)
+    assert loose.digits > 10
+    assert rough.digits == pytest.approx(6.0, abs=1e-3)
+    assert rough.joint_digits.max() < 6.0 + 1e-9
 
 
 def test_a_foot_that_only_turns_on_the_spot_slips():
@@ -231,3 +262,28 @@ def test_a_fast_spin_costs_the_normal_no_digits():
     ]
     still, fast = (hit.impulse for hit in normals)
     assert fast == pytest.approx(still, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["forward", "down", "slippery", "point foot"])
+@pytest.mark.parametrize("units", [(2.0**-8, 2.0**12, 2.0**-3), (2.0**6, 2.0**-10, 2.0**5)])
+def test_powers_of_two_of_the_units_change_no_bit(name, units):
+    posture, v, ball, contact = KICKS[name]
+    hit, (m, kg, s), (support,) = (
+        kd.unilateral_strike(*KICKS[name], **OPTIONS), units, posture.leg.constraints.supports
+    )  # fmt: skip
+    sole = None if support.sole is None else support.sole * m
+    again = in_units(posture.leg, m, kg).with_supports(
+        kd.Support(FOOT, point=support.point, friction=support.friction, sole=sole)
+    )
+    q = posture.q.copy()
+    q[:3] *= m
+    hit_again = kd.unilateral_strike(
+        again.posture(q), v * m ** slides(again) / s, kd.Ball(ball.mass * kg, ball.radius * m),
+        contact, ball_velocity=np.array(OPTIONS["ball_velocity"]) * m / s,
+        ball_spin=np.array(OPTIONS["ball_spin"]) / s,
+    )  # fmt: skip
+    assert hit_again.impulse.tolist() == (hit.impulse * kg * m / s).tolist()
+    assert hit_again.footing == hit.footing
+    of_ground = hit.point_impulses[FOOT] * kg * m / s
+    assert hit_again.point_impulses[FOOT].tolist() == of_ground.tolist()
+    assert hit_again.v_after.tolist() == (hit.v_after * m ** slides(again) / s).tolist()

@@ -39,7 +39,16 @@ def test_what_the_vacuum_does_not_allow_has_no_nominal_time():
     [
         (30, {}, "nothing is named beside the target"),
         (30, {"time": 1, "apex": 2}, "time and apex are named"),
-        (30, {"time": -1}, "time is -1.0: it must be a finite number above 0"),
+        (
+            30,
+            {"time": -1},
+            "time is -1.0: it must be a finite number at least 1e-06 and at most 1000",
+        ),
+        (
+            20,
+            {"time": 1e-300},
+            "time is 1e-300: it must be a finite number at least 1e-06 and at most 1000",
+        ),
         (-3, {"time": 1}, "distance is -3.0"),
         ((0, 0, 3), {"time": 1}, "straight above or below"),
         ((1, 2), {"time": 1}, r"shape \(2,\)"),

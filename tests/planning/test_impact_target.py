@@ -31,3 +31,16 @@ def test_the_strike_gives_what_was_wished_for(friction, spin):
 def test_too_much_spin_names_what_friction_allows():
     with pytest.raises(kd.InvalidInput, match=r"spin is 500 rad/s: with friction 0.4 .* at most"):
         impact_target_for(np.array([10.0, 0, 0]), np.array([0, -500.0, 0]), BALL, 0.8, 0.4)
+
+
+@pytest.mark.parametrize("power", [-40, 3, 30])
+def test_an_impact_target_does_not_depend_on_the_units(power):
+    velocity, spin, scale = np.array([9.0, 2.0, 4.0]), np.array([0.0, -10.0, 5.0]), 2.0**power
+    plain = impact_target_for(velocity, spin, BALL, 0.8, 0.4)
+    heavy = impact_target_for(velocity, spin, kd.Ball(scale * BALL.mass, BALL.radius), 0.8, 0.4)
+    large = impact_target_for(
+        scale * velocity, spin, kd.Ball(BALL.mass, scale * BALL.radius), 0.8, 0.4
+    )
+    for other in (heavy, large):
+        assert other.impulse.tolist() == (scale * plain.impulse).tolist()
+        assert other.contact.normal.tolist() == plain.contact.normal.tolist()

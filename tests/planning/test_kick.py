@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.kick_cost import KickObjective
+from kickdyn.planning.kick_program import KickObjective
 
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
@@ -111,6 +113,8 @@ def test_a_pass_is_struck_and_rolls_to_its_target():
     where = course.sample(2.0).position - plan.impact.ball_after.position
     assert where == pytest.approx(goal.target, abs=1e-5)
     assert plan.path.launch.velocity == pytest.approx(plan.launch.velocity, abs=1e-9)
+    height = plan.impact.ball_after.position[2]
+    assert plan.path.sample([0.0, 0.5, 1.5]).position[:, 2] == pytest.approx(height, abs=1e-6)
 
 
 def test_a_pass_that_comes_late_says_so():
@@ -242,3 +246,28 @@ def test_a_ball_beside_the_plane_of_the_foot_is_refused():
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0.2, -0.7))
     with pytest.raises(kd.InvalidInput, match="name one of the two"):
         kd.plan_kick(HUMAN, kd.Goal(15, time=1), kd.Ball(), ball_at=(0.2, 0, -0.7), ball_height=1)
+
+
+def test_the_high_arc_is_kicked():
+    low, high = (
+        kd.plan_kick(HUMAN, kd.Goal(10, speed=14), BALL, AIR, arc=arc) for arc in ("low", "high")
+    )
+    assert low.launch.angle < 0.6 < 0.9 < high.launch.angle
+    for plan in (low, high):
+        assert plan.impact.ball_after.speed == pytest.approx(14)
+        assert plan.landing_error < 1e-3
+
+
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_a_joint_at_either_end_of_its_range_is_in_its_stop(end):
+    plan = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR)
+    moves_up = plan.impact.v_after > 0
+    joint = int(np.argmax(moves_up if end == "upper" else ~moves_up))
+    model = HUMAN.model
+    ends = {"lower": model.lowerPositionLimit, "upper": model.upperPositionLimit}
+    ends["lower"][:], ends["upper"][:] = -3.0, 3.0
+    ends[end][joint] = plan.q[joint]
+    model.lowerPositionLimit, model.upperPositionLimit = ends["lower"], ends["upper"]
+    leg = kd.Leg.from_model(model, "toe")
+    hit = kd.strike(leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
+    assert replace(plan, impact=hit).into_stop == (HUMAN.joint_names[joint],)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.planning.goal import nominal_velocity
 from kickdyn.planning.launch import OutOfReach
+from kickdyn.planning.launch_solver import LaunchFamily
 from kickdyn.planning.shooting import ShootingProblem
 
 BALL, AIR = kd.Ball(), kd.Air()
@@ -49,7 +50,7 @@ def drawn(kind, rng):
 @pytest.mark.parametrize("kind", ["time", "apex", "speed", "over"])
 def test_what_was_flown_is_found_again(kind):
     rng, steps = np.random.default_rng(3), []
-    for _ in range(5):
+    for _ in range(3):
         goal, air, spin, velocity = drawn(kind, rng)
         launch = kd.plan_launch(goal, BALL, air, spin=spin)
         assert launch.status == "met"
@@ -169,6 +170,33 @@ def test_the_walk_along_the_family_finds_what_newton_does_not():
     assert low.time < high.time
 
 
+@pytest.mark.parametrize("named", [{"apex": 2.3946}, {"speed": 14.008}])
+def test_every_launch_of_a_light_ball_that_the_wind_carries(named):
+    """Its launches form a closed curve, and it gets there in 2.4 to 3.1 s only."""
+    ball, air = kd.Ball(0.02, 0.15), kd.Air(wind=(6.2, -6, 0.08), drag="goff-carre")
+    goal = kd.Goal((16.0916, -17.4704, 1.2390), **named)
+    launch = kd.plan_launch(goal, ball, air, spin=(127, 37.5, 42))
+    assert launch.status == "met"
+    found = [launch, *launch.others]
+    assert len(found) == 2
+    assert min(math.dist(one.velocity, (-0.37, -1.7, 13.9)) for one in found) < 0.05
+    for one in found:
+        assert np.abs(one.flight.landing.position - goal.target).max() < 1e-6
+
+
+def test_a_second_launch_over_the_same_point_is_listed():
+    """Of steep launches with back spin, the fast ones pass the point lower again."""
+    goal = kd.Goal((14.28, 1.49, 1.33), over=(3.84, 11.5))
+    slow, fast = (
+        kd.plan_launch(goal, BALL, AIR, spin=(3, -33, 17), arc=arc, speed_limit=60)
+        for arc in ("low", "high")
+    )
+    assert slow.speed < 33 < fast.speed
+    assert [one.speed for one in slow.others] == pytest.approx([fast.speed])
+    assert [one.speed for one in fast.others] == pytest.approx([slow.speed])
+    assert max(errors(slow), errors(fast)) < 2e-8
+
+
 @pytest.mark.parametrize(("distance", "time", "spin"), [(25, 0.8, -80), (15, 0.62, -90)])
 def test_a_way_through_the_ground_is_none(distance, time, spin):
     nearest = kd.plan_launch(kd.Goal(distance, time=time), BALL, AIR, spin=(0, spin, 0))
@@ -239,3 +267,57 @@ def test_where_the_ground_is_in_the_way_of_every_launch_none_is_given():
 def test_bad_input(arguments, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_launch(*arguments, BALL, **options)
+
+
+def test_the_spin_limit_leaves_out_what_turns_faster():
+    goal = kd.Goal((22, 3, 2.2), time=1.1, beside=(9.15, 0.8))
+    free = kd.plan_launch(goal, BALL, AIR)
+    needed = float(np.linalg.norm(free.spin))
+    assert 5 < needed < 100
+    assert kd.plan_launch(goal, BALL, AIR, spin_limit=1.01 * needed).status == "met"
+    short = kd.plan_launch(goal, BALL, AIR, spin_limit=0.8 * needed)
+    assert (short.status, short.limit) == ("unreachable", "spin-limit")
+    assert np.linalg.norm(short.spin) == pytest.approx(0.8 * needed)
+    assert 0 < short.reached.beside[1] < 0.8
+
+
+@pytest.mark.parametrize(("kg", "half"), [(7, 0), (-9, 0), (0, 1), (3, -1)])
+@pytest.mark.parametrize("named", [{"time": 1.3}, {"over": (7.0, 3.0)}, {"beside": (8.0, 0.2)}])
+def test_a_launch_does_not_depend_on_the_units(named, kg, half):
+    """Powers of two change no digit; m as the square of s, for that leaves gravity's number."""
+    mass, metre, second = 2.0**kg, 4.0**half, 2.0**half
+    size = {"time": second, "over": metre, "beside": metre}
+    named = {"time": 1.1, **named} if "beside" in named else named
+    ball, air = kd.Ball(), kd.Air(wind=(1, -2, 0))
+    thick = {
+        "density": air.density * mass / metre**3,
+        "viscosity": air.viscosity * mass / metre / second,
+    }
+    launches = [
+        kd.plan_launch(kd.Goal((18, 2, 1), **named), ball, air, spin=(3, -20, 5), spin_limit=900),
+        kd.plan_launch(
+            kd.Goal(
+                metre * np.array([18, 2, 1]),
+                **{name: np.multiply(size[name], value) for name, value in named.items()},
+            ),
+            kd.Ball(mass * ball.mass, metre * ball.radius),
+            kd.Air(wind=metre / second * np.array([1, -2, 0]), **thick),
+            spin=np.array([3, -20, 5]) / second,
+            spin_limit=900 / second,
+        ),
+    ]
+    plain, scaled = launches
+    assert plain.status == scaled.status == "met"
+    assert scaled.iterations == plain.iterations
+    assert scaled.velocity.tolist() == (metre / second * plain.velocity).tolist()
+    assert scaled.spin.tolist() == (plain.spin / second).tolist()
+    assert scaled.time == second * plain.time
+
+
+def test_two_launches_nearer_to_each_other_than_a_walk_steps_are_both_found():
+    least = kd.plan_launch(kd.Goal((25, 0, 1), speed=12), BALL, AIR).speed
+    goal = kd.Goal((25, 0, 1), speed=least * (1 + 1e-6))
+    family = LaunchFamily(ShootingProblem(BALL, AIR, np.zeros(3)), goal, 40.0, 100.0)
+    low, high = family.solutions([], family.curves([]))
+    assert [low.speed, high.speed] == pytest.approx([goal.speed] * 2, rel=1e-10)
+    assert low.time * (1 + 1e-4) < high.time < low.time * 1.02

@@ -1,4 +1,5 @@
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -51,3 +52,10 @@ def test_too_fast_a_pass_names_the_speed_limit():
 def test_bad_input(goal, options, words):
     with pytest.raises(kd.InvalidInput, match=words):
         kd.plan_pass(goal, BALL, **options)
+
+
+def test_a_pass_can_be_pickled():
+    found = kd.plan_pass(kd.Goal((6, 1, 0), time=1.3), BALL, AIR)
+    again = pickle.loads(pickle.dumps(found))
+    assert (again.status, again.aside) == (found.status, found.aside)
+    assert again.course.sample(0.7).position.tolist() == found.course.sample(0.7).position.tolist()

@@ -70,7 +70,7 @@ def test_landing_slopes_are_those_of_the_parabola():
 
 def test_a_robust_plan_scatters_least():
     leg, goal, spread = kd.Leg.human(), kd.Goal(15, time=1), {"angle": 0.02, "contact": 0.002}
-    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", spread=spread)
+    robust = kd.plan_kick(leg, goal, BALL, AIR, objective="scatter", uncertainty=spread)
     usual = kd.plan_kick(leg, goal, BALL, AIR)
     assert robust.landing_error < 1e-3
     assert robust.speed_use <= 1
@@ -93,6 +93,8 @@ def test_bad_input(spread, words):
         scatter(HIT, AIR, **spread)
 
 
-def test_scatter_needs_a_spread():
-    with pytest.raises(kd.InvalidInput, match="scatter needs a spread"):
+def test_scatter_needs_an_uncertainty():
+    with pytest.raises(
+        kd.InvalidInput, match="scatter needs an uncertainty, and no other objective takes one"
+    ):
         kd.plan_kick(LEG, kd.Goal(6, time=1), BALL, objective="scatter")

@@ -27,18 +27,6 @@ def test_both_ends_are_met_exactly(sign):
     assert way.a == pytest.approx(np.tile(-W / TIME, (2, 1)), abs=1e-4)
 
 
-def test_more_nodes_are_the_same_way():
-    one = part(off=0.5)
-    q, v, a = one.away_from_impact(3 * MANY)
-    way = one.sample(np.linspace(0, TIME, 3 * MANY + 1))
-    assert q == pytest.approx(way.q)
-    assert v == pytest.approx(way.v)
-    assert a == pytest.approx(way.a)
-    again = make_phase(CHAIN, 1, Q, W, a, TIME, q[-1])
-    between = np.linspace(0, TIME, 101)
-    assert again.sample(between).a == pytest.approx(one.sample(between).a, abs=1e-10)
-
-
 def test_the_torque_is_looked_for_between_the_nodes():
     w = np.array([9.0, -15.0, 0.0])
     one = make_phase(CHAIN, 1, Q, w, np.tile(-w / TIME, (2, 1)), TIME, Q + w * TIME / 2)

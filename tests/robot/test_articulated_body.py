@@ -5,9 +5,9 @@ import pinocchio as pin
 import pytest
 from chains import random_inertia, random_rotation
 from extremes.extreme_impacts import BENT, SPEEDS, answers, chain
+from references.exact_impact import exact_impact, given
 
 import kickdyn as kd
-from kickdyn.accuracy.references.exact_impact import exact_impact, given
 from kickdyn.impact.leg_response import foot_wrench
 from kickdyn.robot.articulated_body import ArticulatedBodies
 

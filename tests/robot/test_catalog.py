@@ -163,7 +163,7 @@ def test_singular_robots_are_refused_by_joint(base):
     ("change", "said"),
     [
         ({"name": "asimo"}, "robot 'asimo' is unknown: choose g1, talos, icub, .*bolt"),
-        ({"name": None}, "robot None is unknown"),
+        ({"name": None}, "name is None: it must be a str"),
         ({"base": "wheels"}, "base is 'wheels': it must be fixed or floating"),
         ({"frame": "tip"}, "frame 'tip' is unknown: bolt has .*FR_FOOT"),
         ({"frame": "base_link"}, "'base_link' is fixed to the base: a kick must move it$"),
@@ -191,7 +191,7 @@ def test_without_the_package_one_line_says_how_to_get_it(monkeypatch, found):
 def test_what_is_asked_for_is_checked_first():
     with pytest.raises(kd.InvalidInput, match="frame 'foo' is unknown"):
         kd.Leg.from_robot("icub", "foo")
-    with pytest.raises(kd.InvalidInput, match=r"robot \['g1'\] is unknown"):
+    with pytest.raises(kd.InvalidInput, match=r"name is \['g1'\]: it must be a str"):
         kd.Leg.from_robot(["g1"])
 
 

@@ -4,6 +4,7 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import by_pinocchio
 from stacked import held_rows, inertia_of, rows_of, solved
 
 import kickdyn as kd
@@ -259,7 +260,7 @@ def test_velocity_that_moves_the_support_is_refused():
     v = posture.admissible(np.ones(leg.nv))
     v[leg.velocity_index("left_knee_joint")] += 0.1
     contact = kd.Contact((1, 0, 0), 0.8)
-    for strike in (kd.strike, kd.engine_strike):
+    for strike in (kd.strike, by_pinocchio):
         with pytest.raises(
             kd.InvalidInput, match=rf"v moves {LEFT}, a constraint of the leg, at \S+ rad/s in"
         ):
@@ -268,6 +269,33 @@ def test_velocity_that_moves_the_support_is_refused():
     v[0] += 3
     with pytest.raises(kd.InvalidInput, match=rf"{LEFT}, a constraint of the leg, at \S+ m/s"):
         posture.check_velocity(v)
+
+
+def test_the_second_support_that_is_moved_is_the_one_named():
+    """The right hand's origin must stay; the elbow before it moves it, and not the foot."""
+    hand = "right_wrist_yaw_link"
+    leg = G1.with_supports(LEFT, kd.Support(hand, point=True))
+    posture = leg.posture(somewhere(leg, 8))
+    v = posture.admissible(np.ones(leg.nv))
+    v[leg.velocity_index("right_elbow_joint")] += 1.0
+    name, speed, unit = posture.constraint_projector.find_violation(v)
+    lever = posture.constraint_projector.rows[6:, leg.velocity_index("right_elbow_joint")]
+    assert (name, unit) == (hand, "m/s")
+    assert speed == pytest.approx(np.abs(lever).max(), rel=1e-9)
+
+
+def test_new_supports_keep_loops_and_the_cone_and_new_loops_keep_supports():
+    robot = kd.Leg.from_robot("g1", base="floating")
+    hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
+    for leg in (
+        robot.with_loops(hands).with_supports(LEFT),
+        robot.with_supports(LEFT).with_loops(hands),
+        robot.with_supports("pelvis").with_loops(hands).with_supports(LEFT),
+        robot.with_supports(LEFT).with_loops(hands).with_model(robot.model),
+    ):
+        assert [support.frame for support in leg.constraints.supports] == [LEFT]
+        assert leg.constraints.loops == (hands,)
+        assert leg.contact_normal_cone.tolist() == robot.contact_normal_cone.tolist()
 
 
 def test_supports_that_leave_no_motion_contradict_each_other():
@@ -298,7 +326,7 @@ def test_a_chain_that_is_held_still_may_move_by_rounding():
     hit = kd.strike(posture, v, kd.Ball(), contact)
     assert np.isfinite(hit.sensitivity().impulse["q"]).all()
     assert np.isfinite(hit.impulse).all()
-    assert kd.engine_strike(posture, v, kd.Ball(), contact).impulse == pytest.approx(
+    assert by_pinocchio(posture, v, kd.Ball(), contact).impulse == pytest.approx(
         hit.impulse, rel=1e-12
     )
     v[posture.leg.velocity_index("left_knee_joint")] += 1e-6

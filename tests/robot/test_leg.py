@@ -41,7 +41,7 @@ def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
     [
         ("tow", "'tow' is unknown: leg_human has base, hip, .*toe"),
         ("", "'' is unknown"),
-        (None, "None is unknown"),
+        (None, "frame is None: it must be a str"),
         ("universe", "'universe' is unknown"),  # id 0, which is no part of the leg
         ("base", "'base' is fixed to the base: a kick must move it"),
     ],
@@ -622,12 +622,13 @@ def test_a_point_elsewhere_on_the_foot_is_a_frame_there(seed):
     q = rng.uniform(-2, 2, size=leg.nq)
     asked = kd.Leg.from_model(model, "patch").posture(q)
     origin = leg.posture(q)
-    origin.delassus()  # what is kept of the old point must not stay
+    _ = origin.delassus(), origin.rounding_gain  # kept of the old point, they must not stay
     moved = origin.with_contact_offset([1, 1, 1]).with_contact_offset(offset)
     assert moved.contact_point == pytest.approx(asked.contact_point, abs=1e-14)
     assert moved.jacobian == pytest.approx(asked.jacobian, abs=1e-14)
     assert moved.contact_lever == pytest.approx(asked.contact_lever, abs=1e-14)
     assert moved.delassus() == pytest.approx(asked.delassus(), rel=1e-11, abs=1e-13)
+    assert moved.rounding_gain == pytest.approx(asked.rounding_gain)
     assert not np.allclose(origin.contact_point, moved.contact_point)
     assert moved.with_contact_offset(None) is moved
 

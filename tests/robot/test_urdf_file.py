@@ -22,7 +22,7 @@ BAD_TEXT = {
     ),
     "NUL": (b'<robot name="l\0"/>', "not well-formed XML"),
     "HTML": (b"<html><body>404</body></html>", "its root is <html>, not <robot>"),
-    "HTML page": (b"<!DOCTYPE html><html><head>", "it is an HTML page"),
+    "HTML page": (b"<!DOCTYPE html><html><head>", "is an HTML page"),
     "entity": (b'<!DOCTYPE r [<!ENTITY m "7">]><robot name="&m;"/>', "has a DOCTYPE"),
     "file entity": (b'<!DOCTYPE r [<!ENTITY m SYSTEM "/etc/passwd">]><r>&m;</r>', "has a DOCTYPE"),
     "external DTD": (b'<!DOCTYPE r SYSTEM "http://example.org/x.dtd"><r/>', "has a DOCTYPE"),
@@ -34,8 +34,24 @@ BAD_TEXT = {
     "UTF-16": ('<robot name="leg"/>'.encode("utf-16"), r"not UTF-8 text \(byte 0\)"),
     "latin-1": ('<robot name="\u00e9t\u00e9"/>'.encode("latin-1"), r"not UTF-8 text \(byte 13\)"),
     "lone surrogate": (b'<robot name="\xed\xa0\x80"/>', "not UTF-8"),
-    "200 000 tags deep": (b"<a>" * 200_000, "nests tags deeper than 32"),
-    "a million attributes": (b"<a " + b'a="" ' * 1_000_000 + b"/>", "duplicate attribute"),
+    "200 000 tags deep": (b"<a>" * 200_000, "nests tags deeper than 64"),
+    "an attribute twice": (b"<a " + b'a="" ' * 2 + b"/>", "duplicate attribute"),
+    "a million attributes": (
+        b"<a " + b'a="" ' * 1_000_000 + b"/>",
+        "has 1000001 tags and attributes: at most 200000",
+    ),
+    "a million elements": (
+        b"<robot>" + b"<a/>" * 1_000_000 + b"</robot>",
+        "has 1000002 tags and attributes: at most 200000",
+    ),
+    "101 attributes": (
+        b"<a " + b"".join(b'a%d="" ' % k for k in range(101)) + b"/>",
+        "a tag <a> with more than 100 attributes",
+    ),
+    "18 MB of spaces": (
+        b'<robot name="leg"><link name="' + b" " * 18_000_000 + b'"/></robot>',
+        "a tag <link> with .* one of more than 10000 characters",
+    ),
     "another namespace": (b'<robot xmlns="http://x" name="a"/>', "its root is <{http://x}robot>"),
 }
 

@@ -67,8 +67,8 @@ REFUSED = {
     "mass 1_000": mass("1_000"),
     "mass of Arabic digits": mass("\u0667"),
     "mass empty": mass(""),
-    "mass of a million digits": mass("9" * 1_000_000, r"'9{60}'\.\.\."),
-    "mass of a million digits and a letter": mass("9" * 1_000_000 + "x", r"'9{60}'\.\.\."),
+    "mass of 9999 digits": mass("9" * 9999, r"'9{60}'\.\.\."),
+    "mass of 9999 digits and a letter": mass("9" * 9999 + "x", r"'9{60}'\.\.\."),
     "mass without value": (THIGH_MASS, "<mass/>", "mass element must have value"),
     "mass missing": (THIGH_MASS, "", "Inertial element must have a mass element"),
     "inertia missing": (THIGH_INERTIA, "", "Inertial element must have inertia element"),
@@ -76,6 +76,8 @@ REFUSED = {
     "inertia entry missing": ('ixx="0.08"', "", "inertia element missing ixx attribute"),
     "not positive semidefinite": moments(1, 1, -1, said="^joint 'hip' moves .*triangle"),
     "indefinite": moments(1, 1, 1, xy=2, said="^joint 'hip' moves .*triangle"),
+    "moments 1e300": moments(1e300, 1e300, 1e300, said=r"^joint 'hip' moves .* below 1e\+100$"),
+    "a triangle by 1 %": moments(1, 1, 2.02, said="^joint 'hip' moves .*triangle"),
     "triangle": moments(1, 1, 2.1, said="^joint 'hip' moves .*triangle"),
     "triangle, turned": moments(1.5, 1.5, 1, xy=1, said="^joint 'hip' moves .*triangle"),
     "two masses": (THIGH_MASS, THIGH_MASS * 2, "^link 'thigh' inertial has 2 of <mass>"),
@@ -89,6 +91,16 @@ REFUSED = {
         'xyz="0 0 -0.2"',
         'xyz="0 0"',
         "^link 'thigh' origin xyz is '0 0': it must be 3 finite numbers",
+    ),
+    "inertial origin of 1e200": (
+        'xyz="0 0 -0.2"',
+        'xyz="0 0 -1e200"',
+        r"^joint 'hip' moves an unsound inertia .*centre and moments below 1e\+100$",
+    ),
+    "joint origin of 1e200": (
+        'xyz="0 0 -0.4"',
+        'xyz="0 0 -1e200"',
+        r"^placement of joint 'knee' .*a translation below 1e\+100 m$",
     ),
     "joint origin rpy": (
         'rpy="0 0 0"',
@@ -180,8 +192,8 @@ REFUSED = {
         *(KNEE, 'name="../../etc/passwd&#10;&lt;x&gt;" type="revolute"'),
         r"^joint name '\.\./\.\./etc/passwd\\n<x>' is not a printable name",
     ),
-    "200 000 letters": (
-        *(KNEE, f'name="{"x" * 200_000}" type="revolute"'),
+    "9999 letters": (
+        *(KNEE, f'name="{"x" * 9999}" type="revolute"'),
         "^joint name 'x{40}' is not a printable name of at most 200 characters",
     ),
     # shapes
@@ -230,6 +242,9 @@ ACCEPTED = {
         inertia(0.013, 0.027, 0.04, xy=0.002),
     ),
     "a limit of no width": ('upper="2.5"', 'upper="0"'),
+    "an axis of a fixed joint, which turns about nothing": (
+        *('<joint name="tip" type="fixed">', '<joint name="tip" type="fixed"><axis xyz="0 0 0"/>'),
+    ),
     "what it does not know": (END, "<gazebo><x/></gazebo><transmission/></robot>"),
     "a mesh anywhere, which a leg never reads": (
         *('<sphere radius="0.05"/>', '<mesh filename="package://../../etc/passwd"/>'),
@@ -246,6 +261,16 @@ def test_odd_but_sound_robot_is_taken_unchanged(spoil, load, capfd, old, new):
     assert all(name.isprintable() for name in leg.joint_names)
     assert leg.posture([0.1, 0.2]).effective_mass([1, 0, 0]) > 0
     assert capfd.readouterr().err == ""
+
+
+def test_a_link_may_get_all_its_mass_from_behind_a_fixed_joint(good_urdf, load):
+    (inertial,) = SHANK_INERTIAL.findall(good_urdf)
+    text = good_urdf.replace(inertial, "").replace(
+        '<link name="toe"/>', f'<link name="toe">{inertial}</link>'
+    )
+    leg = load(text)
+    assert [body.mass for body in leg.model.inertias] == [0, 7, 3]
+    assert leg.model.inertias[2].lever == pytest.approx([0, 0, -0.4])
 
 
 def test_continuous_joint_has_cosine_and_sine(spoil, load):
@@ -308,7 +333,7 @@ def chain(kinds, masses=None):
     [
         (["revolute"] * 1000, "1001 links and 1000 moving joints: at most 3000 and 250"),
         (["fixed"] * 4000, "4001 links and 0 moving"),  # Pinocchio would overflow its stack
-        (["fixed"] * 20_000, "20001 links"),
+        (["fixed"] * 5000, "5001 links"),
     ],
     ids=lambda value: str(value)[:20],
 )

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from random_scenes import random_scene
 
 import kickdyn as kd
@@ -48,3 +49,15 @@ def test_what_does_not_strike_on_the_way_is_not_known():
     v = posture.joint_velocity([3.0, 0.0, 0.5])
     scene = kd.Scene(leg, posture.q, v, kd.Ball(), kd.Contact((0, 0, 1), 0.7), contact_time=0.05)
     assert contact_drift(scene, struck(scene)[0]).velocity == math.inf
+
+
+def test_the_estimate_of_a_kick():
+    """From which a factor of safety, the creep or the weight's share cannot change unnoticed."""
+    leg = kd.Leg.human()
+    posture = leg.posture(np.radians([5, 10, -5]))
+    v, contact = posture.joint_velocity([9, 0, 4]), kd.Contact((2, 0, 1), 0.8, 0.4)
+    scene = kd.Scene(leg, posture.q, v, kd.Ball(), contact, contact_time=0.01)
+    drift = contact_drift(scene, struck(scene)[0])
+    assert drift.velocity == pytest.approx(3.903244851, rel=1e-8)
+    assert drift.spin == pytest.approx(103.2375000, rel=1e-8)
+    assert drift.position == pytest.approx(0.2205274235, rel=1e-8)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.scene.effects import EFFECTS
+from kickdyn.scene.effects import EFFECTS, effects_of, judge_effects
+from kickdyn.scene.envelope import Envelope
 
 LEG = kd.Leg.human().with_armature({"hip": 0.1})
 
@@ -52,3 +53,28 @@ def test_constant_drag_is_that_of_the_launch():
     reynolds = 2 * full.ball.radius * full.air.density / full.air.viscosity * 9.0
     assert less.air.drag(1.0, 0.0) == less.air.drag(1e6, 0.3)
     assert less.air.drag(1.0, 0.0) == pytest.approx(full.air.drag(reynolds, 0.0), rel=1e-12)
+
+
+def test_bounds_add_up_to_what_all_neglected_effects_do_together():
+    """Of a ball that lands slowly: together they move the end by more than one by one."""
+    posture = LEG.posture(np.radians([5, 10, -5]))
+    contact = kd.Contact((1, 0, 0.1), 0.8)
+    air = kd.Air(drag=kd.aerodynamics.drag.constant(0.2), lift=None, torque=None)
+    made = kd.Scene(LEG, posture.q, np.zeros(LEG.nv), kd.Ball(), contact, air=air)
+    around = Envelope(kd.BallState((0, 0, 0), (3, 0, 0.6)), made.environment)
+    alone = {
+        effect.name: around.shift(*effect.change(around))
+        for effect in effects_of(made)
+        if effect.change is not None and effect.name != "drag crisis"
+    }
+    acceleration = sum(
+        effect.change(around)[0] for effect in effects_of(made) if effect.name in alone
+    )
+    together = around.shift(acceleration)
+    assert together > 1.03 * sum(alone.values())
+    verdicts = judge_effects(effects_of(made), around, together)
+    assert [v.effect for v in verdicts if not v.modelled] == ["drag", "drag crisis", "buoyancy"]
+    bounds = [verdict.bound for verdict in verdicts if not verdict.modelled]
+    assert sum(bounds) == pytest.approx(together, rel=1e-12)
+    fewer = judge_effects(effects_of(made), around, 0.99 * together)
+    assert "buoyancy" not in [v.effect for v in fewer if not v.modelled]

@@ -1,4 +1,4 @@
-"""Bounds hold: leaving an effect out moves the end by less, on random scenes flown exactly."""
+"""Bounds hold: neglecting an effect moves the end by less, on random scenes flown exactly."""
 
 import math
 
@@ -11,7 +11,7 @@ from kickdyn.scene.effects import EFFECTS
 from kickdyn.scene.envelope import Envelope, LaunchError
 from kickdyn.scene.scene import FlightEnvironment
 
-FLOWN = [effect for effect in EFFECTS if effect.bound is not None and effect.name != "compliance"]
+FLOWN = [effect for effect in EFFECTS if effect.change is not None and effect.name != "compliance"]
 
 
 def way_of(scene):
@@ -42,7 +42,7 @@ def test_bounds_hold():
         for effect in FLOWN:
             if not effect.is_in(scene):
                 continue
-            bound = effect.bound(around)
+            bound = around.shift(*effect.change(around))
             if bound == math.inf:
                 continue
             moved = float(np.linalg.norm(end_of(effect.without(scene, launch), launch) - end))
@@ -97,3 +97,66 @@ def test_a_ball_that_just_grazes_the_ground_is_not_bounded():
         Envelope(level, FlightEnvironment(kd.Ball(), None, kd.Ground(), None)).shift(20.0)
         == math.inf
     )
+
+
+def test_lift_changes_with_the_wind_more_where_the_spin_is_along_the_flight():
+    air = kd.Air(wind=(5.7, -4.7, 0), drag=None, torque=None)
+    launch = kd.BallState((0.3, 0, -0.8), (10, -0.7, -2.8), (-0.5, -2.2, 4.4))
+    around = Envelope(launch, FlightEnvironment(kd.Ball(), air, kd.Ground(-1.1), None))
+    wind = next(effect for effect in EFFECTS if effect.name == "wind")
+    ends = [
+        kd.fly(launch, kd.Ball(), each, kd.Ground(-1.1)).landing.position
+        for each in (air, kd.Air(drag=None, torque=None))
+    ]
+    moved = np.linalg.norm(ends[1] - ends[0])
+    assert moved == pytest.approx(2.0e-4, rel=0.05)
+    assert moved <= around.shift(*wind.change(around)) <= 4 * moved
+
+
+def test_spin_that_decays_where_lift_does_not_depend_on_it():
+    """At the nodes: between these, the spin parameter is below where lift saturates."""
+    ground, air = kd.Ground(-1.19249), kd.Air()
+    launch = kd.BallState(
+        (0.5664, -0.003269, -0.6735), (1.485, -1.253, 2.172), (20.74, -25.27, 23.69)
+    )
+    ends = [
+        kd.fly(launch, kd.Ball(), each, ground, tol=1e-12).landing.position
+        for each in (air, kd.Air(torque=None))
+    ]
+    around = Envelope(launch, FlightEnvironment(kd.Ball(), air, ground, None))
+    decay = next(effect for effect in EFFECTS if effect.name == "spin decay")
+    moved = np.linalg.norm(ends[1] - ends[0])
+    assert moved == pytest.approx(2.93e-7, rel=0.01)
+    assert moved <= around.shift(*decay.change(around)) <= 1e-3
+
+
+def test_the_shift_in_a_vacuum_is_that_of_the_formula():
+    """Of a ball that falls at 4 m/s when it lands after 0.8 s, and goes on at 5 m/s at most."""
+    launch = kd.BallState((0, 0, 1), (3, 0, 4))
+    around = Envelope(launch, FlightEnvironment(kd.Ball(), None, None, None))
+    t = 2 * 4 / 9.81
+    assert around.time == pytest.approx(t, rel=1e-12)
+    apart = 0.03 + 0.2 * t + 0.5 * 0.1 * t**2
+    faster = 0.2 + 0.1 * t
+    shift = apart * (1 + (5 + faster) / (4 - faster))
+    assert around.shift(0.1, LaunchError(0.2, 0.0, 0.03)) == pytest.approx(shift, rel=1e-12)
+
+
+def test_buoyancy_is_bounded_by_five_fourths_of_it():
+    air = kd.Air(drag=None, lift=None, torque=None)
+    around = Envelope(LAUNCH, FlightEnvironment(kd.Ball(), air, kd.Ground(), None))
+    volume = 4 / 3 * np.pi * kd.Ball().radius ** 3
+    buoyancy = 9.81 * air.density * volume / kd.Ball().mass
+    assert around.difference(kd.Air(drag=None, lift=None, torque=None, buoyancy=False)) == (
+        pytest.approx(1.25 * buoyancy, rel=1e-12)
+    )
+
+
+def test_a_coefficient_of_the_users_own_is_not_bounded():
+    """It may change within a narrow range of speeds, between those that are evaluated."""
+    air = kd.Air(drag=lambda reynolds, spin: 0.25)
+    around = Envelope(LAUNCH, FlightEnvironment(kd.Ball(), air, kd.Ground(), None))
+    assert around.shift(1e-9) == math.inf
+    constant = kd.Air(drag=kd.aerodynamics.drag.constant(0.25))
+    around = Envelope(LAUNCH, FlightEnvironment(kd.Ball(), constant, kd.Ground(), None))
+    assert around.shift(1e-9) < 1e-6

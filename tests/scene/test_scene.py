@@ -33,6 +33,8 @@ def test_the_ball_lies_before_the_contact_point():
         ({"contact_time": 0}, "contact time"),
         ({"law": "none"}, "law is 'none'"),
         ({"ball_spin": [1, 2]}, "ball spin"),
+        ({"uncertainty": np.nan}, "uncertainty is nan"),
+        ({"uncertainty": {1: 2}}, "uncertainty of 1 is unknown: choose q, v"),
     ],
 )
 def test_bad_parts_are_refused(changes, said):

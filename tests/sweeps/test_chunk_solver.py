@@ -1,12 +1,16 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from chains import random_leg
 from extremes.extreme_impacts import chain
 
 import kickdyn as kd
+from kickdyn.flight import batch
+from kickdyn.flight.batch import fly_many
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.chunk_solver import ChunkSolver
-from kickdyn.sweeps.dataset import variables_of
+from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.sweep_kick import Kick, kick_from
 
@@ -45,3 +49,56 @@ def test_a_disagreement_is_said_in_plain_numbers(monkeypatch):
     said = r"^posture 0: the sweep has effective_mass \d+\.\d+, a single kick \d+\.\d+$"
     with pytest.raises(kd.KickdynError, match=said):
         solver(leg, grid)(0, 2)
+
+
+CHECKED = ["effective_mass", "impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry"]
+
+
+@pytest.mark.parametrize("name", CHECKED)
+@pytest.mark.parametrize(("share", "stops"), [(0.4, False), (2.0, True)])
+def test_a_kernel_may_differ_by_what_is_promised(monkeypatch, name, share, stops):
+    compute, row = ChunkSolver._compute, list(VARIABLES).index(name)
+
+    def off(self, model, first, rows, status):
+        doubtful = compute(self, model, first, rows, status)
+        promised = 1e-7 * rows[row] + 1e-9 if name == "carry" else 1e-9 * rows[row]
+        rows[row] += share * promised
+        return doubtful
+
+    monkeypatch.setattr(ChunkSolver, "_compute", off)
+    found = solver(kd.Leg.human(), Grid({"hip": np.array([0.1, 0.2])}))
+    refused = pytest.raises(kd.KickdynError, match=f"posture 0: the sweep has {name}")
+    with refused if stops else nullcontext():
+        found(0, 2)
+
+
+def test_a_ball_that_the_batch_does_not_land_is_flown_alone(monkeypatch):
+    def one_is_lost(*args, **how):
+        flights = fly_many(*args, **how).copy(deep=True)
+        flights.status[0], flights.range[0] = 1, np.nan
+        return flights
+
+    monkeypatch.setattr(batch, "fly_many", one_is_lost)
+    leg, grid = kd.Leg.human(), Grid({"hip": np.array([0.1, 0.2])})
+    rows, _ = solver(leg, grid)(0, 2)
+    carries = [kick_from(leg.posture([hip, 0.0, 0.0]), KICK).carry for hip in (0.1, 0.2)]
+    assert rows[list(VARIABLES).index("carry")] == pytest.approx(carries, rel=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, friction):
+    found = chunk_solver.strike
+
+    def wrong(posture, v, ball, contact, **options):
+        hit = found(posture, v, ball, contact, **options)
+        if options.get("engine") != "pinocchio":
+            return hit
+        heavier = kd.Ball(mass=ball.mass * (1 + 1e-7), radius=ball.radius)
+        return found(posture, v, heavier, contact, **options)
+
+    legs = kd.Leg.human()
+    angles = {"hip": np.radians([0.0, 5.0]), "knee": [0.2], "ankle": [0.0]}
+    kd.sweep(legs, angles, kd.Kick(friction=friction))
+    monkeypatch.setattr(chunk_solver, "strike", wrong)
+    with pytest.raises(kd.KickdynError, match=r"N s by pin\.impulseDynamics"):
+        kd.sweep(legs, angles, kd.Kick(friction=friction))

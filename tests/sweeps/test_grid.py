@@ -10,7 +10,7 @@ from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, re
 LEG = kd.Leg.human()
 
 
-def grid(leg, joints=()):
+def grid(leg, joints):
     return Grid.of(leg, read_postures(leg, joints))
 
 
@@ -26,14 +26,6 @@ def test_a_step_that_does_not_divide_stops_below_the_end():
     assert np.degrees(grid(LEG, ["knee=0:10:4"]).axes["knee"]) == pytest.approx([0, 4, 8])
 
 
-def test_default_stays_inside_every_range():
-    default = grid(LEG)
-    assert default.shape == (16, 15, 8)
-    for i, name in enumerate(LEG.joint_names):
-        assert default.axes[name].min() >= LEG.lower[i] - 1e-12
-        assert default.axes[name].max() <= LEG.upper[i] + 1e-12
-
-
 def test_configurations_run_the_last_axis_fastest():
     small = grid(LEG, ["hip=0:10:10", "ankle=0:20:20"])
     degrees = [np.degrees(small.configuration(LEG, number)) for number in range(small.size)]
@@ -45,6 +37,7 @@ def test_configurations_run_the_last_axis_fastest():
 @pytest.mark.parametrize(
     ("joints", "words"),
     [
+        ([], r"name the joints of leg_human to sweep, .* --joint hip=0:30:5 \(there are hip, knee"),
         (["hip"], "'hip' cannot be read: write NAME=LOW:HIGH:STEP"),
         (["hip=1:2"], "cannot be read"),
         (["hip=a:b:c"], "write plain numbers"),
@@ -66,7 +59,7 @@ def test_configurations_run_the_last_axis_fastest():
     ],
 )
 def test_bad_grids(joints, words):
-    with pytest.raises(kd.InvalidInput, match=words.replace("(", r"\(")):
+    with pytest.raises(kd.InvalidInput, match=words):
         grid(LEG, joints)
 
 
@@ -76,15 +69,6 @@ def test_a_joint_that_is_not_named_must_allow_0():
     leg = kd.Leg.from_model(model, "toe")
     with pytest.raises(kd.InvalidInput, match="joint hip is not named, so at 0 deg"):
         grid(leg, ["knee=10"])
-
-
-def test_legs_of_many_joints_want_them_named():
-    model = LEG.model
-    for name in ("a", "b"):
-        joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    with pytest.raises(kd.InvalidInput, match="has 5 joints: name those to sweep"):
-        grid(kd.Leg.from_model(model, "toe"))
 
 
 def test_prismatic_joints_are_in_metres_and_continuous_ones_turn_freely():
@@ -102,40 +86,16 @@ def test_prismatic_joints_are_in_metres_and_continuous_ones_turn_freely():
     assert axes["turn"] == pytest.approx(np.radians([-170, 0, 170]))
     with pytest.raises(kd.InvalidInput, match=r"range is -0\.2 to 0\.3 m"):
         grid(leg, ["slide=1"])
-    assert grid(leg).size > 10
     q = leg.configuration({"turn": math.pi / 2, "slide": 0.1})
     assert leg.joint_values(q) == pytest.approx({"turn": math.pi / 2, "slide": 0.1})
-
-
-def chain(kind, low, high):
-    model = pin.Model()
-    limits = [np.array([x]) for x in (10.0, 5.0, low, high)]
-    joint = model.addJoint(0, kind, pin.SE3.Identity(), "only", *limits)
-    body = pin.Inertia(1.0, np.array([0.1, 0, 0]), np.eye(3))
-    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
-    tip = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    model.addFrame(pin.Frame("toe", joint, 0, tip, pin.FrameType.OP_FRAME))
-    return kd.Leg.from_model(model, "toe")
-
-
-@pytest.mark.parametrize("far", [1e9, 1e300])
-@pytest.mark.parametrize("kind", [pin.JointModelRY(), pin.JointModelPX()], ids=["turn", "slide"])
-def test_an_endless_range_must_be_narrowed(kind, far):
-    with pytest.raises(kd.InvalidInput, match=r"joint only ranges from -1e.*name the values"):
-        grid(chain(kind, -far, far))
-
-
-def test_a_range_of_one_value_is_one_posture():
-    assert grid(chain(pin.JointModelPX(), 0.2, 0.2)).axes["only"] == pytest.approx([0.2])
 
 
 @pytest.mark.parametrize(
     ("largest", "step", "words"),
     [
-        (IN_MEMORY, 0.1, r"2,004,002 postures \(1001 x 1001 x 2\), which fill 0.2 GB and take "
-         r"about 10 s of one core: at most 1,000,000 fit in memory: name a store, --out DIR\.zarr"),
-        (LARGEST, 0.001, r"fill 2,100.0 GB and take about 100,002 s .* at most 10,000,000,000 "
-         r"can be swept, or take larger steps"),
+        (IN_MEMORY, 0.1, r"2,004,002 postures \(1001 x 1001 x 2, 0.2 GB\): at most 1,000,000 fit "
+         r"in memory: name a store, --out DIR\.zarr"),
+        (LARGEST, 0.001, r"x 2, 2,100.0 GB\): at most 10,000,000,000 can be swept, or take larger"),
     ],
 )  # fmt: skip
 def test_too_many_postures_say_what_they_would_need(largest, step, words):

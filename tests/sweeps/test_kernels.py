@@ -1,20 +1,26 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import floating_leg, random_leg
+from chains import floating_leg, in_units, random_leg, slides
 from extremes.extreme_impacts import chain
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.sweeps import kernels
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
 from kickdyn.sweeps.kernels import (
+    ACROSS,
     DOUBT,
     LOST,
     MOBILITY,
     MOMENTUM,
     NORMAL,
     RESTITUTION,
+    ROWS,
+    TANGENT,
     USE,
     WORST,
     Kernel,
@@ -164,6 +170,43 @@ def test_what_cannot_be_vouched_for_is_marked():
     assert answers(LEG, Kick(), axes, planar=False)[1][DOUBT].all()  # it cannot move across
 
 
+powers = st.integers(-8, 8)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+@given(seed=st.integers(0, 10**6), metre=powers, half=powers, second=powers)
+@settings(max_examples=15, derandomize=True, deadline=None)
+def test_powers_of_two_of_the_units_change_no_bit(planar, seed, metre, half, second):
+    """Of the kilogram powers of four, for roots of masses are taken.
+
+    The residual of momentum of hinges and slides together is relative to a norm of both.
+    """
+    rng = np.random.default_rng(seed)
+    leg = LEG if planar else random_leg(rng, joints=int(rng.integers(3, 7)))
+    axes = {name: rng.uniform(-1.5, 1.5, 2) for name in leg.joint_names[:4]}
+    limits, speed = rng.uniform(2.0, 20.0, leg.nv), rng.uniform(0.5, 9.0)
+    contact = {"attack": 0.4, "restitution": 0.6, "friction": rng.choice([0.0, 0.1, 0.5])}
+    m, kg, s, sliding = 2.0**metre, 4.0**half, 2.0**second, slides(leg)
+
+    def found(metre, kilogram, second):
+        model = in_units(leg, metre, kilogram).model
+        model.velocityLimit = limits * metre**sliding / second
+        ball = kd.Ball(0.43 * kilogram, 0.11 * metre)
+        kick = Kick(speed=speed * metre / second, ball=ball, **contact)
+        joints = dict(zip(leg.joint_names, metre**sliding, strict=True))
+        values = {name: joints[name] * each for name, each in axes.items()}
+        return answers(kd.Leg.from_model(model, leg.frame), kick, values)
+
+    model, one = found(1.0, 1.0, 1.0)
+    assert model.planar is planar
+    assert np.isfinite(one).all()
+    units = np.ones(ROWS)
+    units[[TANGENT, ACROSS, NORMAL, WORST]] = kg * m / s
+    units[MOBILITY], units[LOST] = 1 / kg, kg * m**2 / s**2
+    same = slice(MOMENTUM) if sliding.any() else slice(ROWS)
+    assert found(m, kg, s)[1][same].tolist() == (one * units[:, None])[same].tolist()
+
+
 def test_a_range_of_postures_is_a_part_of_the_whole():
     axes = {name: np.linspace(0.1, 0.9, k) for name, k in (("hip", 7), ("knee", 5), ("ankle", 3))}
     whole = answers(LEG, Kick(), axes)[1]
@@ -176,14 +219,14 @@ def test_only_fixed_trees_of_hinges_and_slides_have_a_kernel():
 
 
 def test_what_is_not_finite_is_doubtful():
-    model = KernelModel.of(LEG, Kick())
+    model = KernelModel.of(LEG, Kick(restitution=0.5))
     found = np.ones((10, 12))
     found[DOUBT] = 0.0
     for row in range(10):
         found[row, row] = np.inf if row % 2 else np.nan
     found[USE, 11] = 2.0
     rows, status = np.zeros((13, 12)), np.zeros(12, np.int8)
-    doubtful = fill_variables(found, model, Kick(restitution=0.5), rows, status)
+    doubtful = fill_variables(found, model, rows, status)
     assert doubtful.tolist() == [True] * 10 + [False] * 2
     assert status[10:].tolist() == [0, 1]
     values = dict(zip(VARIABLES, rows[:, 10], strict=True))
@@ -193,3 +236,14 @@ def test_what_is_not_finite_is_doubtful():
     assert values["immovable_impulse"] == pytest.approx(1.5)
     assert values["ball_speed"] == values["speed_ratio"] == pytest.approx(3**0.5 / ball.mass)
     assert values["worst_joint_impulse"] == values["momentum_residual"] == 1.0
+
+
+def test_a_variable_that_the_kernel_does_not_fill_in_ends_the_sweep(monkeypatch):
+    monkeypatch.setattr(kernels, "VARIABLES", {**VARIABLES, "added": ("1", "added later")})
+    model, answer, rows = (
+        KernelModel.of(LEG, Kick()),
+        np.ones((ROWS, 2)),
+        np.full((len(VARIABLES) + 1, 2), np.nan),
+    )
+    with pytest.raises(KeyError, match="added"):
+        fill_variables(answer, model, rows, np.zeros(2, np.int8))

@@ -1,4 +1,5 @@
 import json
+import math
 import os
 import re
 import signal
@@ -6,17 +7,19 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
 import xarray as xr
-from distributed import Client, LocalCluster
 
 import kickdyn as kd
-from kickdyn.sweeps import chunk_solver, sweep
-from kickdyn.sweeps.dataset import VARIABLES
+from kickdyn.errors import Unfinished
+from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.grid import read_postures
 from kickdyn.sweeps.store import SweepStore, save_netcdf
 
@@ -60,9 +63,40 @@ def test_a_store_is_the_dataset_in_memory(tmp_path):
     data, small = stored(tmp_path / "s.zarr", threads=2), kd.sweep(LEG, POSTURES, KICK)
     assert dict(data.sizes) == dict(small.sizes)
     xr.testing.assert_identical(data.load(), small)
-    with xr.open_zarr(tmp_path / "s.zarr", consolidated=False) as plain:
-        assert set(plain.data_vars) == {*VARIABLES, "status"}
     assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize("chunks", ["auto", None])
+def test_plain_xarray_opens_a_store_without_a_warning(tmp_path, chunks):
+    path, whole = tmp_path / "s.zarr", kd.sweep(LEG, POSTURES, KICK)
+
+    def stop(count, speed):
+        if math.isfinite(speed):
+            raise KeyboardInterrupt
+
+    with pytest.raises(Unfinished):
+        stored(path, threads=1, progress=stop)
+    for finished in (0, 1):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            plain = xr.open_zarr(path, chunks=chunks)
+            done = plain.status.values != -1
+            assert done.all() == finished
+            assert done.any()
+        assert (plain.attrs["finished"], plain.status.dtype) == (finished, np.int8)
+        assert plain.status.attrs["flag_values"] == [0, 1, 2, -1]
+        assert plain.carry.attrs == {"units": "m", "long_name": whole.carry.attrs["long_name"]}
+        assert np.isnan(plain.carry.values).tolist() == (~done).tolist()
+        assert (plain.carry.values[done] == whole.carry.values[done]).all()
+        stored(path, resume=True)
+
+
+def test_dask_reduces_a_store(tmp_path):
+    data = stored(tmp_path / "s.zarr")
+    lazy = data.chunk()
+    assert lazy.ball_speed.chunks is not None
+    best = lazy.ball_speed.where(lazy.status == 0).max("hip")
+    xr.testing.assert_equal(best.compute(), data.ball_speed.where(data.status == 0).max("hip"))
 
 
 def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
@@ -188,9 +222,21 @@ def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
 
 
 def test_worker_processes_fill_the_same_store(tmp_path):
-    """On a fresh machine the kernel is compiled here, and read from the disk by the workers."""
-    stored(tmp_path / "whole.zarr", LARGE, threads=1)
-    stored(tmp_path / "s.zarr", LARGE, workers=2)
+    """No process listens: whoever can connect to a scheduler could run code as its owner."""
+    family, listening = set(), set()
+
+    def look(count, speed):
+        for each in (psutil.Process(), *psutil.Process().children(recursive=True)):
+            family.add(each.pid)
+            for one in each.net_connections("all"):
+                if one.status == psutil.CONN_LISTEN:
+                    listening.add(one.laddr)
+
+    stored(tmp_path / "whole.zarr", LARGE, threads=1, progress=look)
+    before = listening.copy()
+    stored(tmp_path / "s.zarr", LARGE, workers=2, progress=look)
+    assert len(family) >= 3
+    assert listening <= before
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
 
 
@@ -226,75 +272,50 @@ def test_what_cannot_be_sent_to_a_worker_is_one_line(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_cluster_that_does_not_answer_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "CLUSTER_TIMEOUT", 0.5)
-    for wrong in ("tcp://127.0.0.1:1", "nowhere", "", "tcp://localhost"):
-        with pytest.raises(kd.InvalidInput, match=f"no cluster answers at {wrong} "):
-            stored(tmp_path / "s.zarr", cluster=wrong)
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(kd.InvalidInput, match=r'pip install "kickdyn\[cluster\]"'):
-        stored(tmp_path / "s.zarr", cluster="tcp://127.0.0.1:1")
+def test_an_executor_of_the_caller_fills_the_same_store(tmp_path):
+    stored(tmp_path / "whole.zarr")
+    with ThreadPoolExecutor(2) as executor:
+        stored(tmp_path / "s.zarr", executor=executor)
+        assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+        assert executor.submit(int, "3").result() == 3  # it is not shut down
+
+
+class Blind(ThreadPoolExecutor):
+    """Workers that do not see the store."""
+
+    def submit(self, function, *args):
+        def blind():
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(Path, "is_dir", lambda self: False)
+                return function(*args)
+
+        return super().submit(blind)
+
+
+def test_workers_must_see_the_store(tmp_path):
+    unseen = pytest.raises(kd.InvalidInput, match=r"a worker does not see .*s\.zarr")
+    with Blind(1) as executor, unseen:
+        stored(tmp_path / "s.zarr", executor=executor)
     assert not list(tmp_path.iterdir())  # nothing that is in the next attempt's way
 
 
-def test_a_cluster_fills_the_same_store(tmp_path, monkeypatch):
-    stored(tmp_path / "whole.zarr")
-    here = "127.0.0.1:0"
-    with LocalCluster(
-        n_workers=0, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1",
-        dashboard_address=here, worker_dashboard_address=here,
-    ) as started:  # fmt: skip
-        where = started.scheduler_address
-        monkeypatch.setattr(sweep, "CLUSTER_TIMEOUT", 0.5)
-        with pytest.raises(kd.InvalidInput, match="the cluster has no workers"):
-            stored(tmp_path / "s.zarr", cluster=where)
-        monkeypatch.setattr(sweep, "CLUSTER_TIMEOUT", 20)
-        started.scale(1)
-        stored(tmp_path / "s.zarr", cluster=where)
-        assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
-        with monkeypatch.context() as patch:
-            patch.setattr(sweep._StoreJob, "_store", property(_unseen))
-            with pytest.raises(kd.InvalidInput, match="a worker does not see"):
-                stored(tmp_path / "c.zarr", cluster=where)
-        assert not (tmp_path / "c.zarr").exists()
+def test_what_is_stopped_leaves_nothing_to_an_executor_of_the_caller(tmp_path):
+    def stop(count, speed):
+        if math.isfinite(speed):
+            raise KeyboardInterrupt
 
-
-def test_a_scheduler_that_dies_leaves_what_can_be_resumed(tmp_path):
-    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard"]
-    command += ["--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(tmp_path / "where")]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as scheduler:
-        while not (tmp_path / "where").exists():
-            time.sleep(0.05)
-        where = json.loads((tmp_path / "where").read_text())["address"]
-        work = [sys.executable, "-m", "distributed.cli.dask_worker", where, "--nthreads", "1"]
-        work += ["--no-dashboard", "--no-nanny", "--death-timeout", "2"]
-        with subprocess.Popen(work, stderr=subprocess.DEVNULL, cwd=tmp_path) as worker:
-            with Client(where, set_as_default=False) as client:
-                client.wait_for_workers(1, timeout=60)
-            path = tmp_path / "s.zarr"
-            swept = [sys.executable, "-m", "kickdyn.posture_sweep", "--cluster", where]
-            swept += ["--speed", "4", "--tolerance", "0", "--out", str(path)]
-            for joint in ("hip=0:20:10", "knee=0:130:0.25", "ankle=-20:50:0.25"):
-                swept += ["--joint", joint]
-            with subprocess.Popen(swept, stderr=subprocess.PIPE, text=True) as lost:
-                while lost.poll() is None and not list(path.glob("status/c/*")):
-                    time.sleep(0.01)
-                scheduler.kill()
-                (said,) = lost.communicate()[1].splitlines()
-            assert re.search(r"lost the scheduler at .*: \d of 6 chunks .* --resume", said)
-            worker.kill()
-    assert computed(path) > 0
-
-
-def _unseen(job):
-    raise kd.InvalidInput("a worker does not see it")
+    with ThreadPoolExecutor(1) as executor:
+        with pytest.raises(Unfinished, match=r"^interrupted: [12] of 7 chunks"):
+            stored(tmp_path / "s.zarr", executor=executor, progress=stop)
+        done = computed(tmp_path / "s.zarr")
+    assert computed(tmp_path / "s.zarr") <= done + 42 < 294
 
 
 @pytest.mark.parametrize("path", [5, "a\0b.zarr", ["s.zarr"]])
 def test_what_cannot_be_a_path(path):
-    with pytest.raises(kd.InvalidInput, match="must be the name of a folder or file"):
+    with pytest.raises(kd.InvalidInput, match=r"path is .*: it must be "):
         kd.open_sweep(path)
-    with pytest.raises(kd.InvalidInput, match="must be the name of a folder or file"):
+    with pytest.raises(kd.InvalidInput, match=r"(path|store) is .*: it must be "):
         kd.sweep(LEG, {"hip": 0.1}, KICK, store=path)
 
 

@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def by_chunks(where=None):
     return found
 
 
-@pytest.mark.parametrize("where", [None, WHERE])
+@pytest.mark.parametrize("where", [None, WHERE, "hip > 20"])
 def test_chunks_give_what_the_whole_dataset_gives(data, where):
     for found in (by_chunks(where), summarize(data, where)):
         chosen = possible(data) if where is None else possible(data) & condition(data, where)
@@ -44,25 +46,23 @@ def test_chunks_give_what_the_whole_dataset_gives(data, where):
         assert found.residual == max(residuals)
         assert found.chosen == int(chosen.sum()) > 20
         ordered = np.sort(speed.values[chosen.values])[::-1]
-        best = dict(zip(found.columns, found.best.T, strict=True))
-        assert best["ball_speed"].tolist() == ordered[:10].tolist()
-        assert data.ball_speed.values.ravel()[found.best_numbers].tolist() == ordered[:10].tolist()
+        assert found.best[:, 0].tolist() == ordered[:10].tolist()
+        for column, name in enumerate(("ball_speed", "worst_joint_impulse")):
+            at = data[name].values.ravel()[found.best[:, 2].astype(int)]
+            assert at.tolist() == found.best[:, column].tolist()
         assert data.ball_speed.values.ravel()[found.worst] == ordered[-1]
-        for values, knee in zip(data.knee_deg.values[[0, 3]], (0, 3), strict=True):
-            assert found.marginals["knee",].values["knee"][knee] == values
-        for name in ("hip", "knee", "ankle"):
-            others = [each for each in POSTURES if each != name]
-            marginal = found.marginals[name,]
-            assert marginal.best == pytest.approx(speed.max(others).values, nan_ok=True)
-            assert marginal.mean == pytest.approx(speed.mean(others).values, nan_ok=True)
-            assert marginal.count.tolist() == chosen.sum(others).values.tolist()
-        pair = found.marginals["hip", "ankle"]
-        assert pair.best == pytest.approx(speed.max("knee").values, nan_ok=True)
+        pairs = {("hip", "knee"): "ankle", ("hip", "ankle"): "knee", ("knee", "ankle"): "hip"}
+        assert set(found.maps) == set(pairs)
+        for names, other in pairs.items():
+            assert found.maps[names].best == pytest.approx(speed.max(other).values, nan_ok=True)
+            for name, values in found.maps[names].values.items():
+                assert values == pytest.approx(data[f"{name}_deg"].values, rel=1e-15)
         front = pareto_front(data, where=where)
         assert found.front[:, 0].tolist() == front.ball_speed.values.tolist()
-        sample = dict(zip(found.columns, found.sample.T, strict=True))
-        assert len(sample["carry"]) == 7
-        assert set(sample["carry"]) <= set(data.carry.values[chosen.values])
+        names = ("worst_joint_impulse", "ball_speed", "speed_use")
+        rows = np.column_stack([data[name].values[chosen.values] for name in names])
+        assert len(found.sample) == 7
+        assert {*map(tuple, found.sample)} <= {*map(tuple, rows)}
 
 
 def test_the_sample_is_random_and_repeatable():
@@ -73,29 +73,39 @@ def test_the_sample_is_random_and_repeatable():
 def test_nothing_to_choose_from(data):
     found = summarize(data, "knee > 100")
     assert (found.chosen, found.worst, len(found.best), found.counts["ok"] > 0) == (0, -1, 0, True)
-    assert found.as_json()["marginals"]["hip"]["best"] == [None] * 7
+    assert found.as_json()["best"] == found.as_json()["front"]
+    empty = found.as_json()["best"]
+    assert empty["angles"]["hip"] == empty["ball_speed"] == empty["worst_joint_impulse"] == []
 
 
 def test_what_is_kept_is_plain(data):
-    kept = summarize(data).as_json()
-    assert set(kept) == {"best", "front", "marginals", "sample"}
-    assert kept["best"]["hip"][0] in data.hip_deg.values
-    assert len(kept["front"]["knee"]) == len(kept["front"]["ball_speed"])
-    assert set(kept["marginals"]["knee"]) == {"knee", "best", "mean", "count"}
-
-
-def test_without_details_nothing_is_drawn_or_kept(data):
-    found = Summary(data, detailed=False)
-    found.add(data)
-    assert (found.marginals, len(found.sample), len(found.best)) == ({}, 0, 10)
+    kept = json.loads(json.dumps(summarize(data).as_json()))
+    assert set(kept) == {"best", "front"}
+    for rows in kept.values():
+        for i, speed in enumerate(rows["ball_speed"]):
+            place = {name: np.radians(rows["angles"][name][i]) for name in POSTURES}
+            at = data.sel(place, method="nearest")
+            assert float(at.ball_speed) == speed
+            assert float(at.worst_joint_impulse) == rows["worst_joint_impulse"][i]
+    assert len(kept["best"]["angles"]["hip"]) == 10
 
 
 def test_neighbours_go_together(data, monkeypatch):
     monkeypatch.setattr(summary, "BINS", 2)
-    marginal = summarize(data).marginals["ankle",]
-    assert marginal.values["ankle"] == pytest.approx([10.0, 40.0])
-    speed = data.ball_speed.where(possible(data)).max(("hip", "knee")).values
-    assert marginal.best == pytest.approx([speed[:3].max(), speed[3:].max()])
+    speed = data.ball_speed.where(possible(data)).max("hip").values
+    quarters = [speed[a, b].max() for a in (slice(4), slice(4, 7)) for b in (slice(3), slice(3, 6))]
+    for found in (summarize(data), by_chunks()):
+        binned = found.maps["knee", "ankle"]
+        assert binned.values["ankle"] == pytest.approx([10.0, 40.0])
+        assert binned.values["knee"] == pytest.approx([7.5, 25.0])
+        assert binned.best.ravel() == pytest.approx(quarters)
+
+
+def test_a_single_joint_has_a_line():
+    data = kd.sweep(LEG, {"hip": [0.3], "knee": np.linspace(0.0, 0.5, 4)}, KICK)
+    (line,) = summarize(data).maps.values()
+    assert list(line.values) == ["knee"]
+    assert line.best.tolist() == data.ball_speed.values.ravel().tolist()
 
 
 def test_bad_conditions_are_refused_before_anything_is_computed():

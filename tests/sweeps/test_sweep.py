@@ -2,6 +2,7 @@ import math
 import subprocess
 import sys
 import textwrap
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -98,7 +99,7 @@ def test_attack_down_does_not_carry():
 def test_chunks_are_the_whole(small, monkeypatch):
     monkeypatch.setattr(chunk_solver, "SLOW_CHUNK", 5)
     postures = read_postures(LEG, ["hip=0:90:45", "knee=0:30:15", "ankle=0:50:50"])
-    seen = list(sweep_chunks(LEG, postures, KICK, threads=2))
+    seen = list(sweep_chunks(LEG, postures, KICK, threads=2.0))  # a whole number of any type
     assert [chunk.status.size for chunk in seen] == [4, 2] * 3
     for name in (*VARIABLES, "status"):
         values = np.concatenate([chunk[name].values.ravel() for chunk in seen])
@@ -116,7 +117,8 @@ def test_chunks_are_the_whole(small, monkeypatch):
         ({"threads": 2, "workers": 2}, "exclude each other"),
         ({"resume": True}, "need a store"),
         ({"workers": 2}, "need a store"),
-        ({"cluster": "tcp://127.0.0.1:1"}, "need a store"),
+        ({"executor": ThreadPoolExecutor(1)}, "need a store"),
+        ({"executor": 3}, "executor is 3: it must be a Executor or None"),
         ({"postures": {"hip": np.linspace(0, 1, 1001), "knee": np.linspace(0, 1, 1001)}},
          "1,002,001 postures .* name a store"),
     ],

@@ -5,6 +5,7 @@ import pytest
 from chains import random_leg
 
 import kickdyn as kd
+from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.sweep_kick import (
     Kick,
     PostureStatus,
@@ -26,10 +27,31 @@ def test_it_is_strike_and_fly():
     impact = kd.strike(posture, v, kd.Ball(), kd.Contact(n, 0.7, 0.1))
     assert outcome.status == "ok"
     assert outcome.impact.impulse == pytest.approx(impact.impulse, rel=1e-13)
+    assert outcome.impact.v_before == pytest.approx(v, rel=1e-13)
     assert outcome.carry == pytest.approx(
         kd.fly(impact.ball_after, kd.Ball(), kd.Air()).range, rel=1e-9
     )
     assert outcome.speed_use == least_speed_use(posture, 2 * np.array(n))
+
+
+@pytest.mark.parametrize("law", ["stronge", "paper"])
+def test_another_law_is_that_of_strike(law, monkeypatch):
+    q, kick = (0.35, 0.5, 0.17), Kick(law=law, friction=0.1)
+    posture = LEG.posture(q)
+    v = posture.joint_velocity(kick.direction)
+    expected = kd.strike(posture, v, kd.Ball(), kick.contact, law).impulse
+    impact = kick_from(posture, kick).impact
+    assert impact.law == law
+    assert impact.impulse == pytest.approx(expected, rel=1e-13)
+    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", 1)
+    table = kd.sweep(LEG, {"hip": np.array([q[0]]), "knee": q[1], "ankle": q[2]}, kick)
+    assert table.attrs["impact_law"] == law
+    assert table.impulse.values.ravel() == pytest.approx([math.hypot(*expected)])
+
+
+def test_an_unknown_law_is_refused():
+    with pytest.raises(kd.InvalidInput, match="impact law is 'hooke'"):
+        Kick(law="hooke")
 
 
 def test_a_stretched_leg_cannot_kick_along_itself():

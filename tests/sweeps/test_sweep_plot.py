@@ -3,20 +3,21 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.core.plot_style import save_figure
 from kickdyn.sweeps import summary as summaries
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.summary import summarize
-from kickdyn.sweeps.sweep_plot import save_figure, sweep_figure
+from kickdyn.sweeps.sweep_plot import sweep_figure
 from kickdyn.sweeps.sweep_report import extreme_lines
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
 
 
-def drawn(*joints, where=None):
+def drawn(*joints, where=None, kick=KICK):
     grid = Grid.of(LEG, read_postures(LEG, joints))
-    data = kd.sweep(LEG, grid.axes, KICK)
+    data = kd.sweep(LEG, grid.axes, kick)
     summary = summarize(data, where)
-    lines = extreme_lines(LEG, grid, KICK, summary)
+    lines = extreme_lines(LEG, grid, kick, summary)
     return data, lines, sweep_figure(summary, lines)
 
 
@@ -38,9 +39,13 @@ def test_the_map_shows_the_best_over_the_other_joints():
 
 
 def test_the_price_marks_best_and_worst():
-    _, lines, figure = drawn("hip=0:40:10", "knee=0:30:10")
+    data, lines, figure = drawn("hip=0:40:10", "knee=0:30:10", kick=kd.Kick(speed=2.0))
     right = figure.axes[1]
     assert [text.get_text() for text in right.texts] == ["best", "worst"]
+    dots, names = right.collections[0], ("worst_joint_impulse", "speed_ratio", "speed_use")
+    shown = np.column_stack([np.asarray(dots.get_offsets()), np.asarray(dots.get_array()) / 100])
+    swept = np.column_stack([data[name].values.ravel() for name in names])
+    assert shown[shown[:, 1].argsort()] == pytest.approx(swept[swept[:, 1].argsort()])
     front, *marks = right.lines
     assert (front.get_xdata()[-1], front.get_ydata()[-1]) == (
         lines[0].values["worst_joint_impulse"],

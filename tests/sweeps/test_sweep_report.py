@@ -23,26 +23,31 @@ def lines():
     return [*paper_lines(LEG, KICK), *swept("hip=0:10:10", "knee=10")[2]]
 
 
-def printed(lines, width):
+def printed(leg, lines):
     console = Console(width=200)
     with console.capture() as captured:
-        console.print(table(LEG, KICK, lines, width))
-    return captured.get().splitlines()[2:]
+        console.print(table(leg, lines))
+    return captured.get().splitlines()
 
 
-def test_a_narrow_screen_has_a_column_per_posture(lines):
-    wide, narrow = printed(lines, 200), printed(lines, 80)
-    assert max(map(len, wide)) > 80 >= max(map(len, narrow))
-    words = " ".join(narrow).split()
-    for row in wide[3:]:
-        assert set(row.split()) <= set(words), row
-    (heads,) = [line.split() for line in narrow if "paper a" in line]
-    for joint, values in (("hip", [5, 5, 5, 10, 0]), ("ankle", [-5, 15, 40, 0, 0])):
-        (angles,) = [line.split() for line in narrow if line.startswith(f" {joint}, deg")]
-        assert angles[-len(lines) :] == [str(value) for value in values]
-    (masses,) = [line.split() for line in narrow if "eff. mass, kg" in line]
-    assert heads[0] == "posture"
-    assert masses[-len(lines) :] == [f"{line.values['effective_mass']:.4g}" for line in lines]
+def test_the_table_has_a_column_for_each_posture_and_fits_a_screen(lines):
+    rows = printed(LEG, lines)
+    assert max(map(len, rows)) <= 80
+    cells = {row[:20].strip(): row[20:].split() for row in rows}
+    assert cells["posture"] == ["paper", "a", "paper", "b", "paper", "c", "best", "worst"]
+    assert cells["hip, deg"] == ["5", "5", "5", "10", "0"]
+    assert cells["ankle, deg"] == ["-5", "15", "40", "0", "0"]
+    for row, name, scale in (
+        ("effective mass, kg", "effective_mass", 1), ("impulse, N s", "impulse", 1),
+        ("ball / foot speed", "speed_ratio", 1), ("launch angle, deg", "launch_angle", 57.29578),
+        ("back spin, rad/s", "back_spin", 1), ("carry, m", "carry", 1),
+        ("its impulse, N s", "worst_joint_impulse", 1), ("immovable, N s", "immovable_impulse", 1),
+    ):  # fmt: skip
+        shown = [scale * line.values[name] for line in lines]
+        assert list(map(float, cells[row])) == pytest.approx(shown, rel=2e-3)
+    assert cells["worst joint"] == ["ankle"] * 5
+    assert cells["Table 2, N s"] == ["1.554", "0.944", "0.646"]
+    assert "status" not in cells
 
 
 def test_prose_fits_a_screen(lines):
@@ -56,12 +61,21 @@ def test_prose_fits_a_screen(lines):
         assert "5 postures: 4 ok, 1 out-of-reach." in said
 
 
-def test_a_pipe_has_no_width(lines, capsys, monkeypatch):
+@pytest.mark.parametrize(("residual", "power"), [(3e-15, "-13"), (2e-16, "-14"), (0.0, "-16")])
+def test_residuals_are_rounded_up_with_a_digit_to_spare(lines, residual, power):
+    summary = swept("hip=0:10:10")[1]
+    summary.residual = residual
+    assert text(summary, lines).endswith(
+        f"\nRestitution and momentum hold to 1e{power} in every one."
+    )
+
+
+def test_a_pipe_has_80_columns(lines, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     show(LEG, KICK, swept("hip=0:10:10")[1], lines)
-    table, prose = capsys.readouterr().out.split("\nbest (")
-    assert max(map(len, table.splitlines())) > 80
-    assert 60 < max(map(len, prose.splitlines())) <= 80
+    said = capsys.readouterr().out
+    assert said.startswith("leg_human: foot 1 m/s at 30 deg, e 0.8, mu 0.4, ball 0.43 kg, ")
+    assert 70 < max(map(len, said.splitlines())) <= 80
 
 
 def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
@@ -70,8 +84,12 @@ def test_best_and_worst_are_the_extremes_of_what_the_leg_can_do():
     possible = data.ball_speed.values[data.status.values == 0]
     assert best.values["ball_speed"] == possible.max()
     assert worst.values["ball_speed"] == possible.min()
-    mass = f"{best.values['effective_mass']:.3g} kg"
-    assert f"effective mass of the leg is {mass}" in best.explanation
+    mass, ratio = best.values["effective_mass"], best.values["speed_ratio"]
+    assert best.explanation == (
+        f"the effective mass of the leg is {mass:.3g} kg, {mass / 0.43:.3g} times that of the ball,"
+        f" which leaves at {ratio:.3g} times the foot's speed (1 + e = 1.8 for an infinitely heavy "
+        f"leg); its joints need {100 * best.values['speed_use']:.0f}% of their speed limits"
+    )
     assert best.outcome.status == worst.outcome.status == "ok"
     at = data.sel({n: np.radians(best.angles[n]) for n in ("hip", "knee")}, method="nearest")
     assert float(at.ball_speed) == best.values["ball_speed"]
@@ -114,4 +132,4 @@ def test_a_whole_robot_is_swept_by_its_named_joints():
     data, _, lines = swept("FR_HFE=-30:30:30", "FR_KFE=-60:0:30", leg=leg, kick=kick)
     assert data.ball_speed.shape == (3, 3)
     assert list(lines[0].angles) == list(leg.joint_names[1:])
-    assert str(table(leg, kick, lines).columns[1].header).startswith("FL_HAA /\nFL_HFE")
+    assert [row.split(",")[0].strip() for row in printed(leg, lines)[3:9]] == [*lines[0].angles]

@@ -4,10 +4,11 @@ import sys
 
 import meshcat.geometry as shapes
 import meshcat.transformations as tf
+import numpy as np
 import psutil
 import umsgpack
 
-from kickdyn.view.document import html_document, recording_viewer
+from kickdyn.view.document import draw_label, html_document, recording_viewer
 
 
 def test_needs_nothing_from_elsewhere():
@@ -24,6 +25,18 @@ def test_title_is_escaped():
     html = html_document(recording_viewer(), "</title><script>alert(1)</script>", "")
     assert "alert(1)</script>" not in html
     assert "<title>&lt;/title&gt;&lt;script&gt;alert(1)" in html
+
+
+def test_a_label_is_escaped_and_names_its_node():
+    viewer = recording_viewer()
+    draw_label(viewer["x"]["label"], "<b> & c", "#ff8800", np.array([1.0, 2.0, 3.0]))
+    html = html_document(viewer, "t", "")
+    assert (
+        '<div class="label" data-node="/meshcat/x/label" style="border-color: #ff8800">'
+        "&lt;b&gt; &amp; c</div>"
+    ) in html
+    (command,) = (umsgpack.unpackb(packed) for packed in viewer.window.commands)
+    assert (command["path"], command["matrix"][12:15]) == ("/meshcat/x/label", [1.0, 2.0, 3.0])
 
 
 def test_importing_kickdyn_leaves_meshcat_alone():

@@ -5,9 +5,10 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
-from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP, Camera
+from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import draw_kick, stripe_width
+from kickdyn.view.leg_figure import joint_poses
 
 
 def film(viewer):
@@ -59,6 +60,19 @@ def test_what_moves(scene, kick):
     np.testing.assert_allclose(shadow[:, 2], floor)
 
 
+def test_the_largest_arrow_is_as_long_as_three_balls_or_half_the_leg(scene, kick):
+    said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands]
+    drawn = {c["path"]: c["object"] for c in said if c["type"] == "set_object"}
+    shaft, head = (drawn[f"/meshcat/arrow/{part}"]["geometries"][0] for part in ("shaft", "head"))
+    hip, knee, ankle = (
+        pose[:3, 3] for pose in joint_poses(kick[0].posture.leg, kick[0].posture.q)[1:]
+    )
+    extent = np.ptp([hip, knee, ankle, kick[0].ball_after.position], axis=0)
+    size = np.linalg.norm(extent + 2 * kick[1].radius)
+    longest = max(3.2 * kick[1].radius, 0.45 * size)
+    assert shaft["height"] + head["height"] == pytest.approx(longest)
+
+
 def test_arrows_grow_at_the_impact(scene):
     tracks, _ = film(scene[0])
     impact = scene[1].impact
@@ -94,9 +108,12 @@ def test_a_whole_swing_is_beside_the_caption():
     target = -np.reshape(shift, (4, 4)).T[:3, 3]
     (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
                      and "Cameras" in c["path"])  # fmt: skip
-    camera = Camera(np.add(target, (x, -z, y)), target)
+    eye = np.add(target, (x, -z, y))
+    into = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(into, (0, 0, 1)) / np.linalg.norm(np.cross(into, (0, 0, 1)))
     for time in np.linspace(-swing.backswing.duration, swing.follow_through.duration, 30):
-        across, up = camera.project(leg.posture(swing.configuration(time)).contact_point)
+        away = leg.posture(swing.configuration(time)).contact_point - eye
+        across, up = (away @ axis / (away @ into) for axis in (right, np.cross(right, into)))
         assert -LEFT < across < RIGHT
         assert -BOTTOM < up < TOP
 

@@ -236,3 +236,19 @@ def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
     monkeypatch.setattr("yourdfpy.URDF.load", fail)
     with pytest.raises(kd.InvalidInput, match=r"leg.urdf: its visuals cannot be read \('radius'\)"):
         leg_parts(leg)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"),
+    [
+        ('<sphere radius="0"/>', "0.0"),
+        ('<sphere radius="-1"/>', "-1.0"),
+        ('<box size="1 0 1"/>', "0.0"),
+        ('<cylinder length="0" radius="1"/>', "0.0"),
+        ('<cylinder length="1" radius="1e308"/>', r"1e\+308"),
+    ],
+)
+def test_a_shape_without_size_is_refused(shape, size, leg_looking_like):
+    leg = leg_looking_like(f"<visual><geometry>{shape}</geometry></visual>")
+    with pytest.raises(kd.InvalidInput, match=rf"size of a visual is {size}: .* above 0"):
+        leg_parts(leg)

@@ -1,8 +1,10 @@
+import io
 import logging
 import os
 import re
 import subprocess
 import sys
+import zipfile
 from contextlib import contextmanager
 
 import numpy as np
@@ -296,13 +298,62 @@ def test_nodes_that_stand_for_others_are_counted(folder):
         read_mesh("parts.dae", folder)
 
 
+def polygons(corners):
+    """Return an edit that declares the triangles to be one polygon of so many corners."""
+
+    def edit(text):
+        text = re.sub(r'<triangles count="\d+"', '<polylist count="1"', text)
+        text = text.replace("</triangles>", "</polylist>")
+        return text.replace("<p>", f"<vcount>{corners}</vcount><p>")
+
+    return edit
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_zip_is_not_unpacked(encoding, folder):
+    """Not even where the same bytes are XML: what was checked is what is read."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as file:
+        file.writestr("manifest.xml", "<dae_root>b.dae</dae_root>")
+        file.writestr("b.dae", collada(lambda text: doubled(text, 20)))
+    for content in (
+        packed.getvalue(),
+        collada(lambda text: f"{text}<!--").encode(encoding) + packed.getvalue(),
+    ):
+        assert zipfile.is_zipfile(io.BytesIO(content))
+        (folder / "a.dae").write_bytes(content)
+        with pytest.raises(kd.InvalidInput, match=r"'a\.dae' cannot be read \(is not well-formed"):
+            read_mesh("a.dae", folder)
+
+
+def test_only_what_was_checked_reaches_the_reader_of_scenes(folder, monkeypatch):
+    """It is written anew, without comments and in ASCII, so that it can be no zip as well."""
+    text = collada(lambda text: text.replace("<asset>", "<!--PK--><asset><title>\u4b50</title>"))
+    (folder / "a.dae").write_text(text, encoding="utf-8")
+    read, load = [], trimesh.load_scene
+    monkeypatch.setattr(
+        trimesh, "load_scene", lambda file, **kw: read.append(file.getvalue()) or load(file, **kw)
+    )
+    assert read_mesh("a.dae", folder)
+    assert b"<!--" not in read[0]
+    assert read[0].isascii()
+    assert b"&#19280;" in read[0]
+
+
 @pytest.mark.parametrize(
     ("edit", "reason"),
     [
         (lambda text: text.replace("<COLLADA", '<!DOCTYPE a [<!ENTITY b "1 ">]><COLLADA', 1),
          "has a DOCTYPE: entities are not expanded, remove it"),
         (lambda text: doubled(text, 3).replace('url="#n0"', 'url="#n3"'), "recursion"),
-        (lambda text: text.encode("utf-16").decode("latin-1"), "not well-formed"),
+        (lambda text: doubled(text, 24).replace(
+            "</COLLADA>", "".join(f'<extra id="n{k}"/>' for k in range(25)) + "</COLLADA>"),
+         "its scene has"),
+        (lambda text: text.replace("</COLLADA>", "<a/>" * 200_000 + "</COLLADA>"),
+         "tags and attributes: at most 200000 are read"),
+        (lambda text: re.sub(r"(<triangles.*?</triangles>)", r"\1" * 1000, text, flags=re.DOTALL),
+         r"it has \d+ parts: at most 1000"),
+        (polygons(100_000_000), "its polygons have 100000000 corners: at most 3000000"),
     ],
 )  # fmt: skip
 def test_collada_files_that_are_refused(edit, reason, folder):

@@ -1,9 +1,15 @@
 import html
+import http.client
 import json
 import re
+import socket
+import struct
+import threading
+from urllib.parse import urlsplit
 
 import matplotlib.image
 import numpy as np
+import psutil
 import pytest
 import trimesh
 
@@ -80,7 +86,7 @@ def test_a_page_that_cannot_be_written(tmp_path, name, kick):
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")
-    chromium(file.as_uri(), f"--screenshot={picture}")
+    chromium(f"{file.as_uri()}#at=0", f"--screenshot={picture}")  # when labels are hidden
     pixels = 255 * matplotlib.image.imread(picture)[:, 330:, :3].astype(float)  # beside the caption
     red, green, blue = np.moveaxis(pixels, -1, 0)
 
@@ -126,6 +132,76 @@ def test_the_page_plays_for_ever(page, chromium, tmp_path):
     assert actions == 9
     assert for_ever
     assert fetched == 0
+
+
+LABELS = """<script>setTimeout(() => {
+  const {right, bottom} = document.querySelector("#caption").getBoundingClientRect();
+  const {scrollWidth, scrollHeight} = document.documentElement;
+  document.title = JSON.stringify([innerWidth, innerHeight,
+    right, bottom, scrollWidth, scrollHeight,
+    [...document.querySelectorAll(".label")].map(each => {
+      const {left, top, width, height} = each.getBoundingClientRect();
+      return [each.innerText, each.style.visibility, left, top, width, height];
+    })]);
+}, 1500);</script></body>"""
+
+
+def labels_in(chromium, page, file, at):
+    file.write_text(page.replace("</body>", LABELS))
+    dom = chromium(f"{file.as_uri()}#at={at}", "--dump-dom", "--window-size=1280,850")
+    return json.loads(html.unescape(re.search("<title>(.*?)</title>", dom)[1]))
+
+
+def overlaps(labels):
+    """Return the pairs of labels, (text, visibility, left, top, width, height), that overlap."""
+    return [
+        (one, two)
+        for number, one in enumerate(labels)
+        for two in labels[:number]
+        if one[2] < two[2] + two[4] and two[2] < one[2] + one[4] and abs(one[3] - two[3]) < 20
+    ]
+
+
+def test_labels_stand_beside_their_arrows_and_not_over_each_other(
+    page, kick, chromium, tmp_path, commands_of
+):
+    wide, high, right, bottom, *scrolled, shown = labels_in(
+        chromium, page, tmp_path / "kick.html", 2.5
+    )
+    assert scrolled == [wide, high]  # so that there are no scroll bars
+    for _, _, x, y, w, h in shown:
+        assert x > right or y > bottom  # not under the caption
+        assert x + w < wide
+        assert 0 < y < high - h
+    sizes = [kick[0].impulse, *kick[0].joint_impulses[:, :3]]
+    assert sorted(each[0] for each in shown) == sorted(
+        f"{np.linalg.norm(size):.3g} N s" for size in sizes
+    )
+    assert {visibility for _, visibility, *_ in shown} == {"visible"}
+    assert overlaps(shown) == []
+    said = commands_of(page)
+    moved = {c["path"]: np.array(c["matrix"][12:15]) for c in said if c["type"] == "set_transform"}
+    (x, y, z) = next(c["value"] for c in said if c.get("property") == "position"
+                     and "Cameras" in c["path"])  # fmt: skip
+    eye = np.array([x, -z, y])  # the scene is moved so that the camera looks at the origin
+    into = -eye / np.linalg.norm(eye)
+    right = np.cross(into, (0, 0, 1)) / np.linalg.norm(np.cross(into, (0, 0, 1)))
+    away = moved["/meshcat"] + moved["/meshcat/arrow"] + moved["/meshcat/arrow/label"] - eye
+    across, up = (away @ axis / (away @ into) for axis in (right, np.cross(right, into)))
+    _, _, x, y, _, h = shown[0]  # of the ball's impulse, which points to the right
+    assert x == pytest.approx(wide / 2 + high / 2 * across / UP + 6, abs=1.0)
+    assert y + h / 2 == pytest.approx(high / 2 - high / 2 * up / UP, abs=1.0)
+
+
+def test_labels_are_hidden_before_the_impact_and_move_on_along_their_arrows(
+    kick, chromium, tmp_path
+):
+    far = kd.page(kick[0], kd.fly(kd.BallState(velocity=(3e3, 0, 3e3)), kick[1])).html
+    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 2.5)
+    assert overlaps(shown) == []
+    assert len(overlaps([[*each[:3], shown[0][3], *each[4:]] for each in shown])) > 0  # in a row
+    *_, shown = labels_in(chromium, far, tmp_path / "kick.html", 0.0)
+    assert {visibility for _, visibility, *_ in shown} == {"hidden"}
 
 
 def test_in_a_narrow_window_the_numbers_stand_below(page, chromium, tmp_path):
@@ -221,7 +297,7 @@ def test_flights_courses_and_passes_are_curves(commands_of):
 def test_what_a_page_cannot_show(kick):
     impact, _, path = kick
     for shown, reason in (
-        (1, "cannot show a int"),
+        (1, "subject is 1: it must be a kickdyn.Impact, a kickdyn.KickPlan, "),
         ("kick", "cannot show a str"),
         ([impact, path], "these are Flight, Impact"),
         ([], "there are 0"),
@@ -230,3 +306,90 @@ def test_what_a_page_cannot_show(kick):
             kd.page(shown)
     with pytest.raises(kd.InvalidInput, match="path is named with a Flight"):
         kd.page(path, path)
+
+
+@pytest.fixture
+def server(kick):
+    with kd.page(kick[0], caption="<i>").serve() as running:
+        yield running
+
+
+def get(server, path="/", **headers):
+    connection = http.client.HTTPConnection(urlsplit(server.url).netloc, timeout=10)
+    try:
+        connection.request("GET", path, headers=headers)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+    finally:
+        connection.close()
+
+
+def listening():
+    return {(c.laddr.ip, c.laddr.port) for c in psutil.Process().net_connections()
+            if c.status == psutil.CONN_LISTEN}  # fmt: skip
+
+
+def test_listens_on_this_machine_only_and_starts_no_child(kick):
+    before, children = listening(), psutil.Process().children()
+    with kd.page(kick[0]).serve() as server:
+        ((address, port),) = listening() - before
+        assert address == "127.0.0.1"
+        assert server.url == f"http://127.0.0.1:{port}/"
+        assert psutil.Process().children() == children
+    assert listening() == before
+
+
+def test_serves_the_page_in_silence(server, capfd, caplog):
+    status, html = get(server)
+    assert status == 200
+    assert "&lt;i&gt;" in html
+    assert "leg_human" in html
+    assert get(server, "/static/")[0] == 404
+    assert get(server, Host=f"localhost:{urlsplit(server.url).port}")[0] == 200
+    assert capfd.readouterr() == ("", "")
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "evil.example:7000"])
+def test_a_foreign_host_is_not_found(server, host):
+    status, answer = get(server, Host=host)
+    assert status == 404
+    assert "leg_human" not in answer
+
+
+def test_stops_while_a_browser_is_connected(kick):
+    server = kd.page(kick[0]).serve()
+    address = ("127.0.0.1", urlsplit(server.url).port)
+    with socket.create_connection(address, timeout=10):
+        server.stop()
+    assert not [t for t in threading.enumerate() if t.name == "kickdyn page server"]
+    with socket.socket() as probe:
+        assert probe.connect_ex(address) != 0
+    server.stop()  # a second time does nothing
+
+
+def test_a_port_that_is_not_free(server, kick):
+    with pytest.raises(kd.InvalidInput, match="port is 70000"):
+        kd.page(kick[0]).serve(70000)
+    port = urlsplit(server.url).port
+    with pytest.raises(kd.InvalidInput, match=f"port {port} cannot be served"):
+        kd.page(kick[0]).serve(port)
+
+
+def test_the_served_page_in_a_browser(server, chromium):
+    dom = chromium(server.url, "--dump-dom")
+    assert "<canvas" in dom
+    assert "Animations" in dom  # meshcat's controls for the animation
+
+
+def test_a_browser_that_leaves_is_not_reported(server, capfd):
+    address = ("127.0.0.1", urlsplit(server.url).port)
+    for sent in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"):
+        with socket.create_connection(address, timeout=10) as browser:
+            browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            browser.sendall(sent)
+    assert get(server)[0] == 200  # it goes on, and has taken the others before
+    for thread in threading.enumerate():
+        if "process_request" in thread.name:
+            thread.join(timeout=10)
+    assert capfd.readouterr() == ("", "")

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from kickdyn.accuracy.references.exact_leg import (
+from kickdyn.impact.impact_result import Impact
+from references.exact_leg import (
     Exact,
     ExactPosture,
     leg_numbers,
@@ -17,7 +18,6 @@ from kickdyn.accuracy.references.exact_leg import (
     mp,
     numbers,
 )
-from kickdyn.impact.impact_result import Impact
 
 LARGEST, SMALLEST = np.finfo(float).max, np.finfo(float).tiny
 
@@ -119,9 +119,10 @@ def coulomb(
     closing: Any,
     coefficients: tuple[Any, Any],
 ) -> tuple[Exact, Exact]:
-    """Return the impulse of `newton`: what sticks, else what slides and loses most energy.
+    """Return the impulse of law `newton` and its tangential part [N s].
 
-    Second, its tangential part, which may be far below the last digit of the whole.
+    It is that of a sticking contact where this is inside the cone, else that of the direction of
+    sliding that loses most energy. The tangential part may be far below the whole's last digit.
 
     Args:
         delassus: matrix of the leg.

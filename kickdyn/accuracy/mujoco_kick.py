@@ -1,7 +1,5 @@
 """A kick in MuJoCo: a contact of finite stiffness, integrated in time, where it is installed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
@@ -19,10 +17,7 @@ from kickdyn.impact.impact_result import Impact
 def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
     """Return a function that runs a kick in MuJoCo and gives the impulse on the ball [N s].
 
-    Args:
-        impact: posture, velocities and contact are taken from it.
-        stiffness: of the contact along the normal [N/m].
-        dt: time step [s].
+    The stiffness of the contact along the normal is in N/m, the time step in s.
     """
     n, e = impact.contact.normal, impact.contact.restitution
     inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
@@ -32,6 +27,7 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
     data, n_joints = mujoco.MjData(model), len(impact.v_before)
 
     def run() -> Array:
+        """Return the impulse on the ball of one simulated kick, shape `(3,)` [N s]."""
         mujoco.mj_resetData(model, data)
         data.qpos[:n_joints], data.qvel[:n_joints] = impact.posture.q, impact.v_before
         mujoco.mj_forward(model, data)
@@ -45,9 +41,10 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
 
 
 def damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a linear contact that never pulls, for a restitution."""
+    """Return the damping ratio, 0 to 0.9, of a linear contact that does not pull, by e."""
 
     def returned(ratio: float) -> float:
+        """Return the restitution of a damped spring with this damping ratio."""
         swing = math.sqrt(1.0 - ratio * ratio)
         phase = math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)  # where the force ends
         return math.exp(-ratio / swing * phase)
@@ -58,7 +55,7 @@ def damping_ratio(restitution: float) -> float:
 
 
 def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
-    """Return the leg, with a flat face at its toe, and the ball before it, as MJCF."""
+    """Return an MJCF model of the leg, with a flat face at its toe, and the ball before it."""
     model, contact, ball = impact.posture.leg.model, impact.contact, impact.ball
     data = model.createData()
     zero = pin.neutral(model)
@@ -94,11 +91,11 @@ def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
 
 
 def row(values: Any) -> str:
-    """Return numbers as MJCF takes them, every digit kept."""
+    """Return numbers as the text of an MJCF attribute, with all their digits."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def quaternion(rotation: Array) -> str:
-    """Return a rotation as MJCF takes it, the real part first."""
+    """Return a rotation matrix as the quaternion of an MJCF attribute, the real part first."""
     q = pin.Quaternion(rotation)
     return row([q.w, q.x, q.y, q.z])

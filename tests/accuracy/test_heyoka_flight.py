@@ -1,43 +1,17 @@
-"""Landing points to 20 digits: a closed form, kd.fly at its finest, and a finer step."""
+"""heyoka's flights: its equations are those of kickdyn, and it lands where kickdyn does."""
 
 import builtins
 
 import numpy as np
 import pytest
+from references.exact_flight import landing
 
 import kickdyn as kd
 from kickdyn.accuracy.flight_methods import kicks
-from kickdyn.accuracy.references import exact_flight
-from kickdyn.accuracy.references.exact_flight import (
-    equations,
-    extrapolated,
-    heyoka_landings,
-    landing,
-    mp,
-)
-from kickdyn.flight.forces import forces
+from kickdyn.accuracy.heyoka_flight import equations, heyoka_landings
+from kickdyn.flight.forces import acceleration_function
 
 BALL, AIR = kd.Ball(), kd.Air()
-
-
-def test_a_step_is_right_to_twenty_digits():
-    after = extrapolated(lambda y: [y[1], -y[0]], [mp.zero, mp.one], mp.mpf("0.2"))
-    assert abs(after[0] - mp.sin(mp.mpf("0.2"))) < mp.mpf(10) ** -25
-    assert abs(after[1] - mp.cos(mp.mpf("0.2"))) < mp.mpf(10) ** -25
-
-
-@pytest.mark.parametrize("state", kicks(2))
-def test_it_is_where_fly_lands_and_does_not_depend_on_the_step(state, monkeypatch):
-    exact = landing(state, BALL, AIR)
-    assert exact == pytest.approx(kd.fly(state, BALL, AIR, tol=1e-13).landing.position, abs=1e-11)
-    monkeypatch.setattr(exact_flight, "STEP", 0.13)
-    assert landing(state, BALL, AIR) == pytest.approx(exact, abs=1e-14)
-
-
-def test_without_spin_there_is_drag_only():
-    state = kd.BallState(velocity=(24, 1, 9))
-    flown = kd.fly(state, BALL, kd.Air(lift=None), tol=1e-13).landing.position
-    assert landing(state, BALL, AIR) == pytest.approx(flown, abs=1e-11)
 
 
 def test_heyoka_lands_there_too():
@@ -52,7 +26,7 @@ def test_the_rates_are_those_of_forces():
     hy = pytest.importorskip("heyoka")
     system = equations(hy, BALL, AIR)
     rates = hy.cfunc([rate for _, rate in system], [name for name, _ in system])
-    acting = forces(BALL, AIR)
+    acting = acceleration_function(BALL, AIR)
     rng = np.random.default_rng(4)
     for _ in range(50):
         velocity = rng.normal(size=3)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,17 +21,7 @@ DIGITS = 50
 
 
 def context(digits: int) -> Any:
-    """Return mpmath's arithmetic with so many digits, apart from mpmath's own state.
-
-    Raises:
-        InvalidInput: mpmath is not installed.
-    """
-    try:
-        import mpmath
-    except ImportError:
-        raise InvalidInput(
-            'references need the package mpmath: install it with pip install "kickdyn[accuracy]"'
-        ) from None
+    """Return mpmath's arithmetic with so many digits, apart from mpmath's own state."""
     found = mpmath.MPContext()
     found.dps = digits
     return found
@@ -57,7 +48,7 @@ def mapped(function: Callable[[Any], Any], values: Any) -> Any:
 
 
 def length(vector: Exact) -> Any:
-    """Return the Euclidean norm."""
+    """Return the Euclidean norm of a vector."""
     return mp.sqrt(mp.fdot(vector, vector))
 
 
@@ -136,7 +127,7 @@ class ExactPosture:
         self._factor = cholesky(self.inertia)
 
     def _place(self, i: int, values: dict[str, Exact], q: Any, prismatic: bool) -> None:
-        """Append origin, rotation and twist of a joint."""
+        """Append origin [m], rotation and twist of joint i, at its coordinate q, to their lists."""
         parent = self.parents[i]
         turn, origin = values["rotations"][i], values["offsets"][i]
         if parent >= 0:
@@ -154,7 +145,7 @@ class ExactPosture:
         self.rotations.append(turn)
 
     def _ancestors(self, i: int) -> list[int]:
-        """Return a joint and all that move it."""
+        """Return the indices of joint i and of the joints that move it, towards the base."""
         found = []
         while i >= 0:
             found.append(i)
@@ -169,7 +160,7 @@ class ExactPosture:
         return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, moments]])
 
     def _inertia(self, armature: Exact) -> Exact:
-        """Return M, from the inertias of subtrees."""
+        """Return M, shape `(nv, nv)`, from the inertias of subtrees (composite rigid bodies)."""
         subtrees = list(self._bodies)
         for i in reversed(range(self.n)):
             if self.parents[i] >= 0:
@@ -183,14 +174,14 @@ class ExactPosture:
         return inertia
 
     def whiten(self, row: Exact) -> Exact:
-        """Return L^-1 times a row of a Jacobian, with M = L L^T."""
+        r"""Return :math:`L^{-1} r` of a row r of a Jacobian, with :math:`M = L L^T`."""
         found: list[Any] = []
         for line, value in zip(self._factor, row, strict=True):
             found.append((value - mp.fdot(line[: len(found)], found)) / line[len(found)])
         return np.array(found)
 
     def unwhiten(self, row: Exact) -> Exact:
-        """Return L^-T times a vector."""
+        r"""Return :math:`L^{-T} r` of a vector r, with :math:`M = L L^T`."""
         left = list(row)
         for i in reversed(range(self.n)):
             left[i] /= self._factor[i][i]
@@ -223,19 +214,19 @@ class ExactPosture:
 
 
 def skew(a: Exact) -> Exact:
-    """Return the matrix of the cross product by a."""
+    r"""Return the matrix :math:`[a]_\times` of the cross product with a, shape `(3, 3)`."""
     x, y, z = a
     return np.array([[mp.zero, -z, y], [z, mp.zero, -x], [-y, x, mp.zero]])
 
 
 def rotation(axis: Exact, angle: Any) -> Exact:
-    """Return the rotation about a unit vector, by Rodrigues' formula."""
+    r"""Return :math:`I + \sin\varphi [a]_\times + (1 - \cos\varphi) [a]_\times^2` (Rodrigues)."""
     cross = skew(axis)
     return np.asarray(np.eye(3) + mp.sin(angle) * cross + (1 - mp.cos(angle)) * cross @ cross)
 
 
 def cholesky(matrix: Exact) -> list[list[Any]]:
-    """Return the rows of L up to their diagonal, with L L^T the matrix.
+    r"""Return the rows of L up to their diagonal, where :math:`L L^T` is the matrix.
 
     Raises:
         InvalidInput: it is not positive definite.

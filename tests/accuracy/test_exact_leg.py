@@ -1,21 +1,18 @@
 """The reference stands on its own feet: energies, closed forms, Pinocchio to float64."""
 
-import sys
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from chains import random_leg
-
-import kickdyn as kd
-from kickdyn.accuracy.references.exact_leg import (
+from references.exact_leg import (
     ExactPosture,
-    context,
     leg_numbers,
     length,
     mp,
     numbers,
 )
+
+import kickdyn as kd
 
 
 def posture_of(leg, q):
@@ -74,9 +71,3 @@ def test_what_it_does_not_know_is_refused():
     held = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
     with pytest.raises(kd.InvalidInput, match="free legs only"):
         leg_numbers(held)
-
-
-def test_without_mpmath_a_line_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mpmath", None)
-    with pytest.raises(kd.InvalidInput, match=r'install it with pip install "kickdyn\[accuracy\]"'):
-        context(20)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from chains import random_kick, random_leg
 from extremes.extreme_impacts import answers, conditions
-
-import kickdyn as kd
-from kickdyn.accuracy.references.exact_impact import (
+from references.exact_impact import (
     LARGEST,
     Quantity,
     exact_impact,
     given,
 )
-from kickdyn.accuracy.references.exact_leg import length, mp, numbers
+from references.exact_leg import length, mp, numbers
+
+import kickdyn as kd
 
 TINY = mp.mpf(10) ** -40
 

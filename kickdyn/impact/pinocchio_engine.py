@@ -1,0 +1,71 @@
+"""The frictionless impact by Pinocchio's own solver, with leg and free ball as one model."""
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.ball import BallState
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.approach import Approach
+from kickdyn.impact.contact_problem import Solution
+from kickdyn.impact.laws import ImpactLaw
+from kickdyn.impact.leg_response import NO_CONSTRAINTS, LegResponse, as_response, joint_impulses
+
+
+def solve_by_pinocchio(
+    approach: Approach, law: ImpactLaw
+) -> tuple[Solution, BallState, LegResponse]:
+    r"""Return impulse, ball and leg after the impact by `pin.impulseDynamics`.
+
+    The solver has a row A of constraints for leg and ball together, :math:`n^T (J_\mathrm{ball} -
+    J_\mathrm{foot})`, and solves
+
+    .. math:: A v^+ = -e A v, \qquad M (v^+ - v) = A^T \lambda .
+
+    The row always has rank one because of the ball. Of supports and loops, the independent rows are
+    added; with rows of lower rank its answer would be wrong without a warning. The joint impulses
+    are those of its velocity jump, by Newton-Euler. Friction, the law `paper` and an obstacle raise
+    `InvalidInput`.
+    """
+    posture, before, ball = approach.posture, approach.ball_before, approach.ball
+    contact, leg = approach.contact, posture.leg
+    if contact.friction != 0.0 or law not in (ImpactLaw.NEWTON, ImpactLaw.STRONGE):
+        raise InvalidInput(
+            f"friction is {contact.friction:g} and law {law.value!r}: engine 'pinocchio' is for "
+            "friction 0 and the laws 'newton' and 'stronge', which are one then"
+        )
+    ball.check_movable("Pinocchio's impulseDynamics")
+    n, e = contact.normal, contact.restitution
+    model = leg.workspace.model.copy()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
+    inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle
+    rigid = pin.Inertia(ball.mass, np.zeros(3), inertia * np.eye(3))
+    model.appendBodyToJoint(joint, rigid, pin.SE3.Identity())
+    data = pin.Data(model)
+
+    q = np.concatenate([posture.q, before.position, [0.0, 0.0, 0.0, 1.0]])
+    velocity = np.concatenate([approach.v, before.velocity, before.spin])
+    pin.computeJointJacobians(model, data, q)
+    on_ball = pin.SE3(np.eye(3), -ball.radius * n)
+    on_foot = pin.SE3(np.eye(3), posture.contact_lever.copy())
+    ball_jacobian, foot_jacobian = (
+        pin.getFrameJacobian(model, data, parent, placement, pin.LOCAL_WORLD_ALIGNED)[:3]
+        for parent, placement in ((joint, on_ball), (leg.contact_joint, on_foot))
+    )
+    rows = n[None] @ (ball_jacobian - foot_jacobian)
+    projector = posture.constraint_projector
+    if projector is not None:  # as many rows as their rank; they are at rest before
+        independent = projector.rows[projector.independent]
+        rows = np.vstack([rows, np.hstack([independent, np.zeros((len(independent), 6))])])
+    after = pin.impulseDynamics(model, data, q, velocity, rows, e, 0.0)
+    p, *others = data.impulse_c.tolist()
+    reaction = NO_CONSTRAINTS
+    if projector is not None:
+        reaction = np.zeros(len(projector.rows))
+        reaction[projector.independent] = others
+
+    solution = Solution(p * n, False, 0.5 * p * (1.0 - e) * approach.speed, np.zeros(3))
+    v_after, turned = after[: leg.nv].copy(), after[leg.nv :]
+    transmitted, unbalanced = joint_impulses(posture, v_after - approach.v, -p * n, reaction)
+    response = as_response(posture, p * n, v_after, transmitted, reaction, unbalanced)
+    ball_after = BallState.computed(before.position, turned[:3].copy(), turned[3:].copy())
+    return solution, ball_after, response

@@ -1,0 +1,276 @@
+"""Changes the code on purpose and counts how often a test notices: `make mutants`.
+
+A mutant is a copy of kickdyn with one small change: an operator, a comparison, a branch or a
+constant. The tests of the package that holds the change run on it; one of them should fail. Which
+changes are made follows from the seed and from the text of each function alone, so that a change
+elsewhere in the code leaves the selection as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from pathlib import Path
+from queue import Queue
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+TIMEOUT = 900.0
+"""Longest that the tests of one mutant may take [s]; a mutant that hangs is noticed."""
+
+BINARY = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*"}
+COMPARISON = {
+    **{ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="},
+    **{ast.In: "not in", ast.NotIn: "in", ast.Is: "is not", ast.IsNot: "is"},
+}
+CALLS = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum"}
+CALLS |= {"sin": "cos", "cos": "sin", "any": "all", "all": "any"}
+SKIPPED = (ast.Raise, ast.Assert, ast.JoinedStr, ast.AnnAssign)
+"""What is not changed: messages, annotations of types."""
+PICTURES = ("figure", "plot", "draw")
+"""Functions whose constants are not changed: they are sizes and places in a picture."""
+
+
+class Mutant(NamedTuple):
+    """One change: the file, the function, the line's number, and the line before and after."""
+
+    file: str
+    function: str
+    line: int
+    before: str
+    after: str
+
+    @property
+    def package(self) -> str:
+        """The folder of the file below kickdyn/, "" for a module that stands in it."""
+        return Path(self.file).parts[1] if len(Path(self.file).parts) > 2 else ""
+
+    def __str__(self) -> str:
+        before, after = self.before.strip(), self.after.strip()
+        return f"{self.file}:{self.line} {self.function}\n    - {before}\n    + {after}"
+
+
+def _replacements(node: ast.AST, lines: list[str]) -> Iterator[tuple[ast.AST, ast.AST | None, str]]:
+    """Yield what to write where: between two nodes, or instead of one if the second is None."""
+    match node:
+        case ast.BinOp() if type(node.op) in BINARY and not _is_text(node):
+            yield node.left, node.right, BINARY[type(node.op)]
+        case ast.Compare(ops=[op]) if type(op) in COMPARISON:
+            yield node.left, node.comparators[0], COMPARISON[type(op)]
+        case ast.BoolOp():
+            yield node.values[0], node.values[1], "or" if isinstance(node.op, ast.And) else "and"
+        case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
+            if not isinstance(operand, ast.Constant):
+                yield node, None, _source(operand, lines)
+        case ast.IfExp():
+            body, orelse = _source(node.body, lines), _source(node.orelse, lines)
+            yield node, None, f"{orelse} if {_source(node.test, lines)} else {body}"
+        case ast.Constant(value=float(value)) if 1e-3 < abs(value) < 1e3:
+            yield node, None, repr(round(1.5 * value, 9))
+        case ast.Call(func=ast.Name() | ast.Attribute() as func):
+            name = func.id if isinstance(func, ast.Name) else func.attr
+            if name in CALLS:
+                old = _source(func, lines)
+                yield func, None, old[: len(old) - len(name)] + CALLS[name]
+
+
+def _is_text(node: ast.BinOp) -> bool:
+    """Whether an operation joins or fills in text."""
+    texts = (ast.JoinedStr, ast.List, ast.Tuple)
+    return any(
+        isinstance(part, texts) or isinstance(getattr(part, "value", 0), str)
+        for side in (node.left, node.right)
+        for part in ast.walk(side)
+    )
+
+
+def _source(node: ast.AST, lines: list[str]) -> str:
+    """Return the text of a node that stands on one line, as it is written."""
+    return lines[node.lineno - 1].encode()[node.col_offset : node.end_col_offset].decode()
+
+
+def _changed(
+    first: ast.AST, second: ast.AST | None, new: str, lines: list[str]
+) -> tuple[str, str] | None:
+    """Return the line before and after, None if what changes is spread over several."""
+    line = lines[first.lineno - 1].encode()
+    if first.end_lineno != first.lineno:
+        return None
+    if second is None:
+        start, end = first.col_offset, first.end_col_offset
+    else:
+        if second.lineno != first.lineno:
+            return None
+        start, end = first.end_col_offset, second.col_offset
+        gap = line[start:end].decode()
+        if "(" in gap or ")" in gap:  # parentheses stay where they are
+            closing, opening = gap.count(")"), gap.count("(")
+            new = ")" * closing + f" {new} " + "(" * opening
+        else:
+            new = f" {new} "
+    after = line[:start].decode() + new + line[end:].decode()
+    return (line.decode(), after) if after != line.decode() else None
+
+
+def mutants_of(file: Path) -> Iterator[Mutant]:
+    """Yield all changes that a file could have, in the order of its text."""
+    text = file.read_text("utf-8")
+    lines = text.splitlines()
+
+    def visit(node: ast.AST, function: str) -> Iterator[Mutant]:
+        if isinstance(node, SKIPPED):
+            return
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            function = f"{function}.{node.name}".lstrip(".")
+            children: list[ast.AST] = [*node.body]
+        else:
+            children = list(ast.iter_child_nodes(node))
+            layout = isinstance(node, ast.Constant) and any(w in function for w in PICTURES)
+            for first, second, new in _replacements(node, lines) if function else ():
+                found = _changed(first, second, new, lines)
+                if found and not layout:
+                    name = file.relative_to(ROOT).as_posix()
+                    yield Mutant(name, function, first.lineno, *found)
+        for child in children:
+            yield from visit(child, function)
+
+    yield from visit(ast.parse(text), "")
+
+
+def is_valid(mutant: Mutant) -> bool:
+    """Whether the changed file can be parsed."""
+    lines = (ROOT / mutant.file).read_text("utf-8").splitlines()
+    lines[mutant.line - 1] = mutant.after
+    try:
+        ast.parse("\n".join(lines))
+    except SyntaxError:
+        return False
+    return True
+
+
+def chosen(count: int, seed: int) -> list[Mutant]:
+    """Return about `count` mutants of all packages, by their share of the code, four at least."""
+    by_package: dict[str, list[Mutant]] = {}
+    for file in sorted((ROOT / "kickdyn").rglob("*.py")):
+        for mutant in mutants_of(file):
+            by_package.setdefault(mutant.package, []).append(mutant)
+
+    def rank(mutant: Mutant) -> str:
+        key = (seed, mutant.file, mutant.function, mutant.before.strip(), mutant.after.strip())
+        return hashlib.sha256(repr(key).encode()).hexdigest()
+
+    total = sum(len(mutants) for mutants in by_package.values())
+    found: list[Mutant] = []
+    for _, mutants in sorted(by_package.items()):
+        share = max(4, round(count * len(mutants) / total))
+        found += islice(filter(is_valid, sorted(mutants, key=rank)), share)
+    return sorted(found)
+
+
+def tests_of(mutant: Mutant) -> list[list[str]]:
+    """Return what pytest is called with: the file's own tests, then those of its package."""
+    stem = f"test_{Path(mutant.file).stem}.py"
+    folder = f"tests/{mutant.package}" if mutant.package else "tests"
+    own = [f"{folder}/{stem}"] if (ROOT / folder / stem).exists() else []
+    if not mutant.package:
+        return [own] if own else [["tests/test_package.py"]]
+    others = [path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("test_*.py")]
+    return [calls for calls in (own, sorted(set(others) - set(own))) if calls]
+
+
+def is_noticed(mutant: Mutant, copy: Path) -> bool:
+    """Whether a test fails on a copy of the project that has the mutant's change."""
+    file = copy / mutant.file
+    lines = file.read_text("utf-8").splitlines()
+    lines[mutant.line - 1] = mutant.after
+    file.write_text("\n".join(lines) + "\n", "utf-8")
+    try:
+        return any(_fails(calls, copy) for calls in tests_of(mutant))
+    finally:
+        shutil.copy2(ROOT / mutant.file, file)
+
+
+def _fails(calls: list[str], copy: Path) -> bool:
+    """Whether tests fail, or do not end, in a copy of the project."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *calls]
+    environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        run = subprocess.run(
+            command, cwd=copy, env=environment, capture_output=True, text=True, timeout=TIMEOUT
+        )
+    except subprocess.TimeoutExpired:
+        return True
+    if run.returncode > 2:
+        raise RuntimeError(f"pytest {' '.join(calls)} ended with {run.returncode}: {run.stdout}")
+    return run.returncode != 0
+
+
+def _copy_project(folder: Path) -> Path:
+    """Copy all files that git tracks to a new folder and return it."""
+    tracked = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
+    ).stdout.decode()
+    for name in filter(None, tracked.split("\0")):
+        if (ROOT / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name, follow_symlinks=False)
+    return folder
+
+
+def main() -> int:
+    """Run the mutants, print those that no test noticed, and return 1 if they are too many."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", default="kickdyn", help="files whose path begins like this")
+    parser.add_argument("--list", action="store_true", help="print the mutants, run none")
+    parser.add_argument("--json", type=Path, help="write the outcome of each mutant here")
+    options = parser.parse_args()
+    mutants = [m for m in chosen(options.count, options.seed) if m.file.startswith(options.only)]
+    if options.list:
+        print(*mutants, sep="\n")
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        copies: Queue[Path] = Queue()
+        for job in range(options.jobs):
+            copies.put(_copy_project(Path(folder) / str(job)))
+
+        def run(mutant: Mutant) -> bool:
+            copy = copies.get()
+            try:
+                noticed = is_noticed(mutant, copy)
+            finally:
+                copies.put(copy)
+            print("noticed " if noticed else "UNNOTICED", mutant, flush=True)
+            return noticed
+
+        with ThreadPoolExecutor(options.jobs) as pool:
+            outcomes = list(pool.map(run, mutants))
+    if options.json:
+        rows = [
+            {**m._asdict(), "noticed": noticed}
+            for m, noticed in zip(mutants, outcomes, strict=True)
+        ]
+        options.json.write_text(json.dumps(rows, indent=1))
+    packages = Counter(m.package for m in mutants)
+    missed = Counter(m.package for m, noticed in zip(mutants, outcomes, strict=True) if not noticed)
+    for package, count in packages.items():
+        print(f"{package or 'kickdyn':14} {count - missed[package]:3} of {count:3}")
+    print(f"{sum(outcomes)} of {len(outcomes)} noticed")
+    return 0 if sum(outcomes) >= 0.95 * len(outcomes) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

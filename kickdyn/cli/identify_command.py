@@ -1,7 +1,5 @@
 """The command `kickdyn identify`: flights in a measured track, and what they say of the air."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

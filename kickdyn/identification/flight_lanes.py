@@ -4,8 +4,6 @@ The difference between two such flights is one of the equations and not of the s
 gives derivatives as exact as the flights (internal differentiation, Bock 1981).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,7 +13,7 @@ from scipy.integrate import solve_ivp
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core.validation import Array
-from kickdyn.flight.forces import forces
+from kickdyn.flight.forces import acceleration_function
 
 
 class Lane(NamedTuple):
@@ -40,7 +38,7 @@ def fly_lanes(
         times: since the launch, shape `(n,)` [s], from 0 on and increasing.
         tol: of the integration, relative to the first flight's length and speed.
     """
-    acting = [forces(ball, lane.air) for lane in lanes]
+    acting = [acceleration_function(ball, lane.air) for lane in lanes]
     spins = [tuple(lane.spin.tolist()) for lane in lanes]
 
     def rates(_: float, flat: Array) -> list[float]:

@@ -1,7 +1,5 @@
 """The result of `identify`: the launch, what else was found, and how far it is determined."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -12,8 +12,6 @@ the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of 
 widened where neighbouring residuals go together.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -15,8 +15,6 @@ then :math:`L = -r\, n \times p`, so that
 A part of L along p, or one longer than r |p|, cannot come from one point: it is the residual.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

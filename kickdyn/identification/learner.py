@@ -15,8 +15,6 @@ the scatter that the execution of a kick has,
 with the landing :math:`y_k` that was observed and :math:`x_k(\theta)` that of the model.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from typing import NamedTuple

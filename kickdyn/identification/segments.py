@@ -10,8 +10,6 @@ coefficients by the Bayesian information criterion, found by dynamic programming
 2005, IEEE Signal Process. Lett. 12:105).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`Track`: measured positions of a ball over time, and how they are read from a file."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterable, Sequence
@@ -72,7 +70,7 @@ class Track(ValueEquality, ReprMixin):
         """Return the number of samples."""
         return int(self.times.size)
 
-    def __getitem__(self, part: slice) -> Track:
+    def __getitem__(self, part: slice) -> "Track":
         """Return a part of the track.
 
         Raises:
@@ -92,7 +90,7 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     def from_csv(
         cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
-    ) -> Track:
+    ) -> "Track":
         """Read a track from a file of comma-separated values whose first row names the columns.
 
         Rows in which one of the four values is empty are gaps and are left out.

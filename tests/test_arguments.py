@@ -74,7 +74,17 @@ INSTANCES = {
 
 RESULTS = {
     *("Collision", "Course", "Flight", "Identification", "Impact", "InferredImpact", "JointLoad"),
-    *("KickPlan", "Launch", "Pass", "Segments", "Sensitivity", "Simulation", "Swing", "Uncertainty", "UnilateralImpact"),
+    *(
+        "KickPlan",
+        "Launch",
+        "Pass",
+        "Segments",
+        "Sensitivity",
+        "Simulation",
+        "Swing",
+        "Uncertainty",
+        "UnilateralImpact",
+    ),
 }
 """Classes that functions make, not users."""
 

@@ -360,9 +360,7 @@ def _described(
     return tuple(parts)
 
 
-def _velocity(
-    track: Track, piece: _Piece, time: float, kind: SegmentKind, noise: float
-) -> Array:
+def _velocity(track: Track, piece: _Piece, time: float, kind: SegmentKind, noise: float) -> Array:
     """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
 
     It is that of a cubic through the samples within `NEAR` of it. What is known of its acceleration

@@ -31,7 +31,7 @@ def test_a_goal_is_met_to_the_scatter_in_few_kicks(distance, time):
     rounds = []
     for seed in range(6):
         world, learner = World(seed), Learner(kd.Goal(distance, time=time), BALL, MODEL)
-        for count in range(10):
+        for count in range(10):  # noqa: B007 read after the loop
             expected = world.landing(learner.command, scatters=False).landing.position
             if np.hypot(expected[0] - distance, expected[1]) < 2 * 0.03 * 2**0.5 * distance:
                 break

@@ -3,10 +3,11 @@
 import os
 from pathlib import Path
 
-from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.mjcf_file import is_mjcf
 from kickdyn.robot.urdf_file import shipped_urdf
 
 SHIPPED = {"human": "leg_human.urdf", "testbed": "leg_testbed.urdf"}
@@ -16,10 +17,10 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 
 
 def load_leg(name: str, frame: str | None = None) -> Leg:
-    """Return a leg by one of the names `LEGS` (a robot's kicking leg), or that of a URDF file.
+    """Return a leg by one of the names `LEGS` (a robot's kicking leg), or of a URDF or MJCF file.
 
     The contact frame is by default a robot's toe, or the frame `toe` of a file. Raises
-    `InvalidInput`, or `UrdfError` if the file is refused.
+    `InvalidInput`, or `FaultyFile` if the file is refused.
     """
     if name in SHIPPED:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
@@ -28,8 +29,10 @@ def load_leg(name: str, frame: str | None = None) -> Leg:
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
+        if is_mjcf(name):
+            return Leg.from_mjcf(name, frame or "toe")
         return Leg.from_urdf(name, frame or "toe")
-    except UrdfError:
+    except FaultyFile:
         raise
     except InvalidInput as error:  # what else can be wrong is the frame
         fault = str(error) if frame else f"no --frame is named, and {error}"

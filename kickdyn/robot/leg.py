@@ -160,12 +160,12 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: there is no such frame or base, or MuJoCo is not installed.
         """
         file = read_mjcf(path)
-        model = build_mjcf_model(file.compile(), file.name, frame, base)
+        read = build_mjcf_model(file, frame, base)
         try:
-            check_model(model)
+            check_model(read.model)
         except InvalidInput as fault:
             raise MjcfError(file.source, [str(fault)]) from None
-        return cls(model, frame, file)
+        return cls(read.model, frame, file, loops=read.loops)
 
     @classmethod
     @validation.check_arguments

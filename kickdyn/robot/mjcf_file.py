@@ -176,6 +176,14 @@ def body_name(compiled: Any, body: int) -> str:
     return str(compiled.body(body).name) or f"body{body}"
 
 
+def is_mjcf(path: str | PathLike[str]) -> bool:
+    """Return whether a file is an MJCF, by its root element; if it has none, by its ending."""
+    try:
+        return parse_xml(read_text(path, str(path), MAX_BYTES, MjcfError)).tag == "mujoco"
+    except ValueError:  # whoever reads it says why
+        return Path(path).suffix.lower() in (".xml", ".mjcf")
+
+
 def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
     """Read and check an MJCF file, the files that it includes, and its meshes.
 

@@ -37,6 +37,8 @@ _COUNTS = {
 
 def find_faults(root: Element) -> list[str]:
     """Return one line per fault of the robot under `root`; none if Pinocchio may read it."""
+    if root.tag == "mujoco":
+        return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":
         return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
     faults: list[str] = []

@@ -20,6 +20,7 @@ from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.mjcf_file import is_mjcf
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import REQUIRED, UNCERTAINTY, check_document, faults_of
@@ -145,7 +146,10 @@ def _leg(section: dict[str, Any], folder: Path) -> Leg:
         return Leg.from_urdf(
             shipped_urdf(f"leg_{section['model']}.urdf"), frame or "toe", base=base
         )
-    return Leg.from_urdf(folder / section["file"], frame or "toe", base=base)
+    file = folder / section["file"]
+    if is_mjcf(file):
+        return Leg.from_mjcf(file, frame or "toe", base=base)
+    return Leg.from_urdf(file, frame or "toe", base=base)
 
 
 def _check_joints(leg: Leg, document: dict[str, Any]) -> None:

@@ -19,7 +19,7 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
-from kickdyn.errors import InvalidInput, MjcfError, UrdfError
+from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
 from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
@@ -161,10 +161,6 @@ class Leg(JointTable, ReprMixin):
         """
         file = read_mjcf(path)
         read = build_mjcf_model(file, frame, base)
-        try:
-            check_model(read.model)
-        except InvalidInput as fault:
-            raise MjcfError(file.source, [str(fault)]) from None
         return cls(read.model, frame, file, loops=read.loops)
 
     @classmethod

@@ -7,6 +7,8 @@ meshes, copies, scaled masses. It is given what was checked, in memory, and open
 import os
 import stat
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -113,17 +115,13 @@ class MjcfFile(RobotFile):
                 'pip install "kickdyn[mjcf]"'
             ) from None
         meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
-        with _lock:
-            before = mujoco.get_mju_user_warning()
-            mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
-            try:
+        try:
+            with quiet_mujoco():
                 return mujoco.MjModel.from_xml_string(self.text, meshes)
-            except Exception as error:  # ValueError; FatalError of a later stage
-                lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-                reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
-                raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
-            finally:
-                mujoco.set_mju_user_warning(before)
+        except Exception as error:  # ValueError; FatalError of a later stage
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
+            raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
 
     def visuals(self) -> list[Visual]:
         """Return the geoms that MuJoCo's viewer shows at first: groups 0 to 2, not transparent.
@@ -171,6 +169,20 @@ class MjcfFile(RobotFile):
         return Visual(body, pose, shape, tuple(sizes), mesh, tuple(rgba), False, vertices, faces)
 
 
+@contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Let MuJoCo write no warnings, to the screen and to a file MUJOCO_LOG.TXT."""
+    import mujoco
+
+    with _lock:
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(before)
+
+
 def body_name(compiled: Any, body: int) -> str:
     """Return the name of a body, by its number where it has none."""
     return str(compiled.body(body).name) or f"body{body}"
@@ -210,7 +222,6 @@ class _Reader:
 
     def __init__(self, file: Path, source: str) -> None:
         self.file, self.source = file, source
-        self.folder = file.resolve().parent
         self.read_bytes = 0
         self.included: set[Path] = set()
 
@@ -221,6 +232,7 @@ class _Reader:
             raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
         if root.tag != "mujoco":
             raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
+        self.folder = self.file.resolve().parent
         self._include(root, 0)
         _keep_mechanics(root)
         _check_size(root)

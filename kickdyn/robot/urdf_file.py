@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pinocchio as pin
 
 from kickdyn.core.files import read_text, shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities
 
 MAX_BYTES = 20_000_000
 
@@ -43,6 +44,14 @@ class UrdfFile:
     text: str
     folder: Path
     source: str
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity of the file that does not keep it from being read.
+
+        Nothing is repaired.
+        """
+        return tuple(find_irregularities(ElementTree.fromstring(self.text)))
 
 
 def read_urdf(path: str | PathLike[str]) -> UrdfFile:

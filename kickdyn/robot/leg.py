@@ -19,11 +19,13 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
-from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
 from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
 from kickdyn.robot.joint_table import JointTable, reduced_model
+from kickdyn.robot.mjcf_file import read_mjcf
+from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
     check_is_model,
@@ -34,7 +36,8 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
+from kickdyn.robot.urdf_file import build_model, read_urdf, shipped_urdf
+from kickdyn.robot.visuals import RobotFile
 
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
@@ -52,7 +55,7 @@ class Leg(JointTable, ReprMixin):
     Attributes:
         name: of the robot.
         frame: name of the contact frame.
-        urdf: the checked file it came from, None for `from_model`.
+        file: the checked file it came from, None for `from_model`.
         joint_names: without the universe, in the model's order.
         nq, nv: sizes of configuration and velocity.
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
@@ -69,7 +72,7 @@ class Leg(JointTable, ReprMixin):
         self,
         model: Any,
         frame: str,
-        urdf: UrdfFile | None = None,
+        file: RobotFile | None = None,
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
@@ -78,7 +81,7 @@ class Leg(JointTable, ReprMixin):
         super().__init__(model.copy())
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
-        self.frame, self.urdf = frame, urdf
+        self.frame, self.file = frame, file
         self.frame_id = frame_id(self._model, frame)
         contact_frame = self._model.frames[self.frame_id]
         self.contact_joint = int(contact_frame.parentJoint)
@@ -130,6 +133,39 @@ class Leg(JointTable, ReprMixin):
         except InvalidInput as fault:
             raise UrdfError(urdf.source, [str(fault)]) from None
         return cls(model, frame, urdf)
+
+    @classmethod
+    def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
+        r"""Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
+
+        Of the file come masses, joints, ranges (`range`; without one, the joint is unlimited),
+        rotor inertias (`armature`) and limits of torque: the smaller one of the joint's
+        `actuatorfrcrange` and what its actuators can exert, gear times `forcerange` (motors
+        without one: gear times `ctrlrange`). MJCF has no limits of speed. Springs, damping,
+        tendons and contacts are not part of the leg. The joint-space inertia is compared with
+        MuJoCo's at three configurations, to a relative error of 1e-9.
+
+        Args:
+            path: the file; it and the files that it includes are read once and checked before
+                MuJoCo sees them. Included files and meshes lie in its folder or below.
+            frame: body, site or geom whose origin touches the ball. Bodies that hang on another
+                root than it, such as other objects of a scene, are left out.
+            base: `fixed`, the root body welded to the world where the file places it, or
+                `floating`: then the first joint is the file's free joint, or `root_joint` if it has
+                none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
+                in the order xyzw.
+
+        Raises:
+            MjcfError: the file is refused.
+            InvalidInput: there is no such frame or base, or MuJoCo is not installed.
+        """
+        file = read_mjcf(path)
+        model = build_mjcf_model(file.compile(), file.name, frame, base)
+        try:
+            check_model(model)
+        except InvalidInput as fault:
+            raise MjcfError(file.source, [str(fault)]) from None
+        return cls(model, frame, file)
 
     @classmethod
     @validation.check_arguments
@@ -231,7 +267,7 @@ class Leg(JointTable, ReprMixin):
         for support in stances:
             if not isinstance(support, Support):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
-        return Leg(self.model, self.frame, self.urdf, stances, *self._options[1:])
+        return Leg(self.model, self.frame, self.file, stances, *self._options[1:])
 
     def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
@@ -246,7 +282,7 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         pairs = tuple((first, second) for first, second in loops)
         supports, _, cone = self._options
-        return Leg(self.model, self.frame, self.urdf, supports, pairs, cone)
+        return Leg(self.model, self.frame, self.file, supports, pairs, cone)
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
@@ -254,7 +290,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        return Leg(model, self.frame, self.urdf, *self._options)
+        return Leg(model, self.frame, self.file, *self._options)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
@@ -296,7 +332,7 @@ class Leg(JointTable, ReprMixin):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model with the frame's name; the workspace is made anew."""
-        return (Leg, (self.model, self.frame, self.urdf, *self._options))
+        return (Leg, (self.model, self.frame, self.file, *self._options))
 
     def __repr__(self) -> str:
         """Name the leg, its joints and its contact frame."""

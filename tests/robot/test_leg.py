@@ -177,7 +177,7 @@ def test_pickle(leg):
     copy = pickle.loads(pickle.dumps(leg))
     q = np.full(leg.nq, 0.3)
     assert repr(copy) == repr(leg)
-    assert copy.urdf == leg.urdf
+    assert copy.file == leg.file
     assert (copy.model.gravity, copy.frame) == (leg.model.gravity, leg.frame)
     assert (copy.posture(q).inertia == leg.posture(q).inertia).all()
     assert (copy.posture(q).jacobian == leg.posture(q).jacobian).all()

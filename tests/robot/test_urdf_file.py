@@ -164,7 +164,7 @@ def test_file_is_read_once(tmp_path, good_urdf):
     path.write_text(good_urdf)
     leg = kd.Leg.from_urdf(path)
     path.unlink()
-    model = pin.buildModelFromXML(leg.urdf.text)
+    model = pin.buildModelFromXML(leg.file.text)
     assert [inertia.mass for inertia in model.inertias] == [0, 7, 3]
 
 

@@ -378,5 +378,5 @@ def test_garbage_in_the_middle_is_refused_or_taken_whole(tmp_path_factory, good_
         leg = kd.Leg.from_urdf(path)
     except kd.InvalidInput:
         return
-    in_text = re.findall(r'<mass value="(.*?)"', leg.urdf.text)
+    in_text = re.findall(r'<mass value="(.*?)"', leg.file.text)
     assert [body.mass for body in leg.model.inertias][1:] == [float(text) for text in in_text]

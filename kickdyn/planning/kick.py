@@ -303,9 +303,7 @@ def _checked_ball_position(
     if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
     if ball_height is not None:
-        return validation.number(
-            "ball height", ball_height, at_least=-FAR, at_most=FAR, unit="m"
-        )
+        return validation.number("ball height", ball_height, at_least=-FAR, at_most=FAR, unit="m")
     if ball_at is None:
         return None
     place = validation.vector("ball_at", ball_at, 3, unit="m")

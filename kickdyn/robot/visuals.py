@@ -1,8 +1,8 @@
 """The file that a robot was read from, and the shapes that it describes."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 
 from kickdyn.core.validation import Array

@@ -140,9 +140,9 @@ class Leg(JointTable, ReprMixin):
         except InvalidInput as fault:
             raise UrdfError(urdf.source, [str(fault)]) from None
         leg = cls(model, frame, urdf)
-        fault = _find_singularity(leg)
-        if fault is not None:
-            raise UrdfError(urdf.source, [fault])
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise UrdfError(urdf.source, [singular])
         return leg
 
     @classmethod

@@ -77,18 +77,28 @@ class MjcfFile(RobotFile):
         meshes: content of the mesh files, by the names that they have in `text`.
         missing: mesh files that do not exist, relative to `folder`, by the names of the meshes.
         name: of the model.
+        left_out: moving bodies that are not part of the robot.
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     missing: dict[str, str] = field(default_factory=dict)
     name: str = ""
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line if the file has other moving bodies than those of the robot."""
+        if not self.left_out:
+            return ()
+        names = ", ".join(self.left_out[:5]) + (", ..." if self.left_out[5:] else "")
+        return (f"bodies that hang on another root are left out: {names}",)
 
     def compile(self) -> Any:
         """Return the `mujoco.MjModel`.
 
         Raises:
-            MjcfError: MuJoCo refuses the document, or an inertia needs a mesh that is missing.
-            InvalidInput: MuJoCo is not installed.
+            MjcfError: MuJoCo refuses the document, or is not installed, or an inertia needs a mesh
+                that is missing.
         """
         model = self._compiled(0.1)
         if not self.missing:
@@ -110,10 +120,8 @@ class MjcfFile(RobotFile):
         try:
             import mujoco  # an optional package
         except ImportError:
-            raise InvalidInput(
-                f"{self.source}: MJCF needs the package mujoco: install it with "
-                'pip install "kickdyn[mjcf]"'
-            ) from None
+            line = 'MJCF needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
+            raise MjcfError(self.source, [line]) from None
         meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
         try:
             with quiet_mujoco():

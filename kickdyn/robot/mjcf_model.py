@@ -6,8 +6,8 @@ ranges of sliding joints for degrees, and reads one tree of bodies only, all wit
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import pinocchio as pin
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
+from kickdyn.robot.joint_table import lock_joints
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
 from kickdyn.robot.model_validation import HUGE, check_model, frame_id
 from kickdyn.robot.urdf_file import check_base
@@ -32,17 +33,19 @@ class MjcfModel:
     """What is read of an MJCF model.
 
     Attributes:
+        file: the document, with the bodies that were left out.
         model: the `pin.Model`.
         loops: pairs of frames whose origins stay together.
-        others: moving bodies that hang on another root, and are left out.
     """
 
+    file: MjcfFile
     model: Any
     loops: tuple[tuple[str, str], ...]
-    others: tuple[str, ...]
 
 
-def build_mjcf_model(file: MjcfFile, frame: str, base: str) -> MjcfModel:
+def build_mjcf_model(
+    file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
+) -> MjcfModel:
     """Return the model of the tree of bodies that moves a frame.
 
     Its q is MuJoCo's `qpos` of these joints with quaternions in the order xyzw. The linear velocity
@@ -53,33 +56,34 @@ def build_mjcf_model(file: MjcfFile, frame: str, base: str) -> MjcfModel:
         frame: a body, site or geom.
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
+        locked: joints to lock at their values [rad; m for prismatic joints].
 
     Raises:
         MjcfError: gravity is not the ball's, a constraint that is not read, an inertia or limits
             that make no sense, or MuJoCo computes another inertia.
-        InvalidInput: no such frame or base, or the frame does not move.
+        InvalidInput: no such frame, base or joint to lock, or the frame does not move.
     """
     check_base(base)
     compiled = file.compile()
     bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
     own = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
-        builder = _Builder(compiled, file.name, base, own)
-        if root is not None:
-            check_model(builder.model)
-            with (
-                quiet_mujoco(),
-                np.errstate(all="ignore"),
-            ):  # what leaves the range of float64 is not the same
-                builder.compare()
+        builder = _Builder(compiled, file.name, base, own, set(locked or ()))
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     if root is None:  # no such frame, for which the error names those there are, or one at rest
         frame_id(builder.model, frame)
         raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
+    model = lock_joints(builder.model, locked)
+    try:
+        check_model(model)
+        with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
+            builder.compare()
+    except InvalidInput as fault:
+        raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
-    others = tuple(body_name(compiled, body) for body in moving)
-    return MjcfModel(builder.model, builder.loops, others)
+    left_out = tuple(body_name(compiled, body) for body in moving)
+    return MjcfModel(replace(file, left_out=left_out), model, builder.loops)
 
 
 def _root_of(compiled: Any, frame: str) -> int | None:
@@ -110,7 +114,9 @@ class _Joint:
 class _Builder:
     """Turns compiled bodies, each after the one that carries it, into a `pin.Model`."""
 
-    def __init__(self, compiled: Any, name: str, base: str, bodies: Sequence[int]) -> None:
+    def __init__(
+        self, compiled: Any, name: str, base: str, bodies: Sequence[int], locked: Set[str]
+    ) -> None:
         self.compiled, self.base = compiled, base
         self.model = pin.Model()
         self.model.name = name
@@ -124,7 +130,7 @@ class _Builder:
             self._add_body(body)
         self._add_frames()
         self._set_limits()
-        self.loops = tuple(self._loops())
+        self.loops = tuple(self._loops(locked))
 
     def _add_body(self, body: int) -> None:
         """Add a body with its joints."""
@@ -228,8 +234,11 @@ class _Builder:
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def _loops(self) -> Iterator[tuple[str, str]]:
-        """Yield the loops that `connect` constraints close; raise `InvalidInput` for others."""
+    def _loops(self, locked: Set[str]) -> Iterator[tuple[str, str]]:
+        """Yield the loops that `connect` constraints close; raise `InvalidInput` for others.
+
+        A constraint on joints that are all locked has no effect.
+        """
         import mujoco
 
         compiled = self.compiled
@@ -238,13 +247,14 @@ class _Builder:
                 continue
             kind = int(compiled.eq_type[number])
             ends = int(compiled.eq_obj1id[number]), int(compiled.eq_obj2id[number])
-            name = compiled.equality(number).name or f"connect{number}"
+            name = compiled.equality(number).name or f"equality{number}"
             sites = int(compiled.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE)
             if kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
                 bodies = [int(compiled.site_bodyid[end]) for end in ends] if sites else list(ends)
                 concerned = [body for body in bodies if body in self.places]
             elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
-                bodies = [int(compiled.jnt_bodyid[end]) for end in ends if end >= 0]
+                free = [e for e in ends if e >= 0 and compiled.joint(e).name not in locked]
+                bodies = [int(compiled.jnt_bodyid[end]) for end in free]
                 concerned = [body for body in bodies if body in self.places]
             else:
                 concerned = [0]

@@ -383,6 +383,31 @@ def test_names(tmp_path):
         kd.Leg.from_mjcf(file, "base")
 
 
+def test_objects_beside_the_robot_are_left_out(tmp_path):
+    assert kd.Leg.from_mjcf(MODELS / "pusher_v5.xml", "tips_arm").warnings == (
+        "bodies that hang on another root are left out: object, goal",
+    )
+    crowd = ARM.format(BALL) + "".join(
+        f'<body name="b{k}"><freejoint/><geom size="1"/></body>' for k in range(7)
+    )
+    leg = arm(tmp_path, crowd)
+    assert leg.warnings[0].endswith("left out: b0, b1, b2, b3, b4, ...")
+    assert leg.joint_names == ("j",)
+    assert moment(leg) == pytest.approx(SPHERE)
+    assert arm(tmp_path).warnings == ()
+
+
+def test_a_base_that_floats_twice_is_singular():
+    """Slides and a hinge of its own already move the root of a planar walker."""
+    with pytest.raises(kd.MjcfError, match="at fault: root_joint, rootx, rootz, rooty"):
+        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", base="floating")
+    root = {"rootx": 0.0, "rootz": 1.25, "rooty": 0.0}
+    leg = kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", base="floating", locked=root)
+    assert leg.joint_names[:2] == ("root_joint", "thigh_joint")
+    with pytest.raises(kd.InvalidInput, match="joint 'rooty2' is unknown"):
+        kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot", locked={"rooty2": 0.0})
+
+
 def test_a_base_is_welded_where_the_file_places_it_or_floats(tmp_path):
     body = '<body name="base" pos="1 2 3">{}<geom size="0.2"/>' + ARM.format(BALL) + "</body>"
     for joint in ("", "<freejoint/>"):
@@ -414,11 +439,13 @@ def test_connected_bodies_are_a_loop(tmp_path):
     assert rates[2] == pytest.approx(-rates[1])
     for more, said in (
         (tie.format('body1="a"'), r"constraint 'bar' \(connect\) is not read"),
-        ('<equality><joint joint1="ja" joint2="jb"/></equality>', r"'connect0' \(joint\)"),
+        ('<equality><joint joint1="ja" joint2="jb"/></equality>', r"'equality0' \(joint\)"),
         ('<equality><weld body1="a" body2="c"/></equality>', r"\(weld\) is not read"),
     ):
         with pytest.raises(kd.MjcfError, match=said):
             kd.Leg.from_mjcf(written(tmp_path, whole, more), "c")
+    couple = written(tmp_path, whole, '<equality><joint joint1="ja" joint2="jb"/></equality>')
+    assert kd.Leg.from_mjcf(couple, "c", locked={"ja": 0.1, "jb": 0.1}).joint_names == ("jc",)
     idle = tie.format('body1="a" body2="c" active="false"')
     assert kd.Leg.from_mjcf(written(tmp_path, whole, idle), "c").constraints is None
 

@@ -93,7 +93,7 @@ class Learner(ReprMixin):
     ) -> None:
         validation.check_type(Goal, goal=goal)
         validation.check_type(Ball, ball=ball)
-        validation.check_type(Air, air=air, optional=True)
+        validation.check_type(Air, type(None), air=air)
         self.goal, self.ball, self.model = goal, ball, Air() if air is None else air
         if self.model.drag is None or callable(self.model.wind):
             raise InvalidInput(

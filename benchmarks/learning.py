@@ -28,7 +28,7 @@ from kickdyn.aerodynamics.drag import constant
 from kickdyn.paper.fig_15 import GOALS, learn_launch
 
 BALL, SCATTER, MOST = kd.Ball.paper(), 0.03, 30
-SHOWN = (1, 2, 3, 5)
+SHOWN = (1, 2, 3)
 """Rounds whose miss is printed."""
 
 

@@ -389,8 +389,10 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
     fitted = inverse @ restitutions
     rest = shares @ fitted - restitutions
     scatter = math.sqrt(float(rest @ rest) / (len(impacts) - knots))
-    answer = (
-        speeds, restitutions, np.column_stack([places, fitted]),
-        scatter * np.linalg.norm(inverse, axis=1),
-    )  # fmt: skip
-    return RestitutionFit(*map(validation.read_only, answer), scatter)
+    return RestitutionFit(
+        validation.read_only(speeds),
+        validation.read_only(restitutions),
+        validation.read_only(np.column_stack([places, fitted])),
+        validation.read_only(scatter * np.linalg.norm(inverse, axis=1)),
+        scatter,
+    )

@@ -2,9 +2,9 @@ r"""`Learner`: kick, observe the ball, correct the model, kick again.
 
 What the model does not know is
 
-.. math:: \theta = (\ln s, w_x, w_y, e, \alpha, \beta):
+.. math:: \theta = (\ln s, w_x, w_y, \ln \tfrac{e}{1 - e}, \alpha, \beta):
 
-a scale of the drag model, the wind, the restitution of the foot's contact, and errors of aim,
+a scale s of the drag model, the wind, the restitution e of the foot's contact, and errors of aim,
 upwards and to the left. Kick k has, beside, an error :math:`\epsilon_k` of its own, of the speed
 and of the two angles. The estimate after n kicks is the most probable one,
 
@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
+from scipy.special import expit, logit
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
@@ -59,9 +60,9 @@ UNITS = {"wind_x": "m/s", "wind_y": "m/s", "elevation": "rad", "azimuth": "rad"}
 SCATTER = 0.03
 """Relative scatter of launch speed, and scatter of direction [rad], from kick to kick."""
 
-LEARNT = 0.25
-"""Share of the scatter's variance below which errors of the model do not count any more: they
-then widen the scatter by 12 %."""
+LEARNT = 1.0 / 3.0
+"""Share of the scatter's variance below which what is not known does not count any more: it then
+widens the scatter by 15 %."""
 
 UNLIKELY = 5.99
 """Square of a distance, in standard deviations, that 5 % of random points in a plane exceed: the
@@ -71,8 +72,8 @@ TOL = 1e-8
 """Relative tolerance of the flights."""
 
 STEP = 1e-5
-"""Change of the logarithm of the drag, the wind [m/s], the restitution, the logarithm of the launch
-speed and the angles [rad] that derivatives are differences of."""
+"""Change of the first four unknowns, of the logarithm of the launch speed and of both angles, of
+which derivatives are differences."""
 
 COLUMNS = (0, 1, 2, 3, 5, 6, 4, 5, 6)
 """Of those seven, the ones that the six unknowns and the three errors of a kick are."""
@@ -95,7 +96,7 @@ class Shot(NamedTuple):
 
 
 class Learner(ReprMixin):
-    r"""Finds the launch, or the kick, that meets a goal in a world that the model knows only roughly.
+    r"""Finds the launch, or the kick, that meets a goal where the model holds only roughly.
 
     `command` is the next one: carry it out, and pass what the ball did to `observe`, until
     `is_done`. A command without a leg is a launch :math:`v` to somebody who takes the restitution
@@ -155,7 +156,7 @@ class Learner(ReprMixin):
                 f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
                 "landings at the height of the launch"
             )
-        first = validation.number("restitution", restitution, at_least=0, at_most=1)
+        first = validation.number("restitution", restitution, at_least=0.01, at_most=0.99)
         self._first_restitution = first
         self._friction = validation.number("friction", friction, at_least=0)
         self._ball_height = ball_height
@@ -168,16 +169,17 @@ class Learner(ReprMixin):
         unknown = set(spread) - set(PRIOR)
         if unknown:
             raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
-        self._prior = np.array(
-            [
-                validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
-                for name, value in {**PRIOR, **spread}.items()
-            ]
-        )
+        sizes = {
+            name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
+            for name, value in {**PRIOR, **spread}.items()
+        }
+        sizes["restitution"] /= first * (1.0 - first)
+        self._prior = np.array(list(sizes.values()))
         self._shots: tuple[Shot, ...] = ()
-        self._theta0 = np.array([0.0, 0.0, 0.0, first, 0.0, 0.0])
+        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(first)), 0.0, 0.0])
         self._theta, self._covariance = self._theta0, np.diag(self._prior**2)
         self._errors = np.zeros((0, 3))
+        self._last_landing = np.zeros(2)
         self._plan()
 
     @property
@@ -219,6 +221,7 @@ class Learner(ReprMixin):
             "drag_scale": math.exp(values["drag_scale"]),
             "wind_x": float(wind[0]) + values["wind_x"],
             "wind_y": float(wind[1]) + values["wind_y"],
+            "restitution": float(expit(values["restitution"])),
         }
 
     @property
@@ -226,6 +229,8 @@ class Learner(ReprMixin):
         """Standard deviations of the estimates, by name and in the same units."""
         sizes = np.sqrt(np.diag(self._covariance))
         sizes[0] *= math.exp(self._theta[0])
+        e = float(expit(self._theta[3]))
+        sizes[3] *= e * (1.0 - e)
         return dict(zip(PRIOR, sizes.tolist(), strict=True))
 
     @property
@@ -246,7 +251,7 @@ class Learner(ReprMixin):
         """Whether what is left is noise.
 
         That is where the last kick missed the goal by no more than scatter and uncertainty allow
-        in 95 % of kicks, and where the uncertainty has at most a quarter of the scatter's variance
+        in 95 % of kicks, and where the uncertainty has at most a third of the scatter's variance
         (traces of the covariances), so that knowing more would hardly bring the ball nearer.
         """
         if not self._shots:
@@ -269,10 +274,11 @@ class Learner(ReprMixin):
                 f"the goal is beyond the limits of the leg: the kick has {command.share:.0%} of "
                 "the launch speed"
             )
-        if not 1e-3 < self._theta[3] < 1.0 - 1e-3:
+        e = self.estimates["restitution"]
+        if not 0.02 < e < 0.98:
             lines.append(
-                f"restitution is {self._theta[3]:.3g}, the end of its range: something else changes "
-                "the launch speed"
+                f"restitution is {e:.3g}, near the end of its range: something else may change the "
+                "launch speed"
             )
         return (*lines, *self._launch.flight.warnings)
 
@@ -329,8 +335,7 @@ class Learner(ReprMixin):
         self._launch = plan_launch(self.goal, self.ball, air)
         wanted, spin = self._launch.velocity, self._launch.spin
         if self.leg is None:
-            gain = math.log((1.0 + theta[3]) / (1.0 + self._first_restitution))
-            velocity = _aimed(wanted, -np.array([gain, theta[4], theta[5]]))
+            velocity = _aimed(wanted, -np.array([self._gain(theta), theta[4], theta[5]]))
             self._command: BallState | KickPlan = BallState(velocity=velocity, spin=spin)
         else:
             self._command = self._planned_kick(_aimed(wanted, [0.0, -theta[4], -theta[5]]), air)
@@ -342,7 +347,7 @@ class Learner(ReprMixin):
         time = 2.0 * float(velocity[2]) / GRAVITY
         goal = Goal([velocity[0] * time, velocity[1] * time, 0.0], time=time)
         plan = plan_kick(
-            self.leg, goal, self.ball, None, restitution=float(self._theta[3]),
+            self.leg, goal, self.ball, None, restitution=self.estimates["restitution"],
             friction=self._friction, spin=self._launch.spin, ball_height=self._ball_height,
         )  # fmt: skip
         after = plan.impact.ball_after
@@ -351,6 +356,10 @@ class Learner(ReprMixin):
         when = self._launch.time if plan.share == 1.0 else None
         path = fly_to_target(expected, self._launch.reached, self.ball, air, when)
         return replace(plan, goal=self.goal, launch=self._launch, path=path)
+
+    def _gain(self, theta: Array) -> float:
+        """Return the logarithm of the launch speed over that of a command without a leg."""
+        return math.log((1.0 + float(expit(theta[3]))) / (1.0 + self._first_restitution))
 
     def _launched(self, theta: Array, error: Array, command: BallState | KickPlan) -> BallState:
         """Return the launch that a command becomes, at the origin.
@@ -361,11 +370,11 @@ class Learner(ReprMixin):
             command: that was carried out.
         """
         if isinstance(command, KickPlan):
-            contact = replace(command.impact.contact, restitution=float(theta[3]))
+            contact = replace(command.impact.contact, restitution=float(expit(theta[3])))
             impact = strike(command.impact.posture, command.v, self.ball, contact)
             state, gain = impact.ball_after, 0.0
         else:
-            state, gain = command, math.log((1.0 + theta[3]) / (1.0 + self._first_restitution))
+            state, gain = command, self._gain(theta)
         velocity = _aimed(state.velocity, error + np.array([gain, theta[4], theta[5]]))
         return BallState(velocity=velocity, spin=state.spin)
 
@@ -388,9 +397,7 @@ class Learner(ReprMixin):
         slopes = np.hstack([shift[:, :2] + later * end.velocity[:2], later]).T
         return np.array([*end.position[:2], duration]), slopes[:, COLUMNS]
 
-    def _path(
-        self, theta: Array, shot: Shot, track: Track, error: Array
-    ) -> tuple[Array, Array]:
+    def _path(self, theta: Array, shot: Shot, track: Track, error: Array) -> tuple[Array, Array]:
         """Return positions of a kick at the times of its track, and the derivatives.
 
         The first has shape `(3 n,)` [m], the second `(3 n, 9)`, as by `_landing`.
@@ -442,20 +449,19 @@ class Learner(ReprMixin):
             return last[key]
 
         start = np.concatenate([self._theta, *self._errors, np.zeros(3)])
-        lowest, highest = np.full(start.size, -np.inf), np.full(start.size, np.inf)
-        lowest[3], highest[3] = 0.0, 1.0
         found = least_squares(
             lambda values: both(values)[0], start, jac=lambda values: both(values)[1],
-            bounds=(lowest, highest), x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=50,
+            method="lm", x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=50,
         )  # fmt: skip
         self._theta, self._errors = found.x[:6], found.x[6:].reshape(-1, 3)
         slopes = both(found.x)[1]
         self._covariance = np.linalg.inv(slopes.T @ slopes)[:6, :6]
         shot = self._shots[-1]
-        self._last_landing = shot.landing
         if shot.landing is None:
             end = self._landing(self._theta, shot.command, self._errors[-1])[0]
             self._last_landing = end[:2]
+        else:
+            self._last_landing = shot.landing
 
     def _residuals(self, theta: Array, shot: Shot, error: Array) -> tuple[Array, Array]:
         """Return how far a shot is from the model, in standard deviations, and the derivatives."""

@@ -65,8 +65,8 @@ def learn_launch(
     is applied, and the commands for the paper's goals never fall below the goals themselves.
 
     The loop also ends at a flight that does not land, a command of no time or of a launch faster
-    than sound, or after as many rounds as `rounds` says, where the paper's farthest goal takes about
-    25; `Round.is_met` of the last round tells. The distance of the target is in m, the time of the
+    than sound, or after a number of rounds, of which the paper's farthest goal takes about 25;
+    `Round.is_met` of the last round tells. The distance of the target is in m, the time of the
     flight in s; an air of None is the vacuum. `kick` returns the flight of a launch velocity; None
     flies it through the air.
     """

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from chains import random_kick, random_leg
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from tests.chains import random_kick, random_leg
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 

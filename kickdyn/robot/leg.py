@@ -22,7 +22,12 @@ from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
-from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
+from kickdyn.robot.constraints import (
+    ConstraintProjector,
+    Constraints,
+    Support,
+    find_open_loops,
+)
 from kickdyn.robot.joint_table import JointTable, reduced_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
@@ -287,6 +292,18 @@ class Leg(JointTable, ReprMixin):
             return q
         return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
 
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each pair of frames that look like the ends of a loop which is not closed."""
+        closed = [] if self.constraints is None else self.constraints.loops
+        known = {frozenset(loop) for loop in closed}
+        return tuple(
+            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
+            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
+            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
+            if frozenset((a, b)) not in known
+        )
+
     @property
     def model(self) -> Any:
         """A copy of the `pin.Model`; what is changed there does not change this leg."""
@@ -310,6 +327,7 @@ class Leg(JointTable, ReprMixin):
         for name in self.single_joints:
             low, high = (format_value(end) for end in self.joint_range(name))
             yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+        yield from warned(self.warnings)
 
 
 class Posture(ReprMixin):
@@ -411,8 +429,8 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range (allowed; or are these degrees?)."""
-        return tuple(self.leg.outside_range(self.q))
+        """Those of the leg, and a line for each joint outside its range (or are these degrees?)."""
+        return (*self.leg.warnings, *self.leg.outside_range(self.q))
 
     @property
     def whitened_jacobian(self) -> Array:

@@ -117,7 +117,7 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
 def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
     """Return what a sweep was made of, enough to compute it again, as plain values."""
     air = kick.air
-    text = "" if leg.urdf is None else leg.urdf.text
+    text = "" if leg.file is None else leg.file.text
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("pin", "numpy", "scipy"))
     return {
         "title": f"kicking postures of {leg.name}",

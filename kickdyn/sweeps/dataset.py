@@ -144,7 +144,8 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
 def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
     """Return the first difference between two described sweeps as a sentence, None without one.
 
-    Every attribute but `finished` and `warnings` and every value of the grid is compared, to the last digit.
+    Every attribute but `finished` and `warnings` and every value of the grid is compared, to the
+    last digit.
     """
     dims = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
     if dims[0] != dims[1]:

@@ -492,8 +492,6 @@ MASS = """<inertial><mass value="0.1"/>
 def _moved(file):
     """The tip at its place, on the thigh."""
     file.write_text(
-        file.read_text().replace(
-            '<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.015 0 -0.386"/>'
-        )
+        file.read_text().replace('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.015 0 -0.386"/>')
     )
     return kd.Leg.from_urdf(file)

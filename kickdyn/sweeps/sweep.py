@@ -93,8 +93,8 @@ def sweep(
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
         `PostureStatus` by its flag. Units, provenance and `leg.warnings` are in the attributes.
-        Variables are nan where the posture is out of reach or the loops cannot be closed. With `store`, the
-        dataset is the opened store.
+        Variables are nan where the posture is out of reach or the loops cannot be closed.
+        With `store`, the dataset is the opened store.
 
     Raises:
         InvalidInput: postures that the leg does not have, more than fit, a store that is there

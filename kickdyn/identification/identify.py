@@ -76,6 +76,7 @@ LAUNCH = ("x", "y", "z", "vx", "vy", "vz")
 """Names of the first six unknowns of each flight."""
 
 
+@validation.check_arguments
 def identify(
     track: Track | Sequence[Track],
     ball: Ball,
@@ -111,9 +112,6 @@ def identify(
         KickdynError: no flight could be fitted.
     """
     tracks = _tracks(track)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(Air, air=air, optional=True)
-    validation.check_type(Ground, ground=ground, optional=True)
     air = Air() if air is None else air
     sought = _sought(free, air)
     known = validation.vector("spin", spin, 3, unit="rad/s")
@@ -123,7 +121,9 @@ def identify(
     answer = _answer(problem, _fit(problem))
     if not compare:
         return answer
-    scores = sorted(_score(model, problem) for model in compare)
+    scores = sorted(
+        (_score(model, problem) for model in compare), key=lambda score: score.prediction_rms
+    )
     return replace(answer, comparison=tuple(scores))
 
 
@@ -226,8 +226,6 @@ def _tracks(track: Track | Sequence[Track]) -> tuple[Track, ...]:
 def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     """Return what is sought, each once, in the order of `Free`."""
     names = [free] if isinstance(free, str) else free
-    if not isinstance(names, Iterable):
-        raise InvalidInput(f"free is {validation.brief(free)}: it must list names such as 'spin'")
     found = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= found:
         raise InvalidInput(

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from kickdyn.ball import Ball
 from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -40,6 +41,13 @@ GAP = 0.25
 ON_GROUND = 0.25
 """Height above rest on the ground below which a ball may touch it [m]: pitches are crowned, and
 trackers do not all report the ball's centre."""
+
+NEAR = 0.3
+"""Time around a cut from which velocities just before and after it are taken [s]."""
+
+ACCELERATION, JERK = 6.0, 15.0
+"""How far a ball's acceleration differs from gravity's [m/s2], and how fast it changes [m/s3], as
+standard deviations: drag and lift of a ball at 20 m/s, and their change within its flight."""
 
 LEVEL = 0.15
 """Change of height of a ball that rolls [m], within one part."""
@@ -196,6 +204,7 @@ class _Piece(NamedTuple):
         return np.asarray(np.polynomial.polynomial.polyval(time - self.origin, powers))
 
 
+@validation.check_arguments
 def segments(track: Track, ball: Ball, ground: Ground | None = None) -> Segments:
     """Return the flights, rolls and rests of a track, with the reason for each cut.
 
@@ -207,9 +216,6 @@ def segments(track: Track, ball: Ball, ground: Ground | None = None) -> Segments
     Raises:
         InvalidInput: fewer than 5 samples, or a wrong argument.
     """
-    validation.check_type(Track, track=track)
-    validation.check_type(Ball, ball=ball)
-    validation.check_type(Ground, ground=ground, optional=True)
     if len(track) < 5:
         raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
     height = (ground.height if ground is not None else 0.0) + ball.radius
@@ -220,7 +226,7 @@ def segments(track: Track, ball: Ball, ground: Ground | None = None) -> Segments
     gaps = np.flatnonzero(np.diff(clean.times) > GAP) + 1
     for first, last in zip([0, *gaps], [*gaps, len(clean)], strict=True):
         pieces += _joined(clean, noise, _partition(clean, noise, int(first), int(last)))
-    parts = _described(clean, pieces, kept, height, set(gaps.tolist()))
+    parts = _described(clean, pieces, kept, height, set(gaps.tolist()), noise)
     return Segments(track, parts, *_ground_values(clean, parts, kept))
 
 
@@ -317,21 +323,28 @@ def _joined(track: Track, noise: float, cuts: list[tuple[int, int]]) -> list[_Pi
 
 
 def _described(
-    track: Track, pieces: list[_Piece], kept: NDArray[np.int_], height: float, gaps: set[int]
+    track: Track,
+    pieces: list[_Piece],
+    kept: NDArray[np.int_],
+    height: float,
+    gaps: set[int],
+    noise: float,
 ) -> tuple[Segment, ...]:
     """Return what each piece is and why it begins."""
     parts: list[Segment] = []
-    for i, piece in enumerate(pieces):
-        kind = _kind(track, piece, height)
+    kinds = [_kind(track, piece, height) for piece in pieces]
+    for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
         first, end = float(track.times[piece.first]), float(track.times[piece.last - 1])
         start, speed_before, begins = first, None, CutReason.START
+        if i and piece.first not in gaps:
+            start = _meeting(track, pieces[i - 1], piece)
+        speed_after = _velocity(track, piece, start, kind, noise)
         if piece.first in gaps:
             begins = CutReason.GAP
         elif i:
-            start = _meeting(track, pieces[i - 1], piece)
-            speed_before = pieces[i - 1].at(start, 1)
+            speed_before = _velocity(track, pieces[i - 1], start, kinds[i - 1], noise)
             low = float(piece.at(start)[2]) < height + ON_GROUND
-            down, up = -float(speed_before[2]), float(piece.at(start, 1)[2])
+            down, up = -float(speed_before[2]), float(speed_after[2])
             begins = CutReason.TOUCH
             if low and down > 0.0 and parts[-1].kind is SegmentKind.FLIGHT:
                 if kind is SegmentKind.FLIGHT and 0.0 < up <= down:  # no bounce gains height
@@ -341,10 +354,28 @@ def _described(
         parts.append(
             Segment(
                 kind, int(kept[piece.first]), int(kept[piece.last - 1]) + 1, begins, start,
-                speed_before, piece.at(start, 1), piece.at(end, 1),
+                speed_before, speed_after, _velocity(track, piece, end, kind, noise),
             )
         )  # fmt: skip
     return tuple(parts)
+
+
+def _velocity(track: Track, piece: _Piece, time: float, kind: SegmentKind, noise: float) -> Array:
+    """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
+
+    It is that of a cubic through the samples within `NEAR` of it. What is known of its acceleration
+    and its change (`ACCELERATION`, `JERK`) weighs as much as measurements of that accuracy would:
+    a few noisy samples after a bounce do not determine them.
+    """
+    known = np.array([0.0, 0.0, -GRAVITY if kind is SegmentKind.FLIGHT else 0.0])
+    times = track.times[piece.first : piece.last] - time
+    near = np.abs(times) <= max(NEAR, float(np.sort(np.abs(times))[min(5, len(times) - 1)]))
+    span = times[near]
+    powers = np.column_stack([np.ones_like(span), span, span**2 / 2.0, span**3 / 6.0])
+    rows = np.vstack([powers / noise, [0, 0, 1 / ACCELERATION, 0], [0, 0, 0, 1 / JERK]])
+    points = track.positions[piece.first : piece.last][near] / noise
+    fit, *_ = np.linalg.lstsq(rows, np.vstack([points, known / ACCELERATION, np.zeros(3)]))
+    return np.asarray(fit[1])
 
 
 def _kind(track: Track, piece: _Piece, height: float) -> SegmentKind:

@@ -88,6 +88,7 @@ class Track(ValueEquality, ReprMixin):
         return float(self.times[-1] - self.times[0])
 
     @classmethod
+    @validation.check_arguments
     def from_csv(
         cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
     ) -> "Track":
@@ -157,7 +158,7 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
     """Return an array of finite floats, or raise `InvalidInput` that names the first other row."""
     try:
         array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         return validation.floats(name, value)  # which says what is wrong
     finite = np.isfinite(array)
     while finite.ndim > 1:

@@ -19,11 +19,18 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
-from kickdyn.errors import InvalidInput, UrdfError
+from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
-from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
-from kickdyn.robot.joint_table import JointTable, reduced_model
+from kickdyn.robot.constraints import (
+    ConstraintProjector,
+    Constraints,
+    Support,
+    find_open_loops,
+)
+from kickdyn.robot.joint_table import JointTable, lock_joints
+from kickdyn.robot.mjcf_file import read_mjcf
+from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
     check_is_model,
@@ -34,7 +41,8 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.urdf_file import UrdfFile, build_model, read_urdf, shipped_urdf
+from kickdyn.robot.urdf_file import build_model, read_urdf, shipped_urdf
+from kickdyn.robot.visuals import RobotFile
 
 MAX_OFFSET = 1e3
 """Largest distance of a contact point along an axis of the contact frame [m]."""
@@ -52,7 +60,7 @@ class Leg(JointTable, ReprMixin):
     Attributes:
         name: of the robot.
         frame: name of the contact frame.
-        urdf: the checked file it came from, None for `from_model`.
+        file: the checked file it came from, None for `from_model`.
         joint_names: without the universe, in the model's order.
         nq, nv: sizes of configuration and velocity.
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
@@ -69,7 +77,7 @@ class Leg(JointTable, ReprMixin):
         self,
         model: Any,
         frame: str,
-        urdf: UrdfFile | None = None,
+        file: RobotFile | None = None,
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
@@ -78,7 +86,7 @@ class Leg(JointTable, ReprMixin):
         super().__init__(model.copy())
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
-        self.frame, self.urdf = frame, urdf
+        self.frame, self.file = frame, file
         self.frame_id = frame_id(self._model, frame)
         contact_frame = self._model.frames[self.frame_id]
         self.contact_joint = int(contact_frame.parentJoint)
@@ -108,7 +116,12 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def from_urdf(
-        cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
+        cls,
+        path: str | PathLike[str],
+        frame: str = "toe",
+        *,
+        base: str = "fixed",
+        locked: Mapping[str, float] | None = None,
     ) -> "Leg":
         """Load a URDF file.
 
@@ -118,23 +131,68 @@ class Leg(JointTable, ReprMixin):
             base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
+            locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
+                joints], before inertias are judged: of a joint that moves no mass, for example.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame or base.
+            InvalidInput: there is no such frame, base or joint to lock.
         """
         urdf = read_urdf(path)
-        model = build_model(urdf.text, urdf.source, base)
+        model = lock_joints(build_model(urdf.text, urdf.source, base), locked)
         try:
             check_model(model)
         except InvalidInput as fault:
             raise UrdfError(urdf.source, [str(fault)]) from None
-        return cls(model, frame, urdf)
+        leg = cls(model, frame, urdf)
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise UrdfError(urdf.source, [singular])
+        return leg
+
+    @classmethod
+    def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
+        r"""Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
+
+        Of the file come masses, joints, ranges (`range`; without one, the joint is unlimited),
+        rotor inertias (`armature`) and limits of torque: the smaller one of the joint's
+        `actuatorfrcrange` and what its actuators can exert, gear times `forcerange` (motors
+        without one: gear times `ctrlrange`). MJCF has no limits of speed. Springs, damping,
+        tendons and contacts are not part of the leg. The joint-space inertia is compared with
+        MuJoCo's at three configurations, to a relative error of 1e-9.
+
+        Args:
+            path: the file; it and the files that it includes are read once and checked before
+                MuJoCo sees them. Included files and meshes lie in its folder or below.
+            frame: body, site or geom whose origin touches the ball. Bodies that hang on another
+                root than it, such as other objects of a scene, are left out.
+            base: `fixed`, the root body welded to the world where the file places it, or
+                `floating`: then the first joint is the file's free joint, or `root_joint` if it has
+                none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
+                in the order xyzw.
+
+        Raises:
+            MjcfError: the file is refused.
+            InvalidInput: there is no such frame or base, or MuJoCo is not installed.
+        """
+        file = read_mjcf(path)
+        model = build_mjcf_model(file.compile(), file.name, frame, base)
+        try:
+            check_model(model)
+        except InvalidInput as fault:
+            raise MjcfError(file.source, [str(fault)]) from None
+        return cls(model, frame, file)
 
     @classmethod
     @validation.check_arguments
     def from_robot(
-        cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
+        cls,
+        name: str,
+        frame: str | None = None,
+        *,
+        base: str = "fixed",
+        legs_only: bool = False,
+        locked: Mapping[str, float] | None = None,
     ) -> "Leg":
         """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
 
@@ -147,17 +205,19 @@ class Leg(JointTable, ReprMixin):
                 (`simple_humanoid`, whose file shows no foot: the ankle).
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
+            locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
             InvalidInput: no such robot, frame or base, the package is not installed, or a mass
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
+        model = lock_joints(model, locked)
         frame, cone = known.contact(frame)
         leg = cls(model, frame, robot_file(name), contact_normal_cone=cone)
         try:
             check_model(model)
-            leg.posture(leg.configuration())  # singular there is singular everywhere
+            leg.posture(leg.configuration())  # at which all joints stay that are not named
         except InvalidInput as error:
             if legs_only:
                 raise
@@ -194,11 +254,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
         """
-        joints = validation.mapping("joints", joints)
-        q = self.configuration(joints)
-        if len(joints) == len(self.joint_names):
-            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self.with_model(reduced_model(self.model, joints, q))
+        return self.with_model(lock_joints(self.model, joints))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
@@ -231,7 +287,7 @@ class Leg(JointTable, ReprMixin):
         for support in stances:
             if not isinstance(support, Support):
                 raise InvalidInput(f"support is {support!r}: it must be a frame's name or Support")
-        return Leg(self.model, self.frame, self.urdf, stances, *self._options[1:])
+        return Leg(self.model, self.frame, self.file, stances, *self._options[1:])
 
     def with_loops(self, *loops: tuple[str, str]) -> "Leg":
         """Return the leg with closed loops: pairs of frames whose origins stay together.
@@ -246,7 +302,7 @@ class Leg(JointTable, ReprMixin):
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         pairs = tuple((first, second) for first, second in loops)
         supports, _, cone = self._options
-        return Leg(self.model, self.frame, self.urdf, supports, pairs, cone)
+        return Leg(self.model, self.frame, self.file, supports, pairs, cone)
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
@@ -254,13 +310,14 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        return Leg(model, self.frame, self.urdf, *self._options)
+        return Leg(model, self.frame, self.file, *self._options)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints].
+            q: shape `(nq,)` [rad; m for prismatic joints]; or with one angle for each continuous
+                joint in place of its cosine and sine.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
@@ -288,6 +345,23 @@ class Leg(JointTable, ReprMixin):
         return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about irregularities of its file, none of them repaired, and about open loops."""
+        return (*(() if self.file is None else self.file.warnings), *self.open_loops)
+
+    @cached_property
+    def open_loops(self) -> tuple[str, ...]:
+        """A line for each pair of frames that look like the ends of a loop which is not closed."""
+        closed = [] if self.constraints is None else self.constraints.loops
+        known = {frozenset(loop) for loop in closed}
+        return tuple(
+            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
+            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
+            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
+            if frozenset((a, b)) not in known
+        )
+
+    @property
     def model(self) -> Any:
         """A copy of the `pin.Model`; what is changed there does not change this leg."""
         model = self._model.copy()
@@ -296,7 +370,7 @@ class Leg(JointTable, ReprMixin):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the model with the frame's name; the workspace is made anew."""
-        return (Leg, (self.model, self.frame, self.urdf, *self._options))
+        return (Leg, (self.model, self.frame, self.file, *self._options))
 
     def __repr__(self) -> str:
         """Name the leg, its joints and its contact frame."""
@@ -310,6 +384,7 @@ class Leg(JointTable, ReprMixin):
         for name in self.single_joints:
             low, high = (format_value(end) for end in self.joint_range(name))
             yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+        yield from warned(self.warnings)
 
 
 class Posture(ReprMixin):
@@ -411,8 +486,8 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range (allowed; or are these degrees?)."""
-        return tuple(self.leg.outside_range(self.q))
+        """The leg's open loops; a line for each joint outside its range (or are these degrees?)."""
+        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
     @property
     def whitened_jacobian(self) -> Array:
@@ -626,6 +701,23 @@ class Workspace(threading.local):
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
         self.forces = _stacked(self.data.f)[1:]
         self.zero_velocity: Array = np.zeros(model.nv)
+
+
+def _find_singularity(leg: Leg) -> str | None:
+    """Return what is wrong with a joint-space inertia that is singular at 0 and when bent.
+
+    None if a posture of the leg exists: some are singular only where they are straight.
+    """
+    fault = None
+    straight = leg.configuration()
+    for step in (np.zeros(leg.nv), 0.3 + 0.1 * np.cos(range(leg.nv))):
+        try:
+            leg.posture(pin.integrate(leg.workspace.model, straight, step))
+        except InvalidInput as error:
+            fault = fault or str(error)
+        else:
+            return None
+    return fault
 
 
 def _stacked(forces: Any) -> Array:

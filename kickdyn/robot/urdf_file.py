@@ -1,21 +1,24 @@
 """From a URDF file to a Pinocchio model: safe reading, checks, and what Pinocchio reports."""
 
+import io
 import os
 import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.files import read_text, shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities
+from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 20_000_000
 
@@ -29,20 +32,43 @@ MAX_ATTRIBUTES, MAX_VALUE = 100, 10_000
 """Attributes of a tag, and characters of one of them."""
 
 
-@dataclass(frozen=True)
-class UrdfFile:
-    """The text of a URDF that passed every check, and where it came from.
+class UrdfFile(RobotFile):
+    """A URDF that passed every check, its text written out anew."""
 
-    Attributes:
-        text: the document as it was checked, written out anew; everything later is read from it,
-            never from the file again.
-        folder: the folder of the file, for its meshes.
-        source: the file as the caller named it.
-    """
+    def visuals(self) -> list[Visual]:
+        """Return the visuals of all links; raise `InvalidInput` if they are unreadable."""
+        import yourdfpy  # takes half a second; only pages need it
 
-    text: str
-    folder: Path
-    source: str
+        try:
+            robot = yourdfpy.URDF.load(
+                io.BytesIO(self.text.encode()), build_scene_graph=False, load_meshes=False
+            ).robot
+        except Exception as error:  # yourdfpy has no error of its own for a bad file
+            raise InvalidInput(f"{self.source}: its visuals cannot be read ({error})") from None
+        visuals = [(link.name, visual) for link in robot.links for visual in link.visuals]
+        materials = [visual.material for _, visual in visuals if visual.material]
+        colours = {m.name: m.color.rgba for m in [*materials, *robot.materials] if m.color}
+        found = []
+        for link, visual in visuals:
+            material = visual.material
+            rgba = colours.get(material.name) if material else None
+            if material and material.color:
+                rgba = material.color.rgba
+            found.append(
+                Visual(
+                    link,
+                    np.eye(4) if visual.origin is None else visual.origin,
+                    *_shape(visual.geometry),
+                    rgba=None if rgba is None else tuple(rgba),
+                    has_texture=material is not None and material.texture is not None,
+                )
+            )
+        return found
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return tuple(find_irregularities(ElementTree.fromstring(self.text)))
 
 
 def read_urdf(path: str | PathLike[str]) -> UrdfFile:
@@ -106,6 +132,18 @@ def build_model(text: str, source: str, base: str) -> Any:
     if model.nv == 0:
         raise UrdfError(source, ["has no moving joint"])
     return model
+
+
+def _shape(geometry: Any) -> tuple[Shape, tuple[float, ...], str]:
+    """Return the shape of a geometry of yourdfpy, its size and the name of its mesh."""
+    if geometry.box:
+        return Shape.BOX, tuple(geometry.box.size.tolist()), ""
+    if geometry.sphere:
+        return Shape.SPHERE, (geometry.sphere.radius,), ""
+    if geometry.cylinder:
+        return Shape.CYLINDER, (geometry.cylinder.length, geometry.cylinder.radius), ""
+    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+    return Shape.MESH, tuple(np.atleast_1d(scale)), geometry.mesh.filename
 
 
 def shipped_urdf(name: str) -> Path:

@@ -1,6 +1,5 @@
-"""The figure of a leg: shapes fixed to its joints, from its URDF, or sticks between the joints."""
+"""The figure of a leg: the shapes of its file, or sticks between its joints."""
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -10,14 +9,14 @@ import meshcat.geometry as shapes
 import meshcat.transformations as tf
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.urdf_file import UrdfFile
+from kickdyn.robot.mesh_file import read_mesh
+from kickdyn.robot.visuals import RobotFile, Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
-from kickdyn.view.mesh_file import read_mesh
 
 Rgba = tuple[float, ...]
 
@@ -74,66 +73,60 @@ def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
 
 
 def leg_parts(leg: Leg) -> list[Part]:
-    """Return the visuals of the leg's URDF; sticks between the joints if there are none.
+    """Return the shapes of the leg's file; sticks between the joints if there are none.
 
     Raises:
-        InvalidInput: a visual cannot be read, or names a mesh outside the URDF's folder.
+        InvalidInput: a visual cannot be read, or names a mesh outside the file's folder.
     """
-    parts = list(_visuals(leg, leg.urdf)) if leg.urdf else []
-    return parts or list(_sticks(leg))
+    return list(_visuals(leg, leg.file) if leg.file else ()) or list(_sticks(leg))
 
 
-def _visuals(leg: Leg, urdf: UrdfFile) -> Iterator[Part]:
-    """Yield the visuals of a URDF, from the text that was checked."""
-    import yourdfpy  # takes half a second; `from_model` legs do without
-
-    try:
-        robot = yourdfpy.URDF.load(
-            io.BytesIO(urdf.text.encode()), build_scene_graph=False, load_meshes=False
-        ).robot
-    except Exception as error:  # yourdfpy has no error of its own for a bad file
-        raise InvalidInput(f"{urdf.source}: its visuals cannot be read ({error})") from None
-    visuals = [(link.name, visual) for link in robot.links for visual in link.visuals]
-    materials = [visual.material for _, visual in visuals if visual.material]
-    colours = {m.name: _rgba(m.color.rgba) for m in [*materials, *robot.materials] if m.color}
+def _visuals(leg: Leg, file: RobotFile) -> Iterator[Part]:
+    """Yield the parts that draw the visuals of a file."""
     frames = leg.workspace.model.frames
-    bodies = {frame.name: frame for frame in frames if frame.type == pin.FrameType.BODY}
-    for link, visual in visuals:
-        body = bodies[link]
-        pose = body.placement.homogeneous
-        if visual.origin is not None:
-            pose = pose @ visual.origin
-        material = visual.material
-        painted = colours.get(material.name) if material else None
-        if material and material.color:
-            painted = _rgba(material.color.rgba)
-        has_texture = material is not None and material.texture is not None
-        for shape, turn, own in _shapes(visual.geometry, urdf):
-            rgba = own if has_texture and own else painted or own or PLAIN
-            yield Part(int(body.parentJoint), pose @ turn, shape, rgba)
+    by_name = {frame.name: frame for frame in frames}
+    # a joint may have the name of a link
+    by_name |= {frame.name: frame for frame in frames if frame.type == pin.FrameType.BODY}
+    for visual in file.visuals():
+        if visual.frame not in by_name:  # of an object beside the robot
+            continue
+        frame = by_name[visual.frame]
+        pose = frame.placement.homogeneous @ visual.pose
+        painted = None if visual.rgba is None else _rgba(visual.rgba)
+        for shape, turn, own in _shapes(visual, file):
+            rgba = own if visual.has_texture and own else painted or own or PLAIN
+            yield Part(int(frame.parentJoint), pose @ turn, shape, rgba)
 
 
-def _shapes(geometry: Any, urdf: UrdfFile) -> Iterator[tuple[Any, Array, Rgba | None]]:
-    """Yield the shapes of a geometry: each with its pose and the colour that its mesh gives it."""
-    if geometry.box:
-        yield shapes.Box(_sizes(*geometry.box.size.tolist())), np.eye(4), None
-    elif geometry.sphere:
-        yield shapes.Sphere(*_sizes(geometry.sphere.radius)), np.eye(4), None
-    elif geometry.cylinder:
-        sizes = _sizes(geometry.cylinder.length, geometry.cylinder.radius)
-        yield shapes.Cylinder(*sizes), UPRIGHT, None
-    else:
-        for mesh in read_mesh(geometry.mesh.filename, urdf.folder, geometry.mesh.scale):
+def _shapes(visual: Visual, file: RobotFile) -> Iterator[tuple[Any, Array, Rgba | None]]:
+    """Yield the shapes of a visual: each with its pose and the colour that its mesh gives it."""
+    if visual.vertices is not None:
+        yield shapes.TriangularMeshGeometry(visual.vertices, visual.faces), np.eye(4), None
+        return
+    if visual.shape == Shape.MESH:
+        for mesh in read_mesh(visual.mesh, file.folder, visual.size):
             triangles = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)
             yield triangles, np.eye(4), None if mesh.rgba is None else _rgba(mesh.rgba)
+        return
+    sizes = [
+        validation.number("size of a visual", x, above=0, at_most=1e6, unit="m")
+        for x in visual.size
+    ]
+    if visual.shape == Shape.BOX:
+        yield shapes.Box(sizes), np.eye(4), None
+    elif visual.shape == Shape.SPHERE:
+        yield shapes.Sphere(*sizes), np.eye(4), None
+    elif visual.shape == Shape.ELLIPSOID:
+        yield shapes.Ellipsoid(sizes), np.eye(4), None
+    else:
+        length, radius = sizes
+        yield shapes.Cylinder(length, radius), UPRIGHT, None
+        if visual.shape == Shape.CAPSULE:
+            for end in (-length / 2, length / 2):
+                yield shapes.Sphere(radius), tf.translation_matrix([0.0, 0.0, end]), None
 
 
-def _sizes(*sizes: float) -> list[float]:
-    """Return the sizes of a shape [m]; raise `InvalidInput`."""
-    return [validation.number("size of a visual", x, above=0, at_most=1e6, unit="m") for x in sizes]
-
-
-def _rgba(values: Array) -> Rgba:
+def _rgba(values: ArrayLike) -> Rgba:
     """Return a colour within 0 to 1; the plain one where it is no colour."""
     if np.shape(values) != (4,) or not np.isfinite(values).all():
         return PLAIN
@@ -169,7 +162,7 @@ def _corners(shape: Any) -> Array:
             wide = max(shape.radiusTop, shape.radiusBottom)
             high = np.array([wide, shape.height / 2, wide])
         elif isinstance(shape, shapes.Sphere):
-            high = np.full(3, shape.radius)
+            high = np.asarray(getattr(shape, "radii", np.full(3, shape.radius)))  # of an ellipsoid
         else:
             high = np.asarray(shape.lengths) / 2
         low = -high

@@ -14,7 +14,7 @@ def test_ours_come_first_and_every_robot_is_named_once():
 
 def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
     assert (load_leg("human").model.njoints, load_leg("testbed", "foot").frame) == (4, "foot")
-    (tmp_path / "human.urdf").write_text(kd.Leg.testbed().urdf.text)
+    (tmp_path / "human.urdf").write_text(kd.Leg.testbed().file.text)
     assert load_leg(str(tmp_path / "human.urdf")).name == kd.Leg.testbed().name
     with pytest.raises(kd.InvalidInput, match=r"'hunam' is neither human, testbed, g1, .* nor a f"):
         load_leg("hunam")
@@ -23,7 +23,7 @@ def test_a_name_is_ours_a_robot_or_a_file(tmp_path):
 
 
 def test_a_file_without_our_frame_is_told_the_option(tmp_path):
-    (tmp_path / "other.urdf").write_text(kd.Leg.testbed().urdf.text.replace('"toe"', '"instep"'))
+    (tmp_path / "other.urdf").write_text(kd.Leg.testbed().file.text.replace('"toe"', '"instep"'))
     said = r"^no --frame is named, and frame 'toe' is unknown: leg_testbed has .*instep"
     with pytest.raises(kd.InvalidInput, match=said):
         load_leg(str(tmp_path / "other.urdf"))

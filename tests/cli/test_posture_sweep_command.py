@@ -178,7 +178,7 @@ def test_json_on_stdout_stands_alone():
 
 
 def test_any_urdf(tmp_path):
-    urdf = kickdyn.Leg.human().urdf
+    urdf = kickdyn.Leg.human().file
     (tmp_path / "mine.urdf").write_text(urdf.text.replace('name="leg_human"', 'name="mine"'))
     ended = door("--leg", "mine.urdf", "--frame", "foot", "--joint", "knee=10", cwd=tmp_path)
     assert ended.returncode == 0
@@ -253,7 +253,7 @@ def test_the_console_script_has_the_same_door():
 
 
 def urdf_of(tmp_path, **changes):
-    text = kickdyn.Leg.human().urdf.text
+    text = kickdyn.Leg.human().file.text
     for old, new in changes.items():
         text = text.replace(f'"{old}"', f'"{new}"')
     (tmp_path / "mine.urdf").write_text(text)
@@ -294,7 +294,7 @@ def test_what_the_leg_cannot_do_is_said(tmp_path):
 
 
 def test_a_missing_mesh_stops_before_anything_is_written(tmp_path):
-    text = kickdyn.Leg.human().urdf.text
+    text = kickdyn.Leg.human().file.text
     box = '<box size="0.1 0.22 0.08" />'
     (tmp_path / "mine.urdf").write_text(text.replace(box, '<mesh filename="no.stl"/>'))
     files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]

@@ -86,9 +86,9 @@ def test_single_spikes_cut_nothing():
 
 
 def test_what_a_track_does_not_show_is_none():
-    path = kd.fly(kd.BallState(velocity=(10, 0, 5)), BALL)
+    path = kd.fly(kd.BallState((0, 0, 1), (10, 0, 5)), BALL)
     times = np.arange(0, path.duration, 0.02)
-    found = kd.segments(kd.Track(times, path.sample(times).position + [0, 0, 1]), BALL)
+    found = kd.segments(kd.Track(times, path.sample(times).position), BALL)
     assert found.restitution is None
     assert found.rolling_deceleration is None
     with pytest.raises(kd.InvalidInput, match="no bounce"):

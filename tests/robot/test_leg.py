@@ -39,7 +39,9 @@ def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
 @pytest.mark.parametrize(
     ("frame", "said"),
     [
-        ("tow", "'tow' is unknown: leg_human has base, hip, .*toe"),
+        ("tow", "'tow' is unknown: did you mean 'toe'. leg_human has base, hip, .*toe"),
+        ("SHANK", "'SHANK' is unknown: did you mean 'shank'"),
+        ("xyzzy", "'xyzzy' is unknown: leg_human has base"),
         ("", "'' is unknown"),
         (None, "frame is None: it must be a str"),
         ("universe", "'universe' is unknown"),  # id 0, which is no part of the leg
@@ -177,7 +179,7 @@ def test_pickle(leg):
     copy = pickle.loads(pickle.dumps(leg))
     q = np.full(leg.nq, 0.3)
     assert repr(copy) == repr(leg)
-    assert copy.urdf == leg.urdf
+    assert copy.file == leg.file
     assert (copy.model.gravity, copy.frame) == (leg.model.gravity, leg.frame)
     assert (copy.posture(q).inertia == leg.posture(q).inertia).all()
     assert (copy.posture(q).jacobian == leg.posture(q).jacobian).all()

@@ -100,7 +100,7 @@ def test_a_prismatic_joint_is_in_metres(load, spoil):
 
 
 def test_a_floating_base_is_not_listed():
-    model = pin.buildModelFromXML(kd.Leg.human().urdf.text, pin.JointModelFreeFlyer())
+    model = pin.buildModelFromXML(kd.Leg.human().file.text, pin.JointModelFreeFlyer())
     model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
     leg = kd.Leg.from_model(model, "toe")
     posture = leg.posture(leg.configuration({"knee": 0.5}))

@@ -84,7 +84,7 @@ def test_arrows_grow_at_the_impact(scene):
 
 def test_a_robot_is_in_the_picture_from_head_to_foot(make_kick, load):
     """The camera is as far as all that stands on the joints asks for."""
-    model = kd.Leg.human().urdf.text
+    model = kd.Leg.human().file.text
     head = '<visual><origin xyz="0 0 1.0"/><geometry><sphere radius="0.1"/></geometry></visual>'
     assert '<link name="base">' in model
     headed = load(model.replace('<link name="base">', f'<link name="base">{head}'))

@@ -8,6 +8,7 @@ import umsgpack
 import yourdfpy
 
 import kickdyn as kd
+from kickdyn.robot.visuals import RobotFile, Shape, Visual
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.leg_figure import PLAIN, draw_leg, joint_poses, leg_parts
 from kickdyn.view.marks import UPRIGHT
@@ -24,7 +25,7 @@ def positions(leg, q):
 def test_parts_are_where_yourdfpy_puts_them(name, seed):
     leg = getattr(kd.Leg, name)()
     q = np.random.default_rng(seed).uniform(leg.lower, leg.upper)
-    robot = yourdfpy.URDF.load(io.StringIO(leg.urdf.text), load_meshes=False)
+    robot = yourdfpy.URDF.load(io.StringIO(leg.file.text), load_meshes=False)
     robot.update_cfg(dict(zip(leg.joint_names, q, strict=True)))
     places = joint_poses(leg, q)
     expected = []
@@ -71,7 +72,7 @@ def test_joints_in_one_place_need_no_stick(load, spoil):
 
 
 def test_a_floating_base_is_drawn():
-    model = pin.buildModelFromXML(kd.Leg.human().urdf.text, pin.JointModelFreeFlyer())
+    model = pin.buildModelFromXML(kd.Leg.human().file.text, pin.JointModelFreeFlyer())
     model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
     leg = kd.Leg.from_model(model, "toe")
     assert np.isfinite(positions(leg, leg.configuration())).all()
@@ -252,3 +253,29 @@ def test_a_shape_without_size_is_refused(shape, size, leg_looking_like):
     leg = leg_looking_like(f"<visual><geometry>{shape}</geometry></visual>")
     with pytest.raises(kd.InvalidInput, match=rf"size of a visual is {size}: .* above 0"):
         leg_parts(leg)
+
+
+def test_every_shape_is_drawn_in_the_frame_that_it_names():
+    """A robot's file need not be a URDF."""
+    human = kd.Leg.human()
+
+    class Shown(RobotFile):
+        def visuals(self):
+            pose = np.eye(4)
+            pose[:3, 3] = 0.1, 0.2, 0.3
+            return [
+                Visual("shank", pose, Shape.ELLIPSOID, (1.0, 2.0, 3.0), rgba=(1, 0, 0, 1)),
+                Visual("shank", pose, Shape.CAPSULE, (2.0, 0.5)),
+            ]
+
+    file = Shown(human.file.text, human.file.folder, "shown")
+    leg = kd.Leg(human.model, "toe", file)
+    ellipsoid, *capsule = [part for part in leg_parts(leg) if part.joint == 2]
+    assert [ellipsoid.rgba] + [part.rgba for part in capsule] == [(1, 0, 0, 1)] + [PLAIN] * 3
+    body = human.model.frames[human.model.getFrameId("shank")].placement.translation
+    np.testing.assert_allclose(ellipsoid.pose[:3, 3], body + np.array((0.1, 0.2, 0.3)))
+    heights = [(part.pose[2, 3] - body[2], part.shape.radius) for part in capsule[1:]]
+    np.testing.assert_allclose(heights, [(-0.7, 0.5), (1.3, 0.5)])
+    viewer = recording_viewer()
+    corners = draw_leg(viewer["leg"], kd.Leg(human.model, "toe", file), human.configuration())
+    assert np.ptp(corners, axis=0)[1:] == pytest.approx((4.0, 6.0))

@@ -72,7 +72,7 @@ def test_a_posture_outside_the_limits_does_not_jump(make_kick):
 
 
 def test_joints_that_are_no_single_number_stay_on_their_manifold():
-    model = pin.buildModelFromXML(kd.Leg.human().urdf.text, pin.JointModelFreeFlyer())
+    model = pin.buildModelFromXML(kd.Leg.human().file.text, pin.JointModelFreeFlyer())
     model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
     leg = kd.Leg.from_model(model, "toe")
     posture = leg.posture(leg.configuration({"knee": 0.5}))

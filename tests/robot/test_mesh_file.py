@@ -12,8 +12,8 @@ import pytest
 import trimesh
 
 import kickdyn as kd
-from kickdyn.view import mesh_file
-from kickdyn.view.mesh_file import FORMATS, read_mesh
+from kickdyn.robot import mesh_file
+from kickdyn.robot.mesh_file import FORMATS, read_mesh
 
 watching: list[list[str]] = []
 
@@ -132,7 +132,7 @@ def test_bad_meshes_are_named(folder, name, reason):
 
 
 def test_a_huge_mesh_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("kickdyn.view.mesh_file.MAX_BYTES", 100)
+    monkeypatch.setattr("kickdyn.robot.mesh_file.MAX_BYTES", 100)
     with pytest.raises(kd.InvalidInput, match="at most 100 are read"):
         read_mesh("meshes/box.stl", folder)
 
@@ -241,7 +241,7 @@ def test_a_file_that_promises_a_lot_takes_no_more_memory_than_it_has(name, tmp_p
     (tmp_path / name).write_bytes(PROMISES[name])
     code = f"""
 import resource, pathlib
-from kickdyn.view.mesh_file import read_mesh
+from kickdyn.robot.mesh_file import read_mesh
 resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9, 2 * 10**9))
 try:
     print(sum(len(part.faces) for part in read_mesh({name!r}, pathlib.Path({str(tmp_path)!r}))))

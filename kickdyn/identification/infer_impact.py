@@ -374,7 +374,8 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
         raise InvalidInput(f"knots is {validation.brief(knots)}: it must be an integer, 1 or more")
     if len(impacts) <= knots:
         raise InvalidInput(
-            f"there are {len(impacts)} kicks: a table of {knots} rows needs at least {knots + 1}"
+            f"knots is {validation.brief(knots)} and there are {len(impacts)} kicks: a table needs "
+            "more kicks than it has rows"
         )
     speeds = np.array([one.approach_speed for one in impacts])
     restitutions = np.array([one.restitution for one in impacts])

@@ -212,7 +212,7 @@ def test_what_gives_no_table_is_refused():
         (one, 2, "a list of kickdyn.InferredImpact"),
         ([], 2, "a list of kickdyn.InferredImpact"),
         ([one, 1], 2, "impact 1 is 1"),
-        ([one, one], 2, "2 kicks: a table of 2 rows needs at least 3"),
+        ([one, one], 2, "there are 2 kicks: a table needs more kicks"),
         ([one] * 4, 2, "take fewer knots"),
         ([one] * 4, 0, "knots is 0"),
         ([one] * 4, 1.5, "knots is 1.5"),

@@ -202,7 +202,9 @@ class Leg(JointTable, ReprMixin):
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
             frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle).
+                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
+                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
+                icub); or any frame of the file.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
             locked: joints to lock at their values, as for `from_urdf`.

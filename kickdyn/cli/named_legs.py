@@ -1,7 +1,10 @@
 """Legs by the names that command lines have for them."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+
+import click
 
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.catalog import ROBOTS
@@ -15,12 +18,20 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 """Names of legs: ours first, which hide a robot of the same name."""
 
 
-def load_leg(name: str, frame: str | None = None) -> Leg:
+package_dir_option = click.option(
+    "--package-dir", "package_dirs", multiple=True, metavar="DIR",
+    help="ROS package of a URDF file's meshes, or a folder that contains it; repeatable.",
+)  # fmt: skip
+
+
+def load_leg(name: str, frame: str | None = None, package_dirs: Sequence[str] = ()) -> Leg:
     """Return a leg by one of the names `LEGS` (a robot's kicking leg), or that of a URDF file.
 
-    The contact frame is by default a robot's toe, or the frame `toe` of a file. Raises
-    `InvalidInput`, or `UrdfError` if the file is refused.
+    The contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may
+    be in the folders `package_dirs`. Raises `InvalidInput`, or `UrdfError` if the file is refused.
     """
+    if package_dirs and name in LEGS:
+        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
     if name in ROBOTS:
@@ -28,7 +39,7 @@ def load_leg(name: str, frame: str | None = None) -> Leg:
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
-        return Leg.from_urdf(name, frame or "toe")
+        return Leg.from_urdf(name, frame or "toe", package_dirs=package_dirs)
     except UrdfError:
         raise
     except InvalidInput as error:  # what else can be wrong is the frame

@@ -11,7 +11,7 @@ from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy
-from kickdyn.cli.named_legs import load_leg
+from kickdyn.cli.named_legs import load_leg, package_dir_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -92,6 +92,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
               show_default=True, help="A leg of kickdyn, a URDF file, or a robot by name, such "
               "as g1: its right leg, on a fixed base.")  # fmt: skip
 @click.option("--frame", metavar="NAME", help="Link or joint whose origin strikes the ball.")
+@package_dir_option
 @click.option(
     "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
 )
@@ -141,6 +142,7 @@ def plan(
     arc: str,
     leg_name: str,
     frame: str | None,
+    package_dirs: tuple[str, ...],
     offset: list[float] | None,
     ball_height: float | None,
     ball_at: list[float] | None,
@@ -175,7 +177,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg = load_leg(leg_name, frame)
+    leg = load_leg(leg_name, frame, package_dirs)
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")

@@ -15,7 +15,7 @@ import xarray as xr
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.named_legs import SHIPPED, load_leg
+from kickdyn.cli.named_legs import SHIPPED, load_leg, package_dir_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -44,6 +44,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "its fixed base (g1, talos, ...).")  # fmt: skip
 @click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
               "robot, its right foot]")  # fmt: skip
+@package_dir_option
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
               "Default of human and testbed: a range of hip, knee and ankle, "
@@ -86,6 +87,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 def posture_sweep(
     leg_name: str,
     frame: str | None,
+    package_dirs: tuple[str, ...],
     joints: tuple[str, ...],
     speed: float,
     attack: float,
@@ -110,7 +112,7 @@ def posture_sweep(
     Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
-    leg = load_leg(leg_name, frame)
+    leg = load_leg(leg_name, frame, package_dirs)
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(

@@ -159,16 +159,12 @@ def _add_toe(model: Any, known: Robot) -> None:
 
 
 def robot_file(name: str) -> UrdfFile:
-    """Return a robot's URDF; its meshes are looked up in the robot's own folder.
+    """Return a robot's URDF.
 
     Raises:
         InvalidInput: unknown robot, or the package is not installed.
     """
-    known = robot(name)
-    path = robots_folder() / known.file
-    read = read_document(path)
-    own = robots_folder() / Path(known.file).parts[0]
-    return UrdfFile(read.text.replace(f"package://{PACKAGE}/robots/", "package://"), own, str(path))
+    return read_document(robots_folder() / robot(name).file)
 
 
 def robots_folder() -> Path:

@@ -109,7 +109,12 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def from_urdf(
-        cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
+        cls,
+        path: str | PathLike[str],
+        frame: str = "toe",
+        *,
+        base: str = "fixed",
+        package_dirs: Iterable[str | PathLike[str]] = (),
     ) -> "Leg":
         """Load a URDF file.
 
@@ -119,12 +124,16 @@ class Leg(JointTable, ReprMixin):
             base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
+            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
+                named `package://NAME/...`, before the folders that contain the file and those of
+                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
+                drawn; others only from the file's own package.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame or base.
+            InvalidInput: there is no such frame, base or folder.
         """
-        urdf = read_urdf(path)
+        urdf = read_urdf(path, package_dirs)
         model = build_model(urdf.text, urdf.source, base)
         try:
             check_model(model)

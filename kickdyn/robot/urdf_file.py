@@ -4,8 +4,9 @@ import io
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.files import read_text, shipped
+from kickdyn.core.validation import brief
 from kickdyn.errors import InvalidInput, UrdfError
 from kickdyn.robot.urdf_validation import find_faults
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
@@ -65,18 +67,35 @@ class UrdfFile(RobotFile):
         return found
 
 
-def read_urdf(path: str | PathLike[str]) -> UrdfFile:
-    """Read and check a URDF file.
+def read_urdf(
+    path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()
+) -> UrdfFile:
+    """Read and check a URDF file, whose meshes may be in further folders.
 
     Raises:
         UrdfError: with all faults of the file in one message.
-        InvalidInput: `path` is no path at all.
+        InvalidInput: `path` is no path at all, or there is no such folder.
     """
-    urdf = read_document(path)
+    urdf = replace(read_document(path), package_dirs=tuple(_folders(package_dirs)))
     faults = find_faults(ElementTree.fromstring(urdf.text))
     if faults:
         raise UrdfError(urdf.source, faults)
     return urdf
+
+
+def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
+    """Yield folders as absolute paths; raise `InvalidInput` for what is none."""
+    if isinstance(package_dirs, str | PathLike) or not isinstance(package_dirs, Iterable):
+        raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
+    for folder in package_dirs:
+        try:
+            path = Path(folder).resolve()
+            if path.is_dir():
+                yield path
+                continue
+        except (TypeError, ValueError, OSError, RuntimeError):  # no path, a NUL, links in a circle
+            pass
+        raise InvalidInput(f"package_dirs names {brief(folder)}: there is no such folder")
 
 
 def read_document(path: str | PathLike[str]) -> UrdfFile:

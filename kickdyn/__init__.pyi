@@ -9,6 +9,7 @@ from .contact import Contact as Contact
 from .errors import EnergyCreated as EnergyCreated
 from .errors import InvalidInput as InvalidInput
 from .errors import KickdynError as KickdynError
+from .errors import MjcfError as MjcfError
 from .errors import NoImpact as NoImpact
 from .errors import SceneError as SceneError
 from .errors import UrdfError as UrdfError

@@ -1,10 +1,17 @@
 """The file that a robot was read from, and the shapes that it describes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 
 from kickdyn.core.validation import Array
+from kickdyn.robot.mesh_file import Triangles, read_mesh
+from kickdyn.robot.mesh_path import MeshFinder
+
+MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
+"""Returns the surfaces of a mesh by its name and scale, or raises `InvalidInput`."""
 
 
 class Shape(StrEnum):
@@ -64,3 +71,7 @@ class RobotFile:
         A reader of a file format overrides it.
         """
         return []
+
+    def mesh_reader(self) -> MeshReader:
+        """Return the function by which the meshes of `visuals` are read."""
+        return partial(read_mesh, MeshFinder(self.folder, self.package_dirs))

@@ -1,8 +1,8 @@
 """The figure of a leg: the shapes of its file, and sticks between joints without any."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -16,13 +16,11 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.visuals import Shape, Visual
+from kickdyn.robot.mesh_file import MAX_VERTICES
+from kickdyn.robot.visuals import MeshReader, Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
-from kickdyn.view.mesh_file import MAX_VERTICES, Triangles, read_mesh
-from kickdyn.view.mesh_path import MeshFinder
 
 Rgba = tuple[float, ...]
-MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
 
 PLAIN: Rgba = (0.62, 0.67, 0.73, 1.0)
 KNOB: Rgba = (0.25, 0.27, 0.31, 1.0)
@@ -97,7 +95,7 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
     parts: list[Part] = []
     faults: list[str] = []
     room = MAX_VERTICES
-    read = cache(partial(read_mesh, MeshFinder(leg.file.folder, leg.file.package_dirs)))
+    read = cache(leg.file.mesh_reader())
     for visual in visuals:
         try:
             new = list(_visual_parts(visual, by_name[visual.frame], read)) if room >= 0 else []

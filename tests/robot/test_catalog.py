@@ -101,7 +101,7 @@ def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, mos
     leg, radius = kd.Leg.from_robot(name, legs_only=True), kd.Ball().radius
     posture = leg.posture(leg.configuration())
     poses, corners = joint_poses(leg, posture.q), []
-    for part in leg_parts(leg):
+    for part in leg_parts(leg)[0]:
         if part.joint == leg.contact_joint:
             pose = poses[part.joint] @ part.pose
             ends = part.shape.vertices[part.shape.faces]

@@ -17,7 +17,7 @@ from kickdyn.view.marks import UPRIGHT
 def positions(leg, q):
     """Where the middle of each part is."""
     places = joint_poses(leg, q)
-    return np.array([(places[part.joint] @ part.pose)[:3, 3] for part in leg_parts(leg)])
+    return np.array([(places[part.joint] @ part.pose)[:3, 3] for part in leg_parts(leg)[0]])
 
 
 @pytest.mark.parametrize("name", ["human", "testbed"])
@@ -34,7 +34,7 @@ def test_parts_are_where_yourdfpy_puts_them(name, seed):
             origin = np.eye(4) if visual.origin is None else visual.origin
             turn = UPRIGHT if visual.geometry.cylinder else np.eye(4)
             expected.append(robot.get_transform(link.name, "base") @ origin @ turn)
-    found = [places[part.joint] @ part.pose for part in leg_parts(leg)]
+    found = [places[part.joint] @ part.pose for part in leg_parts(leg)[0]]
     np.testing.assert_allclose(found, expected, atol=1e-14)
 
 
@@ -53,7 +53,9 @@ def test_a_leg_without_urdf_is_sticks():
     toe = posture.contact_point
     expected = [hip, knee, ankle, (hip + knee) / 2, (knee + ankle) / 2, (ankle + toe) / 2, toe]
     np.testing.assert_allclose(positions(leg, q), expected, atol=1e-15)
-    for part, way in zip(leg_parts(leg)[3:6], (knee - hip, ankle - knee, toe - ankle), strict=True):
+    for part, way in zip(
+        leg_parts(leg)[0][3:6], (knee - hip, ankle - knee, toe - ankle), strict=True
+    ):
         along = (places[part.joint] @ part.pose)[:3, 1]
         np.testing.assert_allclose(along, way / np.linalg.norm(way), atol=1e-15)
         assert part.shape.height == pytest.approx(np.linalg.norm(way))
@@ -61,12 +63,12 @@ def test_a_leg_without_urdf_is_sticks():
 
 def test_a_leg_without_visuals_is_sticks(leg_looking_like):
     leg = leg_looking_like("")
-    assert len(leg_parts(leg)) == 2 + 2 + 1
+    assert len(leg_parts(leg)[0]) == 2 + 2 + 1
 
 
 def test_joints_in_one_place_need_no_stick(load, spoil):
     leg = load(spoil(('xyz="0 0 -0.4"', 'xyz="0 0 0"')))
-    assert leg_parts(leg)
+    assert leg_parts(leg)[0]
     bare = kd.Leg.from_model(leg.model, "toe")
     assert np.isfinite(positions(bare, np.zeros(2))).all()
 
@@ -84,7 +86,7 @@ def test_drawing():
     draw_leg(viewer["leg"], leg, q)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     objects = [command for command in said if command["type"] == "set_object"]
-    assert len(objects) == len(leg_parts(leg)) == 7
+    assert len(objects) == len(leg_parts(leg)[0]) == 7
     assert {command["object"]["materials"][0]["color"] for command in objects} == {
         0xD9A37D,
         0x40454F,
@@ -128,7 +130,7 @@ def test_robots_are_drawn_with_their_meshes(name, base):
     knee, ankle = {"bolt": ("FR_KFE", None), "icub": ("r_knee", "r_ankle_pitch")}[name]
     model = leg.model
     joint = model.getJointId(knee)
-    parts = [part for part in leg_parts(leg) if part.joint == joint]
+    parts = [part for part in leg_parts(leg)[0] if part.joint == joint]
     corners = np.vstack(
         [np.asarray(part.shape.vertices) @ part.pose[:3, :3].T + part.pose[:3, 3] for part in parts]
     )
@@ -145,7 +147,7 @@ def lowered(visual):
 
 
 def thigh(leg):
-    return [part for part in leg_parts(leg) if part.joint == 1]
+    return [part for part in leg_parts(leg)[0] if part.joint == 1]
 
 
 @pytest.mark.parametrize(
@@ -198,7 +200,7 @@ def test_colours(leg_looking_like, material, rgba):
 
 
 def test_a_colour_is_found_by_its_name():
-    visuals = leg_parts(kd.Leg.human())
+    visuals = leg_parts(kd.Leg.human())[0]
     assert {visual.rgba for visual in visuals} == {(0.85, 0.64, 0.49, 1), (0.25, 0.27, 0.31, 1)}
 
 
@@ -226,7 +228,7 @@ def test_a_mesh_of_the_folder(leg_looking_like, tmp_path):
 def test_a_refused_mesh_is_named(leg_looking_like, name):
     leg = leg_looking_like(f'<visual><geometry><mesh filename="{name}"/></geometry></visual>')
     with pytest.raises(kd.InvalidInput, match=f"mesh '{name}' "):
-        leg_parts(leg)
+        leg_parts(leg)[0]
 
 
 def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
@@ -236,7 +238,7 @@ def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
     leg = leg_looking_like(SPHERE.format(""))
     monkeypatch.setattr("yourdfpy.URDF.load", fail)
     with pytest.raises(kd.InvalidInput, match=r"leg.urdf: its visuals cannot be read \('radius'\)"):
-        leg_parts(leg)
+        leg_parts(leg)[0]
 
 
 @pytest.mark.parametrize(
@@ -252,7 +254,7 @@ def test_what_yourdfpy_cannot_read_is_one_line(leg_looking_like, monkeypatch):
 def test_a_shape_without_size_is_refused(shape, size, leg_looking_like):
     leg = leg_looking_like(f"<visual><geometry>{shape}</geometry></visual>")
     with pytest.raises(kd.InvalidInput, match=rf"size of a visual is {size}: .* above 0"):
-        leg_parts(leg)
+        leg_parts(leg)[0]
 
 
 def test_every_shape_is_drawn_in_the_frame_that_it_names():
@@ -270,7 +272,7 @@ def test_every_shape_is_drawn_in_the_frame_that_it_names():
 
     file = Shown(human.file.text, human.file.folder, "shown")
     leg = kd.Leg(human.model, "toe", file)
-    ellipsoid, *capsule = [part for part in leg_parts(leg) if part.joint == 2]
+    ellipsoid, *capsule = [part for part in leg_parts(leg)[0] if part.joint == 2]
     assert [ellipsoid.rgba] + [part.rgba for part in capsule] == [(1, 0, 0, 1)] + [PLAIN] * 3
     body = human.model.frames[human.model.getFrameId("shank")].placement.translation
     np.testing.assert_allclose(ellipsoid.pose[:3, 3], body + np.array((0.1, 0.2, 0.3)))

@@ -11,8 +11,8 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from kickdyn.core.files import read_text
+from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import FaultyFile, InvalidInput
-from kickdyn.robot.urdf_file import parse_xml
 
 MANIFEST = "package.xml"
 """The file that makes a folder a ROS package, and has its name (REP 149)."""

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.urdf_file import parse_xml
-from kickdyn.view.mesh_path import MeshFinder
+from kickdyn.robot.mesh_path import MeshFinder
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it ignores
 

@@ -4,11 +4,14 @@ import io
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
+
+if TYPE_CHECKING:
+    from kickdyn.view.page import Page
 
 
 @contextmanager
@@ -21,6 +24,13 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(activity) as status:
         yield status.update
+
+
+def save_page(page: "Page", file: str, at: float = 0.0) -> None:
+    """Write a page, or a picture of it `at` a time [s], and what it does not show to stderr."""
+    page.save(file, at)
+    for warning in page.warnings:
+        click.echo(f"warning: {printable(warning)}", err=True)
 
 
 def run(command: click.Command) -> NoReturn:

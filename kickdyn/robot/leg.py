@@ -25,7 +25,7 @@ from kickdyn.robot.catalog import robot, robot_file, robot_model
 from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
 from kickdyn.robot.joint_table import JointTable, reduced_model
 from kickdyn.robot.mjcf_file import read_mjcf
-from kickdyn.robot.mjcf_model import build_mjcf_model, compile_mjcf
+from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
     check_is_model,
@@ -169,12 +169,12 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: there is no such frame or base, or MuJoCo is not installed.
         """
         file = read_mjcf(path)
-        model = build_mjcf_model(compile_mjcf(file), file.name, frame, base)
+        model = build_mjcf_model(file.compile(), file.name, frame, base)
         try:
             check_model(model)
         except InvalidInput as fault:
             raise MjcfError(file.source, [str(fault)]) from None
-        return cls(model, frame)
+        return cls(model, frame, file)
 
     @classmethod
     @validation.check_arguments

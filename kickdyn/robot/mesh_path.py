@@ -60,10 +60,10 @@ class MeshFinder:
         if found is not None:
             return self._inside(name, [found / below.lstrip("/")], [found])
         # without a manifest, the folder of the robot's file may be the package, or contain it
-        here = [self._folder / path.lstrip("/"), self._folder / below.lstrip("/")]
+        here = [self._folder / each.lstrip("/") for each in (path, below) if each.strip("/")]
         try:
             return self._inside(name, here, [self._folder])
-        except _Missing:
+        except _MissingMesh:
             raise InvalidInput(
                 f"mesh {name!r} is missing: package {package!r} is unknown, name its folder in "
                 "package_dirs (--package-dir) or ROS_PACKAGE_PATH"
@@ -77,11 +77,9 @@ class MeshFinder:
         except (OSError, ValueError, RuntimeError) as error:  # links in a circle, a NUL
             raise InvalidInput(f"mesh {name!r} cannot be found ({error})") from None
         if not all(any(place.is_relative_to(root) for root in roots) for place in found):
-            raise InvalidInput(
-                f"mesh {name!r} is refused: it lies outside the robot's folder {roots[0]}"
-            )
+            raise InvalidInput(f"mesh {name!r} is refused: it lies outside {roots[0]}")
         if not present:
-            raise _Missing(f"mesh {name!r} is missing from {found[0].parent}")
+            raise _MissingMesh(f"mesh {name!r} is missing from {roots[0]}")
         return present[0]
 
     @cached_property
@@ -109,7 +107,7 @@ class MeshFinder:
         return next((folder for folder in in_ros if folder is not None), None)
 
 
-class _Missing(InvalidInput):
+class _MissingMesh(InvalidInput):
     """A mesh for which there is no file."""
 
 

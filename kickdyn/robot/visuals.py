@@ -1,17 +1,10 @@
 """The file that a robot was read from, and the shapes that it describes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 
 from kickdyn.core.validation import Array
-from kickdyn.robot.mesh_file import Triangles, read_mesh
-from kickdyn.robot.mesh_path import MeshFinder
-
-MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
-"""Returns the surfaces of a mesh by its name and scale, or raises `InvalidInput`."""
 
 
 class Shape(StrEnum):
@@ -37,6 +30,8 @@ class Visual:
         mesh: name of the mesh file as it is written; empty for other shapes.
         rgba: colour, 0 to 1; None where the file gives none.
         has_texture: whether the file colours it by a picture, which is not read.
+        vertices, faces: of a mesh that was read with the robot's file, in place of `mesh`: shape
+            `(n, 3)` [m, frame of the visual], and indices of vertices, shape `(m, 3)`.
     """
 
     frame: str
@@ -46,6 +41,8 @@ class Visual:
     mesh: str = ""
     rgba: tuple[float, ...] | None = None
     has_texture: bool = False
+    vertices: Array | None = None
+    faces: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,3 @@ class RobotFile:
         A reader of a file format overrides it.
         """
         return []
-
-    def mesh_reader(self) -> MeshReader:
-        """Return the function by which the meshes of `visuals` are read."""
-        return partial(read_mesh, MeshFinder(self.folder, self.package_dirs))

@@ -1,8 +1,8 @@
 """The figure of a leg: the shapes of its file, and sticks between joints without any."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -16,11 +16,13 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import MAX_VERTICES
-from kickdyn.robot.visuals import MeshReader, Shape, Visual
+from kickdyn.robot.mesh_file import MAX_VERTICES, Triangles, read_mesh
+from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.visuals import Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
 Rgba = tuple[float, ...]
+MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
 
 PLAIN: Rgba = (0.62, 0.67, 0.73, 1.0)
 KNOB: Rgba = (0.25, 0.27, 0.31, 1.0)
@@ -92,10 +94,11 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
     by_name = {frame.name: frame for frame in frames}
     # a joint may have the name of a link
     by_name |= {frame.name: frame for frame in frames if frame.type == pin.FrameType.BODY}
+    visuals = [visual for visual in visuals if visual.frame in by_name]  # not of other objects
     parts: list[Part] = []
     faults: list[str] = []
     room = MAX_VERTICES
-    read = cache(leg.file.mesh_reader())
+    read = cache(partial(read_mesh, MeshFinder(leg.file.folder, leg.file.package_dirs)))
     for visual in visuals:
         try:
             new = list(_visual_parts(visual, by_name[visual.frame], read)) if room >= 0 else []
@@ -126,6 +129,9 @@ def _visual_parts(visual: Visual, frame: Any, read: MeshReader) -> Iterator[Part
 
 def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Rgba | None]]:
     """Yield the shapes of a visual: each with its pose and the colour that its mesh gives it."""
+    if visual.vertices is not None:
+        yield shapes.TriangularMeshGeometry(visual.vertices, visual.faces), np.eye(4), None
+        return
     if visual.shape == Shape.MESH:
         for mesh in read(visual.mesh, visual.size):
             triangles = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)

@@ -102,7 +102,7 @@ def test_meshes_outside_are_refused(folder, name, watch):
     name = name.format(outside=folder.parent)
     with (
         watch() as opened,
-        pytest.raises(kd.InvalidInput, match="outside the robot's folder") as caught,
+        pytest.raises(kd.InvalidInput, match="lies outside") as caught,
     ):
         read(name, folder)
     assert repr(name) in str(caught.value)
@@ -113,12 +113,12 @@ def test_meshes_outside_are_refused(folder, name, watch):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("file:///etc/passwd", "no addresses"),
+        ("file:///etc/passwd", "lies outside"),
         ("file://meshes/box.stl", "no addresses"),
         ("http://example.org/box.stl", "no addresses"),
         ("missing.stl", "is missing"),
         ("package://missing.stl", "is missing"),
-        ("package://", "not a regular file|no known ending"),
+        ("package://", "is missing"),
         ("loop.stl", "is missing|cannot be found"),
         ("a\0b.stl", "cannot be found"),
         ("junk.stl", "cannot be read|no triangles"),
@@ -337,14 +337,14 @@ def test_only_what_was_checked_reaches_the_reader_of_scenes(folder, monkeypatch)
     """It is written anew, without comments and in ASCII, so that it can be no zip as well."""
     text = collada(lambda text: text.replace("<asset>", "<!--PK--><asset><title>\u4b50</title>"))
     (folder / "a.dae").write_text(text, encoding="utf-8")
-    read, load = [], trimesh.load_scene
+    seen, load = [], trimesh.load_scene
     monkeypatch.setattr(
-        trimesh, "load_scene", lambda file, **kw: read.append(file.getvalue()) or load(file, **kw)
+        trimesh, "load_scene", lambda file, **kw: seen.append(file.getvalue()) or load(file, **kw)
     )
     assert read("a.dae", folder)
-    assert b"<!--" not in read[0]
-    assert read[0].isascii()
-    assert b"&#19280;" in read[0]
+    assert b"<!--" not in seen[0]
+    assert seen[0].isascii()
+    assert b"&#19280;" in seen[0]
 
 
 @pytest.mark.parametrize(

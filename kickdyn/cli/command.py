@@ -2,16 +2,13 @@
 
 import io
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import click
 
 from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
-
-if TYPE_CHECKING:
-    from kickdyn.view.page import Page
 
 
 @contextmanager
@@ -26,10 +23,9 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
         yield status.update
 
 
-def save_page(page: "Page", file: str, at: float = 0.0) -> None:
-    """Write a page, or a picture of it `at` a time [s], and what it does not show to stderr."""
-    page.save(file, at)
-    for warning in page.warnings:
+def warn(warnings: Iterable[str]) -> None:
+    """Write warnings to standard error, a line each."""
+    for warning in warnings:
         click.echo(f"warning: {printable(warning)}", err=True)
 
 

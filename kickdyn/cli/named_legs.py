@@ -20,6 +20,7 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 
 package_dir_option = click.option(
     "--package-dir", "package_dirs", multiple=True, metavar="DIR",
+    type=click.Path(exists=True, file_okay=False),
     help="ROS package of a URDF file's meshes, or a folder that contains it; repeatable.",
 )  # fmt: skip
 

@@ -38,6 +38,9 @@ from kickdyn.planning.swing_phase import SwingPhase, check_solver
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
 
+FAR = 1e9
+"""Farthest that a ball may lie from the world's origin, along each axis [m]."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KickPlan(ReprMixin):
@@ -300,8 +303,13 @@ def _checked_ball_position(
     if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
     if ball_height is not None:
-        return validation.number("ball height", ball_height, unit="m")
-    return None if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
+        return validation.number("ball height", ball_height, at_least=-FAR, at_most=FAR, unit="m")
+    if ball_at is None:
+        return None
+    place = validation.vector("ball_at", ball_at, 3, unit="m")
+    if np.abs(place).max() > FAR:
+        raise InvalidInput(f"ball_at is {place.tolist()} m: it must be within {FAR:g} m")
+    return place
 
 
 def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:

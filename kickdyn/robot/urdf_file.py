@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import brief
 from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 20_000_000
@@ -57,6 +58,11 @@ class UrdfFile(RobotFile):
                 )
             )
         return found
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return tuple(find_irregularities(ElementTree.fromstring(self.text)))
 
 
 def read_urdf(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 
 from kickdyn.core.validation import Array
@@ -61,6 +62,11 @@ class RobotFile:
     folder: Path
     source: str
     package_dirs: tuple[Path, ...] = ()
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return ()
 
     def visuals(self) -> list[Visual]:
         """Return the shapes that the file describes; raise `InvalidInput` if they are unreadable.

@@ -63,7 +63,7 @@ class Robot:
         from level to the steepest; of the instep, from 60 to 80 degrees: the foot points down; of
         the sole's edge, from straight down to level: the foot points up. Measured on the visual
         meshes as the toe, a ball of size 5 overlaps with the foot by 3.0 mm at most at the instep
-        (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo 2.7 mm).
+        (Romeo 4.1 mm) and by 1.6 mm at the sole's edge (Romeo 2.8 mm).
         """
         frame = TOE if frame is None and self.toe is not None else frame
         if frame not in self.contact_points:
@@ -185,16 +185,12 @@ def _add_contact_points(model: Any, known: Robot) -> None:
 
 
 def robot_file(name: str) -> UrdfFile:
-    """Return a robot's URDF; its meshes are looked up in the robot's own folder.
+    """Return a robot's URDF.
 
     Raises:
         InvalidInput: unknown robot, or the package is not installed.
     """
-    known = robot(name)
-    path = robots_folder() / known.file
-    read = read_document(path)
-    own = robots_folder() / Path(known.file).parts[0]
-    return UrdfFile(read.text.replace(f"package://{PACKAGE}/robots/", "package://"), own, str(path))
+    return read_document(robots_folder() / robot(name).file)
 
 
 def robots_folder() -> Path:

@@ -22,7 +22,12 @@ from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
-from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
+from kickdyn.robot.constraints import (
+    ConstraintProjector,
+    Constraints,
+    Support,
+    find_open_loops,
+)
 from kickdyn.robot.joint_table import JointTable, lock_joints
 from kickdyn.robot.mjcf_file import read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
@@ -117,6 +122,7 @@ class Leg(JointTable, ReprMixin):
         *,
         base: str = "fixed",
         locked: Mapping[str, float] | None = None,
+        package_dirs: Iterable[str | PathLike[str]] = (),
     ) -> "Leg":
         """Load a URDF file.
 
@@ -128,12 +134,16 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
                 joints], before inertias are judged: of a joint that moves no mass, for example.
+            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
+                named `package://NAME/...`, before the folders that contain the file and those of
+                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
+                drawn; others only from the file's own package.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame, base or joint to lock.
+            InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        urdf = read_urdf(path)
+        urdf = read_urdf(path, package_dirs)
         model = lock_joints(build_model(urdf.text, urdf.source, base), locked)
         try:
             check_model(model)
@@ -205,7 +215,9 @@ class Leg(JointTable, ReprMixin):
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
             frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle).
+                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
+                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
+                icub); or any frame of the file.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
             locked: joints to lock at their values, as for `from_urdf`.
@@ -327,11 +339,6 @@ class Leg(JointTable, ReprMixin):
         """
         return Posture(self, q)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """A line for each kind of irregularity of its URDF file; none was repaired."""
-        return () if self.file is None else self.file.warnings
-
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
@@ -351,6 +358,23 @@ class Leg(JointTable, ReprMixin):
         if self.constraints is None or not self.constraints.loops:
             return q
         return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about irregularities of its file, none of them repaired, and about open loops."""
+        return (*(() if self.file is None else self.file.warnings), *self.open_loops)
+
+    @cached_property
+    def open_loops(self) -> tuple[str, ...]:
+        """A line for each pair of frames that look like the ends of a loop which is not closed."""
+        closed = [] if self.constraints is None else self.constraints.loops
+        known = {frozenset(loop) for loop in closed}
+        return tuple(
+            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
+            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
+            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
+            if frozenset((a, b)) not in known
+        )
 
     @property
     def model(self) -> Any:
@@ -477,8 +501,8 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range (allowed; or are these degrees?)."""
-        return tuple(self.leg.outside_range(self.q))
+        """The leg's open loops; a line for each joint outside its range (or are these degrees?)."""
+        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
     @property
     def whitened_jacobian(self) -> Array:

@@ -43,6 +43,9 @@ def test_an_mjcf_file_is_known_by_what_is_in_it(tmp_path):
         load_leg(str(tmp_path / "leg.xml"), "heel")
     (tmp_path / "leg.xml").write_text(kd.Leg.testbed().file.text)
     assert load_leg(str(tmp_path / "leg.xml")).name == "leg_testbed"
+    (tmp_path / "leg.xml").write_text("<mujoco/>")
+    with pytest.raises(kd.InvalidInput, match="package-dir is 'share': it is for a URDF file"):
+        load_leg(str(tmp_path / "leg.xml"), package_dirs=["share"])
     (tmp_path / "leg.xml").write_text("<mujoco")
     with pytest.raises(kd.MjcfError, match="is not well-formed XML"):
         load_leg(str(tmp_path / "leg.xml"))

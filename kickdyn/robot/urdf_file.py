@@ -4,7 +4,7 @@ import io
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from functools import cached_property
 from os import PathLike
@@ -17,7 +17,8 @@ import pinocchio as pin
 
 from kickdyn.core.files import read_text, shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults, find_irregularities
+from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 20_000_000
@@ -66,20 +67,25 @@ class UrdfFile(RobotFile):
         return found
 
     @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that the file lets move with another, each with a driver that does not."""
+        return read_mimics(ElementTree.fromstring(self.text))
+
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each kind of irregularity with which the file was read; none was repaired."""
         return tuple(find_irregularities(ElementTree.fromstring(self.text)))
 
 
-def read_urdf(path: str | PathLike[str]) -> UrdfFile:
-    """Read and check a URDF file.
+def read_urdf(path: str | PathLike[str], locked: Container[str] = ()) -> UrdfFile:
+    """Read and check a URDF file; of joints to be locked, it does not matter whom they mimic.
 
     Raises:
         UrdfError: with all faults of the file in one message.
         InvalidInput: `path` is no path at all.
     """
     urdf = read_document(path)
-    faults = find_faults(ElementTree.fromstring(urdf.text))
+    faults = find_faults(ElementTree.fromstring(urdf.text), locked)
     if faults:
         raise UrdfError(urdf.source, faults)
     return urdf

@@ -31,9 +31,9 @@ class Footing(StrEnum):
 
 
 def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for a leg with constraints; `what` is for the message."""
-    check_no_mimics(leg, what)
-    if leg.constraints is not None:
+    """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
+    constraints = leg.constraints
+    if constraints is not None and (constraints.supports or constraints.loops):
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
         )

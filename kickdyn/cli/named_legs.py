@@ -1,6 +1,7 @@
 """Legs by the names that command lines have for them."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from kickdyn.errors import InvalidInput, UrdfError
@@ -15,13 +16,17 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 """Names of legs: ours first, which hide a robot of the same name."""
 
 
-def load_leg(name: str, frame: str | None = None, base: str = "fixed") -> Leg:
+def load_leg(
+    name: str, frame: str | None = None, base: str = "fixed", package_dirs: Sequence[str] = ()
+) -> Leg:
     """Return a leg by one of the names `LEGS`, or that of a URDF file.
 
     On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
-    contact frame is by default a robot's toe, or the frame `toe` of a file. Raises `InvalidInput`,
-    or `UrdfError` if the file is refused.
+    contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
+    in the folders `package_dirs`. Raises `InvalidInput`, or `UrdfError` if the file is refused.
     """
+    if package_dirs and name in LEGS:
+        raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
         return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe", base=base)
     if name in ROBOTS:
@@ -30,7 +35,7 @@ def load_leg(name: str, frame: str | None = None, base: str = "fixed") -> Leg:
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
-        return Leg.from_urdf(name, frame or "toe", base=base)
+        return Leg.from_urdf(name, frame or "toe", base=base, package_dirs=package_dirs)
     except UrdfError:
         raise
     except InvalidInput as error:  # what else can be wrong is the frame

@@ -125,6 +125,7 @@ class Leg(JointTable, ReprMixin):
         *,
         base: str = "fixed",
         locked: Mapping[str, float] | None = None,
+        package_dirs: Iterable[str | PathLike[str]] = (),
     ) -> "Leg":
         """Load a URDF file.
 
@@ -136,13 +137,17 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
                 joints], before inertias are judged: of a joint that moves no mass, for example.
+            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
+                named `package://NAME/...`, before the folders that contain the file and those of
+                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
+                drawn; others only from the file's own package.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame, base or joint to lock.
+            InvalidInput: there is no such frame, base, joint to lock or folder.
         """
         locked = validation.mapping("locked", locked)
-        urdf = read_urdf(path, locked)
+        urdf = read_urdf(path, package_dirs, locked)
         model = lock_joints(build_model(urdf.text, urdf.source, base), locked, urdf.mimics)
         try:
             check_model(model)
@@ -206,7 +211,9 @@ class Leg(JointTable, ReprMixin):
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
             frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle).
+                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
+                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
+                icub); or any frame of the file.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
             locked: joints to lock at their values, as for `from_urdf`.

@@ -17,8 +17,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core.files import read_text
+from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.urdf_file import MAX_BYTES, MAX_DEPTH, parse_xml
+from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 

@@ -56,11 +56,13 @@ class RobotFile:
             again.
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
+        package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
     """
 
     text: str
     folder: Path
     source: str
+    package_dirs: tuple[Path, ...] = ()
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:

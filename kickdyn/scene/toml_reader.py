@@ -149,7 +149,8 @@ def _leg(section: dict[str, Any], folder: Path) -> Leg:
         return Leg.from_urdf(
             shipped_urdf(f"leg_{section['model']}.urdf"), frame or "toe", base=base
         )
-    return Leg.from_urdf(folder / section["file"], frame or "toe", base=base)
+    packages = [folder / each for each in section.get("package_dirs", ())]
+    return Leg.from_urdf(folder / section["file"], frame or "toe", base=base, package_dirs=packages)
 
 
 def _check_joints(leg: Leg, document: dict[str, Any]) -> None:

@@ -293,15 +293,31 @@ def test_what_the_leg_cannot_do_is_said(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["x.nc"]
 
 
-def test_a_missing_mesh_stops_before_anything_is_written(tmp_path):
+def test_a_missing_mesh_costs_no_result(tmp_path):
     text = kickdyn.Leg.human().file.text
     box = '<box size="0.1 0.22 0.08" />'
     (tmp_path / "mine.urdf").write_text(text.replace(box, '<mesh filename="no.stl"/>'))
     files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
     ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
-    assert ended.returncode == 2
-    assert "mesh 'no.stl' is missing" in ended.stderr
-    assert [file.name for file in tmp_path.iterdir()] == ["mine.urdf"]
+    assert ended.returncode == 0
+    (warning,) = ended.stderr.splitlines()
+    assert warning.startswith("warning: 1 of 7 visuals of leg_human is not drawn: mesh 'no.stl' is")
+    assert {"x.nc", "x.json", "x.html"} < {file.name for file in tmp_path.iterdir()}
+    assert "mesh &#x27;no.stl&#x27; is missing" in (tmp_path / "x.html").read_text()
+
+
+def test_a_page_that_fails_comes_after_the_results(tmp_path, monkeypatch):
+    """What is written first is what took the time."""
+
+    def fail(*_, **__):
+        raise kickdyn.InvalidInput("no page")
+
+    monkeypatch.setattr("kickdyn.view.page.page", fail)
+    monkeypatch.chdir(tmp_path)
+    files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
+    with pytest.raises(kickdyn.InvalidInput, match="no page"):
+        posture_sweep.main([*SMALL, *files], standalone_mode=False)
+    assert {file.name for file in tmp_path.iterdir()} == {"x.nc", "x.json"}
 
 
 def test_two_outputs_are_two_files(tmp_path):

@@ -145,7 +145,9 @@ def test_a_huge_mesh_is_refused(folder, monkeypatch):
 def test_a_mesh_of_a_gigabyte_is_refused_by_its_size(folder):
     with (folder / "huge.stl").open("wb") as file:
         file.truncate(10**9)
-    with pytest.raises(kd.InvalidInput, match=r"'huge\.stl' has 1000000000 bytes: at most 100000000"):
+    with pytest.raises(
+        kd.InvalidInput, match=r"'huge\.stl' has 1000000000 bytes: at most 100000000"
+    ):
         read("huge.stl", folder)
 
 

@@ -20,7 +20,7 @@ from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, Torque
-from kickdyn.impact.constraint_impulses import check_unconstrained
+from kickdyn.impact.constraint_impulses import check_no_mimics, check_unconstrained
 from kickdyn.impact.hertz import (
     SHORTEST_CONTACT,
     HertzContact,
@@ -197,6 +197,7 @@ def collide(
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     check_unconstrained(posture.leg, "a contact that takes time is")
+    check_no_mimics(posture.leg, "a contact that takes time is")
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")

@@ -32,9 +32,20 @@ class Footing(StrEnum):
 
 def check_unconstrained(leg: Leg, what: str) -> None:
     """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
-    if leg.constraints is not None:
+    constraints = leg.constraints
+    if constraints is not None and (constraints.supports or constraints.loops):
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
+        )
+
+
+def check_no_mimics(leg: Leg, what: str) -> None:
+    """Raise `InvalidInput` for a leg with mimic joints; `what` is for the message."""
+    if leg.mimics:
+        mimic = leg.mimics[0]
+        raise InvalidInput(
+            f"joint {mimic.joint} of {leg.name} mimics {mimic.driver}: {what} for legs without "
+            "mimic joints only; lock their drivers (Leg.locked)"
         )
 
 

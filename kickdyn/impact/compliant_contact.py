@@ -204,7 +204,7 @@ class CompliantContact:
         return np.concatenate([*of_leg, *of_ball, [lost, power]])
 
     def _constrain(self, state: State, acceleration: Array) -> tuple[Array, float]:
-        r"""Return what supports and loops add to an acceleration a, and their power [W].
+        r"""Return what the constraints add to an acceleration a, and their power [W].
 
         With :math:`M = L L^T`, it is the least change :math:`L^{-T} c` in kinetic energy after
         which :math:`A a + \dot A v = -2 \alpha A v - \alpha^2 g`: the terms with

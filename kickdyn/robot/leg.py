@@ -66,7 +66,8 @@ class Leg(JointTable, ReprMixin):
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
         velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
             [rad/s, N m; m/s, N for prismatic joints].
-        constraints: supports and loops; None without any.
+        mimics: joints that move with another, as the file says.
+        constraints: supports, loops and mimic joints; None without any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
@@ -83,7 +84,7 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: Array | None = None,
     ) -> None:
         check_is_model(model)
-        super().__init__(model.copy())
+        super().__init__(model.copy(), () if file is None else file.mimics)
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self.frame, self.file = frame, file
@@ -96,8 +97,10 @@ class Leg(JointTable, ReprMixin):
         cone = contact_normal_cone
         self.contact_normal_cone = None if cone is None else read_only(cone)
         self.constraints: Constraints | None = None
-        if supports or loops:
-            self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
+        if supports or loops or self.gears is not None:
+            self.constraints = Constraints(
+                self._model, self.contact_joint, supports, loops, self.gears
+            )
         self._options = (supports, loops, cone)
         self.workspace = Workspace(self._model)
 
@@ -143,8 +146,9 @@ class Leg(JointTable, ReprMixin):
             UrdfError: the file is refused, with all its faults in one message.
             InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        urdf = read_urdf(path, package_dirs)
-        model = lock_joints(build_model(urdf.text, urdf.source, base), locked)
+        locked = validation.mapping("locked", locked)
+        urdf = read_urdf(path, package_dirs, locked)
+        model = lock_joints(build_model(urdf.text, urdf.source, base), locked, urdf.mimics)
         try:
             check_model(model)
         except InvalidInput as fault:
@@ -219,11 +223,10 @@ class Leg(JointTable, ReprMixin):
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
-        model = lock_joints(model, locked)
-        frame, cone = known.contact(frame)
-        leg = cls(model, frame, robot_file(name), contact_normal_cone=cone)
+        file, (frame, cone) = robot_file(name), known.contact(frame)
+        leg = cls(lock_joints(model, locked, file.mimics), frame, file, contact_normal_cone=cone)
         try:
-            check_model(model)
+            check_model(leg.model)
             leg.posture(leg.configuration())  # at which all joints stay that are not named
         except InvalidInput as error:
             if legs_only:
@@ -261,7 +264,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
         """
-        return self.with_model(lock_joints(self.model, joints))
+        return self.with_model(lock_joints(self.model, joints, self.mimics))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
@@ -323,8 +326,8 @@ class Leg(JointTable, ReprMixin):
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints]; or with one angle for each continuous
-                joint in place of its cosine and sine.
+            q: shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one angle for each
+                continuous joint in place of its cosine and sine, and without mimic joints.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.

@@ -77,8 +77,8 @@ def _read_loops(
 _OPTIONS = (
     click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
                  show_default=True,
-                 help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
-                 "its fixed base (g1, talos, ...)."),
+                 help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of "
+                 "kickdyn[robots] on its fixed base (g1, talos, ...)."),
     click.option("--frame", metavar="NAME",
                  help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
                  "its right foot]"),

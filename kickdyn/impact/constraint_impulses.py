@@ -39,16 +39,6 @@ def check_unconstrained(leg: Leg, what: str) -> None:
         )
 
 
-def check_no_mimics(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for a leg with mimic joints; `what` is for the message."""
-    if leg.mimics:
-        mimic = leg.mimics[0]
-        raise InvalidInput(
-            f"joint {mimic.joint} of {leg.name} mimics {mimic.driver}: {what} for legs without "
-            "mimic joints only; lock their drivers (Leg.locked)"
-        )
-
-
 def footing(support: Support, impulse: Array, rotation: Array, scale: float) -> Footing:
     """Return how a support moves that the impact takes for fixed.
 

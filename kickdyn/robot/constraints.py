@@ -191,6 +191,37 @@ class Constraints:
             matrix[start:] = self.gears.rows
         return matrix, blocks
 
+    @property
+    def loop_rows(self) -> slice:
+        """The rows of the loops in A."""
+        first = sum(support.size for support in self.supports)
+        return slice(first, first + 3 * len(self.loops))
+
+    def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
+        r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics.
+
+        It is what the rows of A accelerate by while no joint accelerates: Pinocchio's classical
+        acceleration of each frame.
+        """
+        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+
+        def acceleration(place: _Place) -> Array:
+            """Return the acceleration of a frame, linear then angular, in world axes."""
+            pin.updateFramePlacement(model, data, place.frame)
+            found = pin.getFrameClassicalAcceleration(
+                model, data, place.frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            return np.asarray(found.vector)
+
+        result, start = np.zeros(self.size), 0
+        for support, place in zip(self.supports, self._supported, strict=True):
+            result[start : start + support.size] = acceleration(place)[: support.size]
+            start += support.size
+        for one, two in self._looped:
+            result[start : start + 3] = (acceleration(two) - acceleration(one))[:3]
+            start += 3
+        return result
+
     def gaps(self, model: Any, data: Any) -> Array:
         """Return from the first to the second origin of each loop, shape `(loops, 3)` [m]."""
         places = [
@@ -348,6 +379,14 @@ class ConstraintProjector(ReadOnlyArrays):
             answer[self.independent] = scaled
             return np.asarray(answer / self._length)
         return np.asarray(self._least_impulses @ -blocked)
+
+    def correction(self, rates: Array) -> Array:
+        """Return the shortest whitened velocity w with W^T w = rates, of the independent rows.
+
+        It is the change of least kinetic energy that gives A v these values, shape `(size,)`.
+        """
+        scaled = (rates / self._length)[self.independent]
+        return np.asarray(self._basis.dot(blas.dtrsv(self._factor, scaled, trans=1)))
 
     def find_violation(self, v: Array) -> tuple[str, float, str] | None:
         """Return the constraint that a velocity breaks fastest, its speed and the unit.

@@ -21,6 +21,7 @@ class LegOptions(NamedTuple):
         loops: pairs of frames' names.
         supports: frames' names.
         package_dirs: folders for the meshes of a URDF file.
+        locked: joints that do not move, with their values [deg; m for prismatic joints].
     """
 
     leg_name: str
@@ -28,6 +29,7 @@ class LegOptions(NamedTuple):
     loops: tuple[tuple[str, str], ...]
     supports: tuple[str, ...]
     package_dirs: tuple[str, ...]
+    locked: dict[str, float]
 
     def load(self) -> Leg:
         """Return the leg, its warnings written to standard error.
@@ -35,13 +37,28 @@ class LegOptions(NamedTuple):
         A leg that stands on a support has a floating base, which could not move otherwise.
         """
         base = "floating" if self.supports else "fixed"
-        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs)
+        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, self.locked)
         if self.supports:
             leg = leg.with_supports(*self.supports)
         if self.loops:
             leg = leg.with_loops(*self.loops)
         warn(leg.warnings)
         return leg
+
+
+def _read_locked(_: click.Context, __: click.Option, texts: tuple[str, ...]) -> dict[str, float]:
+    """Return the joints that `--lock` names, with their values [deg; m for prismatic joints]."""
+    locked: dict[str, float] = {}
+    for text in texts:
+        name, _equals, value = text.rpartition("=")
+        try:
+            if not name or name in locked:
+                raise ValueError
+            locked[name] = float(value)
+        except ValueError:
+            once = "once for each joint" if name in locked else "[deg; m]"
+            raise InvalidInput(f"lock is {text!r}: it must be JOINT=VALUE, {once}") from None
+    return locked
 
 
 def _read_loops(
@@ -65,6 +82,9 @@ _OPTIONS = (
     click.option("--frame", metavar="NAME",
                  help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
                  "its right foot]"),
+    click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
+                 help="Joint that does not move, and where it is [deg; m for prismatic joints]; "
+                 "repeatable."),
     click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
                  help="Two frames whose origins stay together, by a ball joint: they close a loop "
                  "that the file cuts open; repeatable."),

@@ -364,8 +364,19 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of its file, none of them repaired, and about open loops."""
-        return (*(() if self.file is None else self.file.warnings), *self.open_loops)
+        """Lines about its file's irregularities, none of them repaired, and what follows from them.
+
+        That is open loops, and joints on the way to the contact frame whose speed limit is 0.
+        """
+        file = () if self.file is None else self.file.warnings
+        stuck = [
+            name
+            for name in self.single_joints
+            if self.velocity_limit[self.velocity_index(name)] == 0.0
+            and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
+        ]
+        limit = [f"speed limit of {name} is 0: what moves it is too fast" for name in stuck]
+        return (*file, *self.open_loops, *limit)
 
     @cached_property
     def open_loops(self) -> tuple[str, ...]:

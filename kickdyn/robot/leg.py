@@ -164,37 +164,45 @@ class Leg(JointTable, ReprMixin):
         return leg
 
     @classmethod
-    def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
-        r"""Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
+    def from_mjcf(
+        cls,
+        path: str | PathLike[str],
+        frame: str,
+        *,
+        base: str = "fixed",
+        locked: Mapping[str, float] | None = None,
+    ) -> "Leg":
+        """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
-        Of the file come masses, joints, ranges (`range`; without one, the joint is unlimited),
-        rotor inertias (`armature`) and limits of torque: the smaller one of the joint's
-        `actuatorfrcrange` and what its actuators can exert, gear times `forcerange` (motors
-        without one: gear times `ctrlrange`). MJCF has no limits of speed. Springs, damping,
-        tendons and contacts are not part of the leg. The joint-space inertia is compared with
-        MuJoCo's at three configurations, to a relative error of 1e-9.
+        Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
+        inertias (`armature`), limits of torque, and loops: two bodies that `<connect>` joins. The
+        limit of torque is the smaller one of the joint's `actuatorfrcrange` and what its actuators
+        can exert, gear times `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no
+        limits of speed. Springs, damping, tendons and contacts are not part of the leg. Mass,
+        places of bodies and joint-space inertia are compared with MuJoCo's at three configurations,
+        to a relative error of 1e-9.
 
         Args:
             path: the file; it and the files that it includes are read once and checked before
                 MuJoCo sees them. Included files and meshes lie in its folder or below.
             frame: body, site or geom whose origin touches the ball. Bodies that hang on another
-                root than it, such as other objects of a scene, are left out.
+                root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
                 `floating`: then the first joint is the file's free joint, or `root_joint` if it has
                 none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
                 in the order xyzw.
+            locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
-            MjcfError: the file is refused.
-            InvalidInput: there is no such frame or base, or MuJoCo is not installed.
+            MjcfError: the file is refused, or MuJoCo is not installed.
+            InvalidInput: there is no such frame, base or joint to lock.
         """
-        file = read_mjcf(path)
-        model = build_mjcf_model(file.compile(), file.name, frame, base)
-        try:
-            check_model(model)
-        except InvalidInput as fault:
-            raise MjcfError(file.source, [str(fault)]) from None
-        return cls(model, frame, file)
+        read = build_mjcf_model(read_mjcf(path), frame, base, locked)
+        leg = cls(read.model, frame, read.file)
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise MjcfError(read.file.source, [singular])
+        return leg.with_loops(*read.loops) if read.loops else leg
 
     @classmethod
     @validation.check_arguments
@@ -384,8 +392,19 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of its file, none of them repaired, and about open loops."""
-        return (*(() if self.file is None else self.file.warnings), *self.open_loops)
+        """Lines about its file's irregularities, none of them repaired, and what follows from them.
+
+        That is open loops, and joints on the way to the contact frame whose speed limit is 0.
+        """
+        file = () if self.file is None else self.file.warnings
+        stuck = [
+            name
+            for name in self.single_joints
+            if self.velocity_limit[self.velocity_index(name)] == 0.0
+            and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
+        ]
+        limit = [f"speed limit of {name} is 0: what moves it is too fast" for name in stuck]
+        return (*file, *self.open_loops, *limit)
 
     @cached_property
     def open_loops(self) -> tuple[str, ...]:

@@ -50,6 +50,8 @@ def find_faults(root: Element, locked: Container[str] = ()) -> list[str]:
 
     Whom joints mimic that are to be locked does not matter.
     """
+    if root.tag == "mujoco":
+        return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":
         return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
     faults: list[str] = []

@@ -128,11 +128,19 @@ def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) ->
     print(text(summary, lines, width))
 
 
+def _shown_joints(leg: Leg, lines: Sequence[ReportLine]) -> list[str]:
+    """Return the joints between the base and the contact frame, and all that are not at 0."""
+    model = leg.workspace.model
+    path = {str(model.names[joint]) for joint in model.supports[leg.contact_joint]}
+    moved = {name for line in lines for name, value in line.angles.items() if value}
+    return [name for name in leg.single_joints if name in path | moved]
+
+
 def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
-    """Return the table with a column for each posture."""
+    """Return the table with a column for each posture and a row for each of `_shown_joints`."""
     rows: dict[str, list[str]] = {
         f"{name}, {_unit(leg, name)}": [f"{line.angles[name]:.4g}" for line in lines]
-        for name in leg.single_joints
+        for name in _shown_joints(leg, lines)
     }
     rows["effective mass, kg"] = _cells(lines, "effective_mass", ".4g")
     if leg.stiff_joints:
@@ -178,11 +186,17 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     A line has at most `width` characters, unless a word is longer.
     """
     sentences = []
-    for line in lines:
-        if line.explanation:
-            leg = line.outcome.posture.leg
-            posture = ", ".join(f"{k} {v:.4g} {_unit(leg, k)}" for k, v in line.angles.items())
-            sentences.append(f"{line.label} ({posture}): {line.explanation}.")
+    if lines:
+        leg = lines[0].outcome.posture.leg
+        shown = _shown_joints(leg, lines)
+        for line in lines:
+            if line.explanation:
+                angles = (f"{name} {line.angles[name]:.4g} {_unit(leg, name)}" for name in shown)
+                sentences.append(f"{line.label} ({', '.join(angles)}): {line.explanation}.")
+        hidden = len(leg.single_joints) - len(shown)
+        if hidden:
+            others = "one other joint is" if hidden == 1 else f"{hidden} other joints are"
+            sentences.append(f"The robot's {others} at 0; --json lists all.")
     counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
     sentences.append(f"{summary.postures} postures: {counts}.")
     if summary.where is not None and summary.chosen:

@@ -70,7 +70,9 @@ class ReportLine:
         impact = self.outcome.impact
         if not self.outcome.posture.leg.stiff_joints:
             return {}
-        return {"free_effective_mass": None if impact is None else finite(impact.free_effective_mass)}
+        return {
+            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass)
+        }
 
 
 def paper_lines(leg: Leg, kick: Kick) -> list[ReportLine]:

@@ -106,6 +106,7 @@ class Sensitivity(ReprMixin):
                 yield f"impulse by {source}, at most", gain, f"N s per {per}"
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # refused at the end
 def sensitivity(
     approach: Approach,
     solution: Solution,

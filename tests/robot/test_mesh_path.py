@@ -3,6 +3,7 @@ import os
 import pytest
 
 import kickdyn as kd
+from kickdyn.robot import mesh_path
 from kickdyn.robot.mesh_path import MeshFinder
 
 MANIFEST = "<?xml version='1.0'?><package format='3'><name>{}</name></package>"
@@ -170,3 +171,19 @@ def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
     for name in ("package://robot/a.stl", "../a.stl"):
         with pytest.raises(kd.InvalidInput, match=r"is unknown|lies outside"):
             finder.find(name)
+
+
+def test_the_folders_are_searched_once(tmp_path, robot, monkeypatch):
+    """However many packages a file names."""
+    seen = []
+    search = mesh_path._packages_in
+    monkeypatch.setattr(
+        mesh_path, "_packages_in", lambda folder: seen.append(folder) or search(folder)
+    )
+    finder = MeshFinder(robot / "urdf", [tmp_path])
+    for number in range(3):
+        with pytest.raises(kd.InvalidInput, match="is unknown"):
+            finder.find(f"package://none_{number}/a.stl")
+    assert seen == [tmp_path]
+    with pytest.raises(kd.InvalidInput, match=r"is unknown|cannot be found"):
+        finder.find(f"package://{'x' * 5000}/a.stl")

@@ -323,8 +323,8 @@ class Leg(JointTable, ReprMixin):
             if not isinstance(loop, tuple | list) or len(loop) != 2:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         pairs = tuple((first, second) for first, second in loops)
-        supports, _, *others = self._options
-        return Leg(self.model, self.frame, self.file, supports, pairs, *others)
+        supports, _, cone, stiff = self._options
+        return Leg(self.model, self.frame, self.file, supports, pairs, cone, stiff)
 
     def with_stiff_joints(self, *joints: str) -> "Leg":
         r"""Return the leg with joints that hold in an impact, as motors with high gears do.

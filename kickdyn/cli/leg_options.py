@@ -22,6 +22,7 @@ class LegOptions(NamedTuple):
         supports: frames' names.
         package_dirs: folders for the meshes of a URDF file.
         locked: joints that do not move, with their values [deg; m for prismatic joints].
+        stiff_joints: joints' names.
     """
 
     leg_name: str
@@ -30,6 +31,7 @@ class LegOptions(NamedTuple):
     supports: tuple[str, ...]
     package_dirs: tuple[str, ...]
     locked: dict[str, float]
+    stiff_joints: tuple[str, ...]
 
     def load(self) -> Leg:
         """Return the leg, its warnings written to standard error.
@@ -42,6 +44,8 @@ class LegOptions(NamedTuple):
             leg = leg.with_supports(*self.supports)
         if self.loops:
             leg = leg.with_loops(*self.loops)
+        if self.stiff_joints:
+            leg = leg.with_stiff_joints(*self.stiff_joints)
         warn(leg.warnings)
         return leg
 
@@ -91,6 +95,9 @@ _OPTIONS = (
     click.option("--support", "supports", multiple=True, metavar="FRAME",
                  help="A foot that stands on the ground; the base then floats, and a robot has "
                  "both legs; repeatable."),
+    click.option("--stiff", "stiff_joints", multiple=True, metavar="JOINT",
+                 help="Joint whose velocity the impact does not change, as of a motor with a high "
+                 "gear; repeatable."),
     click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
                  type=click.Path(exists=True, file_okay=False),
                  help="ROS package with meshes of a URDF file, or a folder that contains it; "

@@ -58,10 +58,20 @@ class ReportLine:
             "angles": self.angles,
             "status": self.outcome.status.value,
             **{name: finite(value) for name, value in self.values.items()},
+            **self._free_mass(),
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,
             "explanation": self.explanation or None,
+        }
+
+    def _free_mass(self) -> dict[str, float | None]:
+        """Return the effective mass with all joints free, of a leg that has stiff ones."""
+        impact = self.outcome.impact
+        if not self.outcome.posture.leg.stiff_joints:
+            return {}
+        return {
+            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass)
         }
 
 
@@ -134,8 +144,11 @@ def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
         f"{name}, {_unit(leg, name)}": [f"{line.angles[name]:.4g}" for line in lines]
         for name in _shown_joints(leg, lines)
     }
+    rows["effective mass, kg"] = _cells(lines, "effective_mass", ".4g")
+    if leg.stiff_joints:
+        free = (line.as_json()["free_effective_mass"] for line in lines)
+        rows["all joints free, kg"] = ["" if mass is None else f"{mass:.4g}" for mass in free]
     rows |= {
-        "effective mass, kg": _cells(lines, "effective_mass", ".4g"),
         "impulse, N s": _cells(lines, "impulse", ".4f"),
         "ball / foot speed": _cells(lines, "speed_ratio", ".4f"),
         "launch angle, deg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),

@@ -64,6 +64,10 @@ def test_joints_are_locked_in_degrees_or_metres(tmp_path):
     assert leg.posture([0.0, 0.0]).contact_point[1] == pytest.approx(0.25)  # its axis is y
 
 
+def test_stiff_joints():
+    assert loaded("--stiff", "ankle", "--stiff", "knee")[0].stiff_joints == ("ankle", "knee")
+
+
 def test_supports_of_a_file_float_its_base():
     with pytest.raises(kd.InvalidInput, match="at fault: root_joint, hip"):  # it has no mass
         loaded("--leg", str(shipped_urdf("leg_human.urdf")), "--support", "base")
@@ -82,6 +86,7 @@ def test_supports_of_a_file_float_its_base():
         (("--loop", "toe:"), "loop is 'toe:': it must be two frames, A:B"),
         (("--loop", "toe:foot"), "loop toe - foot joins a body to itself"),
         (("--loop", "toe:tow"), "frame 'tow' is unknown"),
+        (("--stiff", "toe"), "joint 'toe' is unknown"),
         ((*BOLT, "--support", "toe"), "support toe is on the kicking limb"),
         ((*BOLT, "--support", "tow"), "frame 'tow' is unknown"),
     ],

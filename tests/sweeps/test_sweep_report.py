@@ -5,6 +5,7 @@ from rich.console import Console
 import kickdyn as kd
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.summary import summarize
+from kickdyn.sweeps.sweep_kick import kick_from
 from kickdyn.sweeps.sweep_report import as_json, extreme_lines, paper_lines, show, table, text
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
@@ -147,3 +148,15 @@ def test_a_whole_robot_is_swept_by_its_named_joints():
     _, summary, lines = swept(*joints, "FL_KFE=30", leg=leg, kick=kick)
     assert "FL_KFE" in [row.split(",")[0].strip() for row in printed(leg, lines)]
     assert "The robot's 2 other joints are at 0" in text(summary, lines)
+
+
+def test_both_effective_masses_of_stiff_joints():
+    leg = LEG.with_stiff_joints("ankle")
+    _, _, lines = swept("knee=10:20:10", leg=leg)
+    for line in lines:
+        free = kick_from(LEG.posture(line.outcome.posture.q), KICK).impact.effective_mass
+        assert line.as_json()["free_effective_mass"] == pytest.approx(free, rel=1e-12)
+        assert line.as_json()["effective_mass"] > free
+    (row,) = (row for row in printed(leg, lines) if "all joints free, kg" in row)
+    assert float(row.split()[-1]) == pytest.approx(free, rel=1e-3)
+    assert "free_effective_mass" not in swept("knee=10")[2][0].as_json()

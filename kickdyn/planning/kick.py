@@ -35,7 +35,7 @@ from kickdyn.planning.kick_program import (
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
-from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.kicking_chain import kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
 
 FAR = 1e9
@@ -188,7 +188,8 @@ def plan_kick(
     a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
 
     Args:
-        leg: on a fixed base, without supports or loops.
+        leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
+            limb. The plan's q has one angle for each continuous joint.
         goal: from where the ball lies.
         ball: mass and radius.
         air: None is the vacuum.
@@ -221,6 +222,7 @@ def plan_kick(
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective.
     """
+    leg = with_angles(leg)
     check_unconstrained(leg, "kicks are planned")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)

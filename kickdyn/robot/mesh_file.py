@@ -30,14 +30,17 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what i
 
 FORMATS = (".stl", ".obj", ".dae", ".ply")
 
-MAX_BYTES = 50_000_000
-"""Of a file, or of the scene that a file stands for: an STL file of a million triangles."""
+MAX_BYTES = 100_000_000
+"""Of a file, or of the scene that a file stands for: an STL file of two million triangles."""
 
 MAX_VERTICES = 3_000_000
 MAX_PARTS = 1000  # surfaces with a material or a position of their own
 
 INSTANCES, SURFACES = ("instance_node", "instance_geometry"), ("triangles", "polylist", "polygons")
 """Tags of COLLADA: copies of other elements, and what has triangles."""
+
+GREY = "0.4 0.4 0.4 1"
+"""Colour of what COLLADA colours by a picture, as trimesh's own without the picture."""
 
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -148,10 +151,25 @@ def _parse_collada(content: bytes) -> ElementTree.Element:
     if text > MAX_BYTES:
         raise ValueError(f"its scene has {text} characters: at most {MAX_BYTES} are read")
     _check_parts(count)
+    _remove_pictures(root)
     corners = sum(sum(map(int, (e.text or "").split())) for e in root.iterfind(".//{*}vcount"))
     if corners > MAX_VERTICES:  # a few digits, for each of which memory would be taken
         raise ValueError(f"its polygons have {corners} corners: at most {MAX_VERTICES} are read")
     return root
+
+
+def _remove_pictures(root: ElementTree.Element) -> None:
+    """Give grey to what a picture colours: without the picture, its surfaces would be lost."""
+    for parent in root.iterfind(".//{*}library_effects//*[{*}texture]"):
+        for texture in parent.findall("{*}texture"):
+            texture.tag = texture.tag.replace("texture", "color")
+            texture.text = GREY
+            texture.attrib.clear()
+            del texture[:]
+    for profile in root.iterfind(".//{*}library_effects//*[{*}newparam]"):
+        for param in profile.findall("{*}newparam"):
+            if param.find("{*}surface") is not None or param.find("{*}sampler2D") is not None:
+                profile.remove(param)
 
 
 def _check_parts(count: int) -> None:

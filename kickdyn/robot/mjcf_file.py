@@ -7,6 +7,8 @@ meshes, copies, scaled masses. It is given what was checked, in memory, and open
 import os
 import stat
 import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -19,6 +21,8 @@ from scipy.spatial.transform import Rotation
 from kickdyn.core.files import read_text
 from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
+from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
@@ -76,18 +80,35 @@ class MjcfFile(RobotFile):
         meshes: content of the mesh files, by the names that they have in `text`.
         missing: mesh files that do not exist, relative to `folder`, by the names of the meshes.
         name: of the model.
+        left_out: moving bodies that are not part of the robot.
+        gears: what the property `mimics` returns.
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     missing: dict[str, str] = field(default_factory=dict)
     name: str = ""
+    left_out: tuple[str, ...] = ()
+    gears: tuple[Mimic, ...] = ()
+
+    @property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that equality constraints let move with another."""
+        return self.gears
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line if the file has other moving bodies than those of the robot."""
+        if not self.left_out:
+            return ()
+        names = ", ".join(self.left_out[:5]) + (", ..." if self.left_out[5:] else "")
+        return (f"bodies that hang on another root are left out: {names}",)
 
     def compile(self) -> Any:
         """Return the `mujoco.MjModel`.
 
         Raises:
-            MjcfError: MuJoCo refuses the document, or an inertia needs a mesh that is missing.
-            InvalidInput: MuJoCo is not installed.
+            MjcfError: MuJoCo refuses the document, or is not installed, or an inertia needs a mesh
+                that is missing.
         """
         model = self._compiled(0.1)
         if not self.missing:
@@ -109,22 +130,16 @@ class MjcfFile(RobotFile):
         try:
             import mujoco  # an optional package
         except ImportError:
-            raise InvalidInput(
-                f"{self.source}: MJCF needs the package mujoco: install it with "
-                'pip install "kickdyn[mjcf]"'
-            ) from None
+            line = 'MJCF needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
+            raise MjcfError(self.source, [line]) from None
         meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
-        with _lock:
-            before = mujoco.get_mju_user_warning()
-            mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
-            try:
+        try:
+            with quiet_mujoco():
                 return mujoco.MjModel.from_xml_string(self.text, meshes)
-            except Exception as error:  # ValueError; FatalError of a later stage
-                lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-                reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
-                raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
-            finally:
-                mujoco.set_mju_user_warning(before)
+        except Exception as error:  # ValueError; FatalError of a later stage
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
+            raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
 
     def visuals(self) -> list[Visual]:
         """Return the geoms that MuJoCo's viewer shows at first: groups 0 to 2, not transparent.
@@ -172,15 +187,38 @@ class MjcfFile(RobotFile):
         return Visual(body, pose, shape, tuple(sizes), mesh, tuple(rgba), False, vertices, faces)
 
 
+@contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Let MuJoCo write no warnings, to the screen and to a file MUJOCO_LOG.TXT."""
+    import mujoco
+
+    with _lock:
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(before)
+
+
 def body_name(compiled: Any, body: int) -> str:
     """Return the name of a body, by its number where it has none."""
     return str(compiled.body(body).name) or f"body{body}"
 
 
-def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
+def is_mjcf(path: str | PathLike[str]) -> bool:
+    """Return whether a file is an MJCF, by its root element; if it has none, by its ending."""
+    try:
+        return parse_xml(read_text(path, str(path), MAX_BYTES, MjcfError)).tag == "mujoco"
+    except ValueError:  # whoever reads it says why
+        return Path(path).suffix.lower() in (".xml", ".mjcf")
+
+
+def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFile:
     """Read and check an MJCF file, the files that it includes, and its meshes.
 
-    Included files and meshes are read from the file's own folder and the folders below it only.
+    Included files and meshes are read only below the file's own folder, or the ROS package that
+    it belongs to, and below `folders`.
 
     Raises:
         MjcfError: with the first fault of the file.
@@ -191,7 +229,7 @@ def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
     except TypeError:
         raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
     try:
-        return _Reader(file, source).read()
+        return _Reader(file, source, folders).read()
     except ValueError as fault:
         if isinstance(fault, InvalidInput):
             raise
@@ -201,9 +239,8 @@ def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
 class _Reader:
     """Reads one model; faults are raised as `ValueError`."""
 
-    def __init__(self, file: Path, source: str) -> None:
-        self.file, self.source = file, source
-        self.folder = file.resolve().parent
+    def __init__(self, file: Path, source: str, folders: Iterable[Path]) -> None:
+        self.file, self.source, self.folders = file, source, folders
         self.read_bytes = 0
         self.included: set[Path] = set()
 
@@ -214,6 +251,8 @@ class _Reader:
             raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
         if root.tag != "mujoco":
             raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
+        self.folder = self.file.resolve().parent
+        self.roots = [MeshFinder(self.folder).home, *(each.resolve() for each in self.folders)]
         self._include(root, 0)
         _keep_mechanics(root)
         _check_size(root)
@@ -256,14 +295,15 @@ class _Reader:
             element[at : at + 1] = list(inner)
 
     def _inside(self, what: str, name: str, folder: Path) -> Path | None:
-        """Return a regular file in the model's folder, links followed; None if it is missing."""
+        """Return a regular file that may be read, links followed; None if it is missing."""
         if not name or "://" in name:
             raise ValueError(f"{what} {name!r} is refused: it must be the name of a file")
         try:
             file = (folder / name).resolve()
-            if not file.is_relative_to(self.folder):
+            if not any(file.is_relative_to(root) for root in self.roots):
                 raise ValueError(
-                    f"{what} {name!r} is refused: it lies outside the model's folder {self.folder}"
+                    f"{what} {name!r} is refused: it lies outside {self.roots[0]}, the model's "
+                    "folder or ROS package"
                 )
             if not file.exists():
                 return None

@@ -4,7 +4,7 @@ import io
 import os
 import tempfile
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -20,7 +20,8 @@ from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import brief
 from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults, find_irregularities
+from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 20_000_000
@@ -60,22 +61,31 @@ class UrdfFile(RobotFile):
         return found
 
     @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that the file lets move with another, each with a driver that does not."""
+        return read_mimics(ElementTree.fromstring(self.text))
+
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each kind of irregularity with which the file was read; none was repaired."""
         return tuple(find_irregularities(ElementTree.fromstring(self.text)))
 
 
 def read_urdf(
-    path: str | PathLike[str], package_dirs: Iterable[str | PathLike[str]] = ()
+    path: str | PathLike[str],
+    package_dirs: Iterable[str | PathLike[str]] = (),
+    locked: Container[str] = (),
 ) -> UrdfFile:
     """Read and check a URDF file, whose meshes may be in further folders.
+
+    Of joints to be locked, it does not matter whom they mimic.
 
     Raises:
         UrdfError: with all faults of the file in one message.
         InvalidInput: `path` is no path at all, or there is no such folder.
     """
     urdf = replace(read_document(path), package_dirs=tuple(_folders(package_dirs)))
-    faults = find_faults(ElementTree.fromstring(urdf.text))
+    faults = find_faults(ElementTree.fromstring(urdf.text), locked)
     if faults:
         raise UrdfError(urdf.source, faults)
     return urdf

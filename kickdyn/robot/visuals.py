@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from kickdyn.core.validation import Array
+from kickdyn.robot.mimic_joints import Mimic
 
 
 class Shape(StrEnum):
@@ -66,6 +67,11 @@ class RobotFile:
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return ()
+
+    @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that the file lets move with another."""
         return ()
 
     def visuals(self) -> list[Visual]:

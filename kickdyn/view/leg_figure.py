@@ -16,13 +16,16 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import MAX_VERTICES, Triangles, read_mesh
+from kickdyn.robot.mesh_file import Triangles, read_mesh
 from kickdyn.robot.mesh_path import MeshFinder
 from kickdyn.robot.visuals import Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
 Rgba = tuple[float, ...]
 MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
+
+MOST_VERTICES = 6_000_000
+"""Vertices and triangles of all meshes of a robot: a page of 100 MB."""
 
 PLAIN: Rgba = (0.62, 0.67, 0.73, 1.0)
 KNOB: Rgba = (0.25, 0.27, 0.31, 1.0)
@@ -97,7 +100,7 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
     visuals = [visual for visual in visuals if visual.frame in by_name]  # not of other objects
     parts: list[Part] = []
     faults: list[str] = []
-    room = MAX_VERTICES
+    room = MOST_VERTICES
     read = cache(partial(read_mesh, MeshFinder(leg.file.folder, leg.file.package_dirs)))
     for visual in visuals:
         try:
@@ -105,7 +108,7 @@ def leg_parts(leg: Leg) -> tuple[list[Part], str]:
             room -= sum(_vertices(part.shape) for part in new)
             if room < 0:
                 raise InvalidInput(
-                    f"mesh {visual.mesh!r} is too much: at most {MAX_VERTICES} vertices and "
+                    f"mesh {visual.mesh!r} is too much: at most {MOST_VERTICES} vertices and "
                     "triangles are drawn"
                 )
             parts += new

@@ -142,6 +142,15 @@ def test_a_huge_mesh_is_refused(folder, monkeypatch):
         read("meshes/box.stl", folder)
 
 
+def test_a_mesh_of_a_gigabyte_is_refused_by_its_size(folder):
+    with (folder / "huge.stl").open("wb") as file:
+        file.truncate(10**9)
+    with pytest.raises(
+        kd.InvalidInput, match=r"'huge\.stl' has 1000000000 bytes: at most 100000000"
+    ):
+        read("huge.stl", folder)
+
+
 @pytest.mark.parametrize(("scale", "size"), [(2.0, (0.2, 0.4, 0.6)), ((1, -1, 10), (0.1, 0.2, 3))])
 def test_scale(folder, scale, size):
     (mesh,) = read("meshes/box.stl", folder, scale)
@@ -222,6 +231,21 @@ def test_a_collada_file_is_turned_z_up(folder, up, size):
     assert middle == pytest.approx(expected)
 
 
+def test_a_surface_is_drawn_without_the_picture_that_it_names(folder):
+    """Pictures that are missing would take the whole mesh with them."""
+    text = trimesh.creation.box((1, 1, 1)).export(file_type="dae").decode()
+    picture = '<diffuse><texture texture="t" texcoord="UV"/></diffuse>'
+    edited = re.sub(r"<diffuse>.*?</diffuse>", picture, text, count=1, flags=re.DOTALL)
+    missing = (
+        '<newparam sid="s"><surface type="2D"><init_from>gone</init_from></surface></newparam>'
+        '<newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam><technique'
+    )
+    (folder / "textured.dae").write_text(edited.replace("<technique", missing, 1))
+    assert edited != text
+    (part,) = read("textured.dae", folder)
+    np.testing.assert_allclose(part.rgba, (0.4, 0.4, 0.4, 1))
+
+
 @pytest.mark.parametrize("ending", FORMATS)
 def test_every_format_is_read(ending, folder):
     trimesh.creation.box((1, 1, 1)).export(folder / f"cube{ending}")
@@ -298,7 +322,7 @@ def test_nodes_that_stand_for_others_are_counted(folder):
     (folder / "few.dae").write_text(collada(lambda text: doubled(text, 3)))
     assert len(read("few.dae", folder)) == 8
     (folder / "many.dae").write_text(collada(doubled))
-    with pytest.raises(kd.InvalidInput, match=r"its scene has \d+ characters: at most 50000000"):
+    with pytest.raises(kd.InvalidInput, match=r"its scene has \d+ characters: at most 100000000"):
         read("many.dae", folder)
     (folder / "parts.dae").write_text(collada(lambda text: doubled(text, 10)))
     with pytest.raises(kd.InvalidInput, match=r"it has \d+ parts: at most 1000"):

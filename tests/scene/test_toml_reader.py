@@ -115,6 +115,17 @@ def test_a_file_is_looked_for_from_the_scenes_folder(read, tmp_path, good_urdf):
     assert read(text).leg.joint_names == ("hip", "knee")
 
 
+def test_a_file_may_be_an_mjcf(read, tmp_path):
+    (tmp_path / "my.xml").write_text(
+        '<mujoco><worldbody><body name="thigh"><joint name="hip" axis="0 -1 0"/><geom size="0.1"/>'
+        '<body pos="0 0 -1"><joint name="knee" axis="0 1 0"/><geom size="0.1"/>'
+        '<site name="toe" pos="0.2 0 -1"/></body>'
+        "</body></worldbody></mujoco>"
+    )
+    text = SMALL.replace('model = "human"', 'file = "my.xml"').replace(", ankle = -5", "")
+    assert read(text).leg.joint_names == ("hip", "knee")
+
+
 def test_package_dirs_are_looked_for_from_the_scenes_folder(read, faults, tmp_path, good_urdf):
     (tmp_path / "my.urdf").write_text(good_urdf)
     (tmp_path / "share").mkdir()
@@ -353,3 +364,14 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
 def test_bad_loops_are_refused(faults, loops, said):
     (line,) = faults(SMALL.replace('"human"', f'"human"\nloops = {loops}'))
     assert re.search(said, line)
+
+
+def test_stiff_joints(tmp_path, faults):
+    file = tmp_path / "scene.toml"
+    file.write_text(SMALL.replace('"human"', '"human"\nstiff_joints = ["ankle"]'))
+    scene = kd.load_scene(file)
+    impact = kd.simulate(scene).impact
+    assert scene.leg.stiff_joints == ("ankle",)
+    assert impact.v_after[2] == pytest.approx(scene.v[2], rel=1e-12, abs=1e-12)
+    (line,) = faults(SMALL.replace('"human"', '"human"\nstiff_joints = ["toe"]'))
+    assert "leg: joint 'toe' is unknown" in line

@@ -325,7 +325,7 @@ def test_a_mesh_is_read_once_and_all_together_are_bounded(leg_looking_like, tmp_
     monkeypatch.setattr(leg_figure, "read_mesh", lambda *names: read.append(names) or load(*names))
     assert len(thigh(leg)) == 3
     assert len(read) == 1
-    monkeypatch.setattr(leg_figure, "MAX_VERTICES", 59)
+    monkeypatch.setattr(leg_figure, "MOST_VERTICES", 59)
     parts, warning = leg_parts(leg)
     assert len([part for part in parts if part.joint == 1]) == 2
     assert "1 of 3 visuals of leg is not drawn: mesh 'box.obj' is too much: at most 59" in warning

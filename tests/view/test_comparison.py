@@ -37,9 +37,8 @@ def test_legs_stand_side_by_side_with_arrows_to_one_scale(hits, commands_of):
 def test_the_ground_is_under_the_lowest_foot(hits, commands_of):
     def ground(shown):
         said = commands_of(kd.page(shown).html)
-        (matrix,) = (c["matrix"] for c in said
-                     if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
-        return matrix[14]
+        moved = {c["path"]: c["matrix"] for c in said if c["type"] == "set_transform"}
+        return moved["/meshcat/ground"][14]
 
     alone = [ground({name: hit}) for name, hit in hits.items()]
     assert max(alone) - min(alone) > 0.01

@@ -57,7 +57,7 @@ def random_kick(rng, leg, floats):
     return posture, v, kd.Ball(), contact
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(SEEDS, st.booleans())
 def test_an_impact_is_that_of_free_bodies_tied_by_joints_and_gears(tmp_path_factory, seed, floats):
     rng, text, leg = random_leg(seed, tmp_path_factory.mktemp("tree"), floats=floats)

@@ -9,6 +9,7 @@ from .contact import Contact as Contact
 from .errors import EnergyCreated as EnergyCreated
 from .errors import InvalidInput as InvalidInput
 from .errors import KickdynError as KickdynError
+from .errors import MjcfError as MjcfError
 from .errors import NoImpact as NoImpact
 from .errors import SceneError as SceneError
 from .errors import UrdfError as UrdfError
@@ -19,6 +20,14 @@ from .flight.follow import Course as Course
 from .flight.follow import follow as follow
 from .ground import Ground as Ground
 from .ground import Surface as Surface
+from .identification.identification_result import Identification as Identification
+from .identification.identify import identify as identify
+from .identification.infer_impact import InferredImpact as InferredImpact
+from .identification.infer_impact import infer_impact as infer_impact
+from .identification.learner import Learner as Learner
+from .identification.segments import Segments as Segments
+from .identification.segments import segments as segments
+from .identification.track import Track as Track
 from .impact.collide import Collision as Collision
 from .impact.collide import collide as collide
 from .impact.hertz import HertzContact as HertzContact

@@ -39,6 +39,10 @@ class UrdfError(FaultyFile):
     """A robot description that is refused; all its faults are in one line."""
 
 
+class MjcfError(FaultyFile):
+    """An MJCF model that is refused, with its fault."""
+
+
 class SceneError(FaultyFile):
     """A scene file that is refused; of several faults, each has a line of its own."""
 

@@ -29,6 +29,7 @@ IMPACT = kd.strike(POSTURE, V, BALL, CONTACT)
 GOAL = kd.Goal((10.0, 0.0, 0.0), time=1.0)
 SCENE = kd.Scene(LEG, Q, V, BALL, CONTACT)
 PLAN = kd.plan_kick(LEG, GOAL, BALL)
+TRACK = kd.Track(np.arange(5) / 50, np.linspace((0, 0, 1), (1, 0, 1), 5))
 
 GOOD = {
     "leg": LEG, "posture": POSTURE, "q": Q, "v": V, "ball": BALL, "contact": CONTACT,
@@ -42,6 +43,8 @@ GOOD = {
     "position": (0.0, 0.0, 1.0), "point_velocity": (1.0, 0.0, 0.0),
     "unit": (1.0, 0.0, 0.0), "wish": (1.0, 0.0, 0.0), "joint_impulse": V, "offset": (0.0, 0.0, 0.0),
     "path": "no/such/file", "subject": kd.fly(IMPACT.ball_after, BALL),
+    "track": TRACK, "times": TRACK.times, "positions": TRACK.positions, "file": "no/such/file",
+    "ball_before": IMPACT.ball_before, "ball_after": IMPACT.ball_after, "landing": (10.0, 0.0),
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
@@ -65,12 +68,23 @@ INSTANCES = {
     "Course": kd.follow(IMPACT.ball_after, BALL, None, kd.Ground(-5.0, "turf")),
     "Swing": kd.Swing("met", *STILL),
     "Uncertainty": IMPACT.uncertainty(q=0.1),
+    "Learner": kd.Learner(GOAL, BALL),
 }
 """One of each class that has methods with arguments."""
 
 RESULTS = {
-    *("Collision", "Course", "Flight", "Impact", "JointLoad", "KickPlan", "Launch"),
-    *("Pass", "Sensitivity", "Simulation", "Swing", "Uncertainty", "UnilateralImpact"),
+    *("Collision", "Course", "Flight", "Identification", "Impact", "InferredImpact", "JointLoad"),
+    *(
+        "KickPlan",
+        "Launch",
+        "Pass",
+        "Segments",
+        "Sensitivity",
+        "Simulation",
+        "Swing",
+        "Uncertainty",
+        "UnilateralImpact",
+    ),
 }
 """Classes that functions make, not users."""
 

@@ -18,6 +18,7 @@ COMMANDS = {
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
     "tradeoff": "Measure error against cost.",
     "simulate": "Simulate a scene file to a tolerance.",
+    "identify": "Fit launch, spin and drag to a measured ball track.",
     "view": "Show a scene file as a 3-D page or a picture.",
 }
 """Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`.

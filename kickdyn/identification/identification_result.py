@@ -1,0 +1,239 @@
+"""The result of `identify`: the launch, what else was found, and how far it is determined."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.air import Air
+from kickdyn.ball import Ball, BallState
+from kickdyn.core.plot_style import styled
+from kickdyn.core.representation import ReprMixin, Row, side_view, warned
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.fly import fly
+from kickdyn.identification.track import Track
+
+UNITS = {
+    **dict.fromkeys(("x", "y", "z"), "m"),
+    **dict.fromkeys(("vx", "vy", "vz", "wind_x", "wind_y"), "m/s"),
+    **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), "rad/s"),
+}
+"""Units of what is sought; coefficients and factors have none."""
+
+LOOSEST = {
+    **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 50.0),
+    **{"drag": 0.1, "drag_scale": 0.5, "lift_scale": 0.5, "wind_x": 3.0, "wind_y": 3.0},
+}
+"""Standard deviation above which a value is not given: about half of what it usually is."""
+
+
+class ModelScore(NamedTuple):
+    """How well a drag model predicts the second half of flights from the first.
+
+    Attributes:
+        model: its name.
+        prediction_rms: of the distance between prediction and measurement in the second halves,
+            root mean square over the flights [m].
+        fit_rms: of the distance in the first halves, to which it was fitted [m].
+        flights: prediction_rms of each flight [m].
+    """
+
+    model: str
+    prediction_rms: float
+    fit_rms: float
+    flights: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(ReprMixin):
+    r"""Launch, spin, drag, lift and wind of measured flights, with their uncertainty.
+
+    Names of the unknowns: `x`, `y`, `z` [m] and `vx`, `vy`, `vz` [m/s] at the first sample;
+    `back_spin`, `side_spin` (positive bends the flight to the left) and `gyro_spin` (about the
+    velocity) [rad/s]; `drag`, `drag_scale`, `lift_scale`; `wind_x`, `wind_y` [m/s]. Where several
+    flights were fitted together, those of flight i end in `_i`.
+
+    Attributes:
+        tracks: what was measured.
+        ball: mass and radius.
+        air: with the coefficients and the wind that were found.
+        launches: for each flight the state at its first sample. A spin has all three components,
+            also those that the measurement does not determine: these are near zero.
+        names: of the unknowns.
+        estimates: of the unknowns, shape `(p,)`.
+        covariance: of the estimates, shape `(p, p)`.
+        residuals: fitted less measured positions, of all flights in a row, shape `(n, 3)` [m].
+        used: which samples count, shape `(n,)`; the others are outliers.
+        noise: standard deviation of one measured coordinate [m].
+        widening: factor by which the deviations are larger than those of independent samples,
+            because neighbouring residuals go together.
+        comparison: drag models, the best first.
+    """
+
+    tracks: tuple[Track, ...]
+    ball: Ball
+    air: Air
+    launches: tuple[BallState, ...]
+    names: tuple[str, ...]
+    estimates: Array
+    covariance: Array
+    residuals: Array
+    used: NDArray[np.bool_]
+    noise: float
+    widening: float
+    comparison: tuple[ModelScore, ...] = ()
+
+    def _rows(self) -> Iterable[Row]:
+        yield "samples", f"{self.used.sum()} of {self.used.size} used", ""
+        yield "rms", self.rms, "m"
+        for name, value in self.values.items():
+            number = f"{value:.4g} +- {self.deviations[name]:.2g}"
+            yield name, number, _unit(name)
+        for name, reason in self.undetermined.items():
+            yield name, f"not determined: {reason}", ""
+        for score in self.comparison:
+            rms = f"{score.prediction_rms:.4f} m in the second half, {score.fit_rms:.4f} m fitted"
+            yield score.model, rms, ""
+        yield from warned(self.warnings)
+
+    def _picture(self) -> str:
+        track, launch = self.tracks[0], self.launches[0]
+        ahead = launch.velocity[:2] / max(float(np.hypot(*launch.velocity[:2])), 1e-300)
+        points = np.column_stack([track.positions[:, :2] @ ahead, track.positions[:, 2]])
+        return side_view(points, dots=points[:: max(len(points) // 20, 1)])
+
+    @cached_property
+    def undetermined(self) -> dict[str, str]:
+        """The unknowns that the measurement does not determine, and why not."""
+        return {
+            name: f"its standard deviation is {deviation:.2g} {_unit(name)}".rstrip()
+            for name, deviation in zip(self.names, self._deviations, strict=True)
+            if deviation > LOOSEST.get(_plain(name), math.inf)
+        }
+
+    @property
+    def _deviations(self) -> list[float]:
+        """Standard deviations of all unknowns."""
+        return [float(value) for value in np.sqrt(np.diag(self.covariance))]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The estimates by name, without those that the measurement does not determine."""
+        pairs = zip(self.names, self.estimates.tolist(), strict=True)
+        return {name: value for name, value in pairs if name not in self.undetermined}
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of `values`, by name and in the same units."""
+        pairs = zip(self.names, self._deviations, strict=True)
+        return {name: value for name, value in pairs if name not in self.undetermined}
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations of the estimates, shape `(p, p)`, in the order of `names`."""
+        size = np.maximum(np.sqrt(np.diag(self.covariance)), 1e-300)
+        return np.asarray(self.covariance / np.outer(size, size))
+
+    @property
+    def launch(self) -> BallState:
+        """The state at the first sample of the only flight.
+
+        Raises:
+            InvalidInput: there are several flights: `launches` has theirs.
+        """
+        if len(self.launches) > 1:
+            raise InvalidInput(f"there are {len(self.launches)} flights: launches has the states")
+        return self.launches[0]
+
+    @cached_property
+    def flights(self) -> tuple[Flight, ...]:
+        """The fitted flights, each flown on until it is back at the height of its launch."""
+        return tuple(fly(launch, self.ball, self.air) for launch in self.launches)
+
+    @property
+    def flight(self) -> Flight:
+        """The fitted flight; raises `InvalidInput` if there are several."""
+        return self.flights[self.launches.index(self.launch)]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square distance of fit and measurement, outliers left out [m]."""
+        kept = self.residuals[self.used]
+        return math.sqrt(float((kept * kept).sum()) / max(len(kept), 1))
+
+    @property
+    def time_residuals(self) -> Array:
+        r"""How late each position was measured on the fitted path, shape `(n,)` [s].
+
+        :math:`r \cdot v / |v|^2` with the residual r and the measured velocity v.
+        """
+        speeds = np.concatenate(
+            [np.gradient(track.positions, track.times, axis=0) for track in self.tracks]
+        )
+        squares = np.maximum((speeds * speeds).sum(axis=1), 1e-300)
+        return np.asarray((self.residuals * speeds).sum(axis=1) / squares)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before using the numbers; empty if there is nothing."""
+        lines = [
+            f"{name} is not determined by the measurement: {reason}"
+            for name, reason in self.undetermined.items()
+        ]
+        for name, value in self.values.items():
+            if _plain(name) in LOOSEST and self.deviations[name] > 0.5 * abs(value):
+                lines.append(
+                    f"{name} is {value:.3g} with a standard deviation of "
+                    f"{self.deviations[name]:.2g}: more than half its value"
+                )
+        if self.widening > 1.0:
+            lines.append(
+                "neighbouring residuals go together, as in smoothed tracks: the standard "
+                f"deviations are widened by {self.widening:.2g}"
+            )
+        aside = int((~self.used).sum())
+        if aside:
+            lines.append(f"{aside} of {self.used.size} samples are outliers and were left out")
+        for flight in self.flights:
+            lines += [line for line in flight.warnings if line not in lines]
+        return tuple(lines)
+
+    @styled()
+    def plot(self) -> Any:
+        """Return a matplotlib figure: measured points and fitted path, and the residuals."""
+        from matplotlib.figure import Figure  # takes long to import
+
+        figure = Figure(figsize=(9.0, 6.0))
+        side, top, rest = figure.subplots(3, 1, height_ratios=(2, 2, 1))
+        first = 0
+        for track in self.tracks:
+            rows = slice(first, first + len(track))
+            fitted = track.positions + self.residuals[rows]
+            used = self.used[rows]
+            for axes, across in ((side, 2), (top, 1)):
+                axes.plot(fitted[:, 0], fitted[:, across], color="C0")
+                axes.plot(*track.positions[used][:, [0, across]].T, ".", color="C1", markersize=3)
+                axes.plot(*track.positions[~used][:, [0, across]].T, "x", color="C3")
+            rest.plot(track.times, 100.0 * self.residuals[rows], linewidth=0.8)
+            first += len(track)
+        side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
+        top.set(xlabel="x [m]", ylabel="y [m]")
+        rest.set(xlabel="time [s]", ylabel="residual [cm]")
+        return figure
+
+
+def _plain(name: str) -> str:
+    """Return a name without the number of the flight."""
+    head, _, tail = name.rpartition("_")
+    return head if tail.isdigit() else name
+
+
+def _unit(name: str) -> str:
+    """Return the unit of an unknown, nothing for a coefficient."""
+    return UNITS.get(_plain(name), "")

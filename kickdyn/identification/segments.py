@@ -1,0 +1,431 @@
+r"""`segments`: a track cut into flights, rolling and rest, and what each bounce says of the ground.
+
+Between two touches each coordinate is nearly a cubic in time (drag and lift change slowly). The
+cuts are those that minimise
+
+.. math:: \sum_{\text{segments}} \Big( \frac{1}{\sigma^2} \sum_k |y_k - c(t_k)|^2 + \beta \Big)
+
+over all partitions of the samples, with :math:`\sigma` the noise and :math:`\beta` the price of 12
+coefficients by the Bayesian information criterion, found by dynamic programming (Jackson et al.
+2005, IEEE Signal Process. Lett. 12:105).
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kickdyn.ball import Ball
+from kickdyn.core import validation
+from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.representation import Printed
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.ground import Ground, Surface
+from kickdyn.identification.track import Track
+
+LONGEST = 1.0
+"""Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
+
+LEAST_NOISE = 0.012
+"""Least noise of a coordinate that cuts are judged by [m]: cubics are no exact flights."""
+
+GAP = 0.25
+"""Time without a sample after which a new segment begins [s]."""
+
+ON_GROUND = 0.25
+"""Height above rest on the ground below which a ball may touch it [m]: pitches are crowned, and
+trackers do not all report the ball's centre."""
+
+NEAR = 0.3
+"""Time around a cut from which velocities just before and after it are taken [s]."""
+
+ACCELERATION, JERK = 6.0, 15.0
+"""How far a ball's acceleration differs from gravity's [m/s2], and how fast it changes [m/s3], as
+standard deviations: drag and lift of a ball at 20 m/s, and their change within its flight."""
+
+LEVEL = 0.15
+"""Change of height of a ball that rolls [m], within one part."""
+
+SLOW = 0.3
+"""Speed below which a ball on the ground counts as at rest [m/s]."""
+
+
+class SegmentKind(StrEnum):
+    """What the ball does in a part of a track."""
+
+    FLIGHT = "flight"
+    ROLLING = "rolling"
+    REST = "rest"
+    OTHER = "other"
+
+
+class CutReason(StrEnum):
+    """Why a part of a track begins where it does."""
+
+    START = "start"
+    BOUNCE = "bounce"
+    TOUCH = "touch"
+    LANDING = "landing"
+    GAP = "gap"
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a track between two cuts.
+
+    Attributes:
+        kind: `flight`, `rolling`, `rest` or `other` (in contact with something, or too short).
+        first, last: index of its first sample, and of the one after its last: `track[first:last]`.
+        begins: why it begins: the `start` of the track, a `bounce` off the ground, a `touch` by a
+            player or an obstacle, a `landing` from which it does not rise, or a `gap`.
+        start: estimated time of the cut at which it begins [s].
+        velocity_before: of the ball just before that cut, shape `(3,)` [m/s]; None at a start.
+        velocity_after: just after it, shape `(3,)` [m/s].
+        end_velocity: just before the segment's end, shape `(3,)` [m/s].
+    """
+
+    kind: SegmentKind
+    first: int
+    last: int
+    begins: CutReason
+    start: float
+    velocity_before: Array | None
+    velocity_after: Array
+    end_velocity: Array
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return self.last - self.first
+
+
+class Measured(NamedTuple):
+    """A median of several measurements, its standard deviation, and their number.
+
+    The median, because a bounce beside a player's foot looks like any other.
+    """
+
+    median: float
+    deviation: float
+    samples: int
+
+    def __str__(self) -> str:
+        return f"{self.median:.3g} +- {self.deviation:.2g} (of {self.samples})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Segments(Printed):
+    r"""The parts of a track, and what they say of the ground.
+
+    Attributes:
+        track: what was cut.
+        parts: in the order of time.
+        restitution: of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
+        friction: impulse along the ground over that across it,
+            :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces. Where the ball grips the ground it
+            is less than the coefficient of friction. None without a bounce.
+        rolling_deceleration: of the rolling parts [m/s2], air included; None without such a part.
+    """
+
+    track: Track
+    parts: tuple[Segment, ...]
+    restitution: Measured | None
+    friction: Measured | None
+    rolling_deceleration: Measured | None
+
+    def __str__(self) -> str:
+        """Return a line for each part, and what the bounces and the rolling say."""
+        lines = ["kind       samples        time [s]       begins by   speed [m/s]"]
+        for part in self.parts:
+            first, last = self.track.times[[part.first, part.last - 1]]
+            speed = float(np.linalg.norm(part.velocity_after))
+            lines.append(
+                f"{part.kind:9} {part.first:5}-{part.last:<5} {first:8.2f}-{last:<8.2f} "
+                f"{part.begins:9} {speed:8.2f}"
+            )
+        for name in ("restitution", "friction", "rolling_deceleration"):
+            value = getattr(self, name)
+            if value is not None:
+                lines.append(f"{name.replace('_', ' ')}: {value}")
+        return "\n".join(lines)
+
+    @property
+    def flights(self) -> tuple[Track, ...]:
+        """The parts of the track in which the ball flies."""
+        return tuple(
+            self.track[part.first : part.last]
+            for part in self.parts
+            if part.kind is SegmentKind.FLIGHT
+        )
+
+    @property
+    def surface(self) -> Surface:
+        """The ground as `kickdyn.follow` takes it, of the mean values.
+
+        Raises:
+            InvalidInput: the track has no bounce, or no rolling part.
+        """
+        if self.restitution is None or self.friction is None or self.rolling_deceleration is None:
+            missing = "bounce" if self.restitution is None else "part in which the ball rolls"
+            raise InvalidInput(f"the track has no {missing}: it does not determine a surface")
+        return Surface(
+            "measured",
+            min(max(self.restitution.median, 0.0), 1.0),
+            max(self.friction.median, 0.0),
+            self.rolling_deceleration.median,
+            source=f"{self.restitution.samples} bounces of a measured track",
+        )
+
+
+class _Piece(NamedTuple):
+    """Samples first to last - 1 of the kept ones, and polynomials fitted to them.
+
+    Attributes:
+        first, last: indices.
+        origin: time that the polynomials count from [s].
+        coefficients: of the polynomials, lowest power first, shape `(k, 3)`.
+        cost: sum of squared residuals over the squared noise.
+    """
+
+    first: int
+    last: int
+    origin: float
+    coefficients: Array
+    cost: float
+
+    def at(self, time: float, order: int = 0) -> Array:
+        """Return position, velocity or acceleration at a time."""
+        powers = np.polynomial.polynomial.polyder(self.coefficients, order)
+        return np.asarray(np.polynomial.polynomial.polyval(time - self.origin, powers))
+
+
+@validation.check_arguments
+def segments(track: Track, ball: Ball, ground: Ground | None = None) -> Segments:
+    """Return the flights, rolls and rests of a track, with the reason for each cut.
+
+    Args:
+        track: positions of the ball's centre.
+        ball: its radius tells when it is on the ground.
+        ground: its height; None is z = 0.
+
+    Raises:
+        InvalidInput: fewer than 5 samples, or a wrong argument.
+    """
+    if len(track) < 5:
+        raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
+    height = (ground.height if ground is not None else 0.0) + ball.radius
+    noise = max(_noise(track), LEAST_NOISE)
+    kept = np.flatnonzero(_without_spikes(track, noise))
+    clean = Track(track.times[kept], track.positions[kept])
+    pieces: list[_Piece] = []
+    gaps = np.flatnonzero(np.diff(clean.times) > GAP) + 1
+    for first, last in zip([0, *gaps], [*gaps, len(clean)], strict=True):
+        pieces += _joined(clean, noise, _partition(clean, noise, int(first), int(last)))
+    parts = _described(clean, pieces, kept, height, set(gaps.tolist()), noise)
+    return Segments(track, parts, *_ground_values(clean, parts, kept))
+
+
+def _noise(track: Track) -> float:
+    """Return the noise of a coordinate [m] from third differences, which smooth motion has not."""
+    if len(track) < 8:
+        return LEAST_NOISE
+    differences = np.diff(track.positions, 3, axis=0)
+    return 1.4826 * float(np.median(np.abs(differences))) / math.sqrt(20.0)
+
+
+def _without_spikes(track: Track, noise: float) -> NDArray[np.bool_]:
+    """Return which samples are no spikes: single ones far off a path that is smooth around them."""
+    kept = np.ones(len(track), dtype=bool)
+    for _ in range(2):
+        where = np.flatnonzero(kept)
+        times, points = track.times[where], track.positions[where]
+        for k in range(2, len(where) - 2):
+            around = [k - 2, k - 1, k + 1, k + 2]
+            span = times[around] - times[k]
+            design = np.vander(span, 3)
+            fit, *_ = np.linalg.lstsq(design, points[around], rcond=None)
+            rough = float(np.abs(design @ fit - points[around]).max())
+            if np.abs(fit[2] - points[k]).max() > 10.0 * noise + 4.0 * rough:
+                kept[where[k]] = False
+    return kept
+
+
+def _fitted(track: Track, noise: float, first: int, last: int, degree: int) -> _Piece:
+    """Return polynomials of a degree, or what the samples allow, fitted to samples."""
+    times, points = track.times[first:last], track.positions[first:last]
+    origin = float(times.mean())
+    span = max(float(times[-1] - times[0]), 1e-9)
+    degree = min(degree, max(last - first - 1, 0))
+    powers = np.vander((times - origin) / span, degree + 1, increasing=True)
+    fit, *_ = np.linalg.lstsq(powers, points, rcond=None)
+    rest = powers @ fit - points
+    scale = span ** np.arange(degree + 1)
+    return _Piece(first, last, origin, fit / scale[:, None], float((rest**2).sum()) / noise**2)
+
+
+def _partition(track: Track, noise: float, start: int, stop: int) -> list[tuple[int, int]]:
+    """Return the best partition of samples start to stop - 1 into cubics."""
+    count = stop - start
+    price = 12.0 * math.log(max(3 * len(track), 2))
+    best = np.full(count + 1, math.inf)
+    best[0] = 0.0
+    before = np.zeros(count + 1, dtype=int)
+    for i in range(count):
+        times = track.times[start + i : stop]
+        reach = int(np.searchsorted(times, times[0] + LONGEST, side="right"))
+        costs = _cubic_costs(times[:reach], track.positions[start + i : start + i + reach])
+        total = best[i] + costs / noise**2 + price
+        ends = slice(i + 1, i + 1 + reach)
+        better = total < best[ends]
+        best[ends] = np.where(better, total, best[ends])
+        before[ends] = np.where(better, i, before[ends])
+    cuts = [count]
+    while cuts[-1]:
+        cuts.append(int(before[cuts[-1]]))
+    cuts = cuts[::-1]
+    return [(start + a, start + b) for a, b in pairwise(cuts)]
+
+
+def _cubic_costs(times: Array, points: Array) -> Array:
+    """Return the squared residuals of cubics through the first 1, 2, ... samples, shape `(n,)`."""
+    t = (times - times[0]) / LONGEST
+    y = points - points[0]
+    powers = np.vander(t, 4, increasing=True)
+    normal = np.cumsum(powers[:, :, None] * powers[:, None, :], axis=0)
+    right = np.cumsum(powers[:, :, None] * y[:, None, :], axis=0)
+    squares = np.cumsum((y * y).sum(axis=1))
+    costs = np.zeros(len(t))
+    if len(t) > 4:
+        solved = np.linalg.solve(normal[4:], right[4:])
+        costs[4:] = np.maximum(squares[4:] - (solved * right[4:]).sum(axis=(1, 2)), 0.0)
+    return costs
+
+
+def _joined(track: Track, noise: float, cuts: list[tuple[int, int]]) -> list[_Piece]:
+    """Return pieces, two neighbours made one wherever a quintic follows both as well."""
+    pieces = [_fitted(track, noise, first, last, 3) for first, last in cuts]
+    price = 6.0 * math.log(max(3 * len(track), 2))
+    i = 0
+    while i + 1 < len(pieces):
+        left, right = pieces[i], pieces[i + 1]
+        one = _fitted(track, noise, left.first, right.last, 5)
+        if one.cost - left.cost - right.cost < price:
+            pieces[i : i + 2] = [one]
+            i = max(i - 1, 0)
+        else:
+            i += 1
+    return pieces
+
+
+def _described(
+    track: Track,
+    pieces: list[_Piece],
+    kept: NDArray[np.int_],
+    height: float,
+    gaps: set[int],
+    noise: float,
+) -> tuple[Segment, ...]:
+    """Return what each piece is and why it begins."""
+    parts: list[Segment] = []
+    kinds = [_kind(track, piece, height) for piece in pieces]
+    for i, (piece, kind) in enumerate(zip(pieces, kinds, strict=True)):
+        first, end = float(track.times[piece.first]), float(track.times[piece.last - 1])
+        start, speed_before, begins = first, None, CutReason.START
+        if i and piece.first not in gaps:
+            start = _meeting(track, pieces[i - 1], piece)
+        speed_after = _velocity(track, piece, start, kind, noise)
+        if piece.first in gaps:
+            begins = CutReason.GAP
+        elif i:
+            speed_before = _velocity(track, pieces[i - 1], start, kinds[i - 1], noise)
+            low = float(piece.at(start)[2]) < height + ON_GROUND
+            down, up = -float(speed_before[2]), float(speed_after[2])
+            begins = CutReason.TOUCH
+            if low and down > 0.0 and parts[-1].kind is SegmentKind.FLIGHT:
+                if kind is SegmentKind.FLIGHT and 0.0 < up <= down:  # no bounce gains height
+                    begins = CutReason.BOUNCE
+                elif kind in (SegmentKind.ROLLING, SegmentKind.REST):
+                    begins = CutReason.LANDING
+        parts.append(
+            Segment(
+                kind, int(kept[piece.first]), int(kept[piece.last - 1]) + 1, begins, start,
+                speed_before, speed_after, _velocity(track, piece, end, kind, noise),
+            )
+        )  # fmt: skip
+    return tuple(parts)
+
+
+def _velocity(track: Track, piece: _Piece, time: float, kind: SegmentKind, noise: float) -> Array:
+    """Return the velocity in a piece at a time near one of its ends, shape `(3,)` [m/s].
+
+    It is that of a cubic through the samples within `NEAR` of it. What is known of its acceleration
+    and its change (`ACCELERATION`, `JERK`) weighs as much as measurements of that accuracy would:
+    a few noisy samples after a bounce do not determine them.
+    """
+    known = np.array([0.0, 0.0, -GRAVITY if kind is SegmentKind.FLIGHT else 0.0])
+    times = track.times[piece.first : piece.last] - time
+    near = np.abs(times) <= max(NEAR, float(np.sort(np.abs(times))[min(5, len(times) - 1)]))
+    span = times[near]
+    powers = np.column_stack([np.ones_like(span), span, span**2 / 2.0, span**3 / 6.0])
+    rows = np.vstack([powers / noise, [0, 0, 1 / ACCELERATION, 0], [0, 0, 0, 1 / JERK]])
+    points = track.positions[piece.first : piece.last][near] / noise
+    fit, *_ = np.linalg.lstsq(rows, np.vstack([points, known / ACCELERATION, np.zeros(3)]))
+    return np.asarray(fit[1])
+
+
+def _kind(track: Track, piece: _Piece, height: float) -> SegmentKind:
+    """Return what the ball does in a piece."""
+    points = track.positions[piece.first : piece.last]
+    if len(points) < 4:
+        return SegmentKind.OTHER
+    middle = 0.5 * float(track.times[piece.first] + track.times[piece.last - 1])
+    falling = -float(piece.at(middle, 2)[2])
+    level = float(np.ptp(points[:, 2])) < LEVEL and abs(falling) < 2.0
+    if level and float(points[:, 2].max()) < height + ON_GROUND:
+        speed = float(np.linalg.norm(piece.at(middle, 1)))
+        return SegmentKind.REST if speed < SLOW else SegmentKind.ROLLING
+    return SegmentKind.FLIGHT if 4.0 < falling < 22.0 else SegmentKind.OTHER
+
+
+def _meeting(track: Track, left: _Piece, right: _Piece) -> float:
+    """Return when two pieces are nearest to each other, around the cut between them [s]."""
+    before, after = track.times[left.last - 1], track.times[right.first]
+    margin = after - before
+    times = np.linspace(before - margin, after + margin, 61)
+    gaps = [float(np.linalg.norm(left.at(t) - right.at(t))) for t in times]
+    return float(times[int(np.argmin(gaps))])
+
+
+def _ground_values(
+    track: Track, parts: Iterable[Segment], kept: NDArray[np.int_]
+) -> tuple[Measured | None, Measured | None, Measured | None]:
+    """Return restitution, friction and rolling deceleration, None where no part shows them."""
+    bounces, rubs, rolls = [], [], []
+    for part in parts:
+        if part.begins is CutReason.BOUNCE and part.velocity_before is not None:
+            change = part.velocity_after - part.velocity_before
+            bounces.append(float(-part.velocity_after[2] / part.velocity_before[2]))
+            rubs.append(float(np.hypot(change[0], change[1]) / change[2]))
+        if part.kind is SegmentKind.ROLLING and part.last - part.first >= 8:
+            inside = (kept >= part.first) & (kept < part.last)
+            times, points = track.times[inside], track.positions[inside, :2]
+            bend = 2.0 * np.polyfit(times - times[0], points, 2)[0]
+            speed = np.polyfit(times - times[0], points, 1)[0]
+            rolls.append(float(-bend @ speed / max(float(np.linalg.norm(speed)), 1e-300)))
+    return _median(bounces), _median(rubs), _median(rolls)
+
+
+def _median(values: list[float]) -> Measured | None:
+    """Return the median with its standard deviation; infinite for one value, None without any."""
+    if not values:
+        return None
+    middle = float(np.median(values))
+    if len(values) == 1:
+        return Measured(middle, math.inf, 1)
+    spread = 1.4826 * float(np.median(np.abs(np.array(values) - middle)))
+    return Measured(middle, 1.2533 * spread / math.sqrt(len(values)), len(values))

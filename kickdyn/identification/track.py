@@ -1,0 +1,173 @@
+"""`Track`: measured positions of a ball over time, and how they are read from a file."""
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kickdyn.core import validation
+from kickdyn.core.files import read_text
+from kickdyn.core.representation import ReprMixin, Row, ValueEquality
+from kickdyn.core.validation import Array
+from kickdyn.errors import FaultyFile, InvalidInput
+
+LARGEST_FILE = 64_000_000
+"""Bytes of a track file that is read: ten hours at 25 Hz."""
+
+FAULTS = 5
+"""Rows of a file whose faults are listed."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Track(ValueEquality, ReprMixin):
+    """Measured positions of the centre of a ball.
+
+    `track[i:j]` is the part from sample i up to, but without, sample j. The time between samples
+    need not be constant: leave out the samples at which there is no measurement.
+
+    Args:
+        times: shape `(n,)` [s], increasing.
+        positions: shape `(n, 3)` [m, world frame: z up].
+
+    Raises:
+        InvalidInput: other shapes, an entry that is not finite, or times that do not increase.
+    """
+
+    times: Array
+    positions: Array
+
+    def __init__(self, times: ArrayLike, positions: ArrayLike) -> None:
+        moments = _finite_rows("times", times)
+        points = _finite_rows("positions", positions)
+        if moments.ndim != 1 or not moments.size or points.shape != (moments.size, 3):
+            raise InvalidInput(
+                f"times has shape {moments.shape} and positions {points.shape}: they must be (n,) "
+                "and (n, 3), with at least one sample"
+            )
+        late = np.flatnonzero(np.diff(moments) <= 0.0)
+        if late.size:
+            i = int(late[0])
+            raise InvalidInput(
+                f"times[{i + 1}] is {moments[i + 1]:.10g} s after times[{i}] of {moments[i]:.10g} "
+                "s: times must increase"
+            )
+        object.__setattr__(self, "times", validation.read_only(moments))
+        object.__setattr__(self, "positions", validation.read_only(points))
+
+    def _rows(self) -> Iterable[Row]:
+        yield "samples", len(self), ""
+        yield "duration", self.duration, "s"
+        if len(self) > 1:
+            yield "median interval", float(np.median(np.diff(self.times))), "s"
+        yield "lowest corner", self.positions.min(axis=0), "m"
+        yield "highest corner", self.positions.max(axis=0), "m"
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return int(self.times.size)
+
+    def __getitem__(self, part: slice) -> "Track":
+        """Return a part of the track.
+
+        Raises:
+            InvalidInput: an index that is no slice, or a slice without a sample.
+        """
+        if not isinstance(part, slice):
+            raise InvalidInput(
+                f"track[{part!r}]: a part of a track is a slice such as track[10:60]"
+            )
+        return Track(self.times[part], self.positions[part])
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    @classmethod
+    @validation.check_arguments
+    def from_csv(
+        cls, file: str | PathLike[str], columns: Sequence[str] = ("t", "x", "y", "z")
+    ) -> "Track":
+        """Read a track from a file of comma-separated values whose first row names the columns.
+
+        Rows in which one of the four values is empty are gaps and are left out.
+
+        Args:
+            file: UTF-8 text, up to 64 MB.
+            columns: the names of the columns with the time [s] and the three coordinates [m].
+
+        Raises:
+            FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
+                times do not increase; the message names the row.
+        """
+        source = str(file)
+        names = list(columns)
+        if len(names) != 4 or not all(isinstance(name, str) for name in names):
+            raise InvalidInput(
+                f"columns is {validation.brief(columns)}: it must name four columns, those of the "
+                "time, x, y and z"
+            )
+        rows = csv.reader(read_text(file, source, LARGEST_FILE, FaultyFile).splitlines())
+        header = [name.strip() for name in next(rows, [])]
+        missing = [name for name in names if name not in header]
+        if missing:
+            raise FaultyFile(
+                source,
+                [
+                    f"there is no column {', '.join(map(repr, missing))}: the first row has "
+                    f"{validation.brief(header)}"
+                ],
+            )
+        where = [header.index(name) for name in names]
+        values: list[list[float]] = []
+        faults: list[str] = []
+        for number, row in enumerate(rows, start=2):
+            cells = [row[i].strip() if i < len(row) else "" for i in where]
+            if "" in cells:
+                continue
+            try:
+                values.append([float(cell) for cell in cells])
+            except ValueError:
+                faults.append(f"row {number} has {validation.brief(cells)}: all must be numbers")
+                continue
+            if not all(map(math.isfinite, values[-1])):
+                faults.append(
+                    f"row {number} has {validation.brief(cells)}: all must be finite; leave a cell "
+                    "empty where there is no measurement"
+                )
+            elif len(values) > 1 and values[-1][0] <= values[-2][0]:
+                faults.append(
+                    f"row {number} has the time {values[-1][0]:.10g} s after {values[-2][0]:.10g} "
+                    "s: times must increase"
+                )
+            if len(faults) == FAULTS:
+                break
+        if not faults and not values:
+            faults = ["it has no row of numbers below the names of the columns"]
+        if faults:
+            raise FaultyFile(source, faults)
+        table = np.array(values)
+        return cls(table[:, 0], table[:, 1:])
+
+
+def _finite_rows(name: str, value: ArrayLike) -> Array:
+    """Return an array of finite floats, or raise `InvalidInput` that names the first other row."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (OverflowError, TypeError, ValueError):
+        return validation.floats(name, value)  # which says what is wrong
+    finite = np.isfinite(array)
+    while finite.ndim > 1:
+        finite = finite.all(axis=-1)
+    bad = np.flatnonzero(np.logical_not(finite))
+    if array.ndim and bad.size:
+        row = array[bad[0]]
+        raise InvalidInput(
+            f"{name}[{bad[0]}] is {row.tolist()}: every entry must be finite; leave out the "
+            "samples at which there is no measurement"
+        )
+    return validation.floats(name, value)

@@ -1,0 +1,190 @@
+"""Launch, spin, drag, lift and wind from tracks whose truth is known."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import kickdyn as kd
+from kickdyn.aerodynamics.drag import constant
+from kickdyn.identification.identify import flight_axes
+
+BALL = kd.Ball()
+
+
+def flown(velocity, spin, air, rate=50.0, longest=1.5, start=(1.0, -2.0, 0.3)):
+    """Return a track without noise."""
+    path = kd.fly(kd.BallState(start, velocity, spin), BALL, air, tol=1e-11)
+    times = np.arange(0.0, min(path.duration, longest), 1.0 / rate)
+    return kd.Track(3.0 + times, path.sample(times).position)
+
+
+STRAIGHT = flown((20, 3, 8), (0, 0, 0), kd.Air())
+"""Without spin: lift can accelerate a ball as gravity does in feet."""
+
+
+def scaled_by(track, factor):
+    """Return times and scaled positions of a track."""
+    return track.times, factor * track.positions
+
+
+@pytest.fixture(scope="module")
+def curving():
+    return flown((20, 3, 8), (5, -50, 20), kd.Air())
+
+
+def test_a_track_without_noise_gives_the_truth(curving):
+    found = kd.identify(curving, BALL, kd.Air(), free=("spin", "drag-scale"))
+    assert found.launch.velocity == pytest.approx([20, 3, 8], rel=1e-6)
+    assert found.launch.spin == pytest.approx([5, -50, 20], rel=1e-6)
+    assert found.launch.position == pytest.approx([1, -2, 0.3], abs=1e-7)
+    assert found.launch.time == 3.0
+    assert found.values["drag_scale"] == pytest.approx(1.0, rel=1e-6)
+    axes = flight_axes(np.array([20.0, 3.0, 8.0]))
+    names = ("back_spin", "side_spin", "gyro_spin")
+    assert [found.values[n] for n in names] == pytest.approx(axes.T @ [5, -50, 20], rel=1e-6)
+    assert found.rms < 1e-7
+    assert found.undetermined == {}
+
+
+def test_wind_and_lift_of_flights_fitted_together():
+    air = kd.Air(wind=(2.0, -1.0, 0.0), drag=constant(0.25))
+    tracks = [flown((20, 3, 8), (0, -60, 20), air), flown((-15, 9, 10), (30, 30, 40), air)]
+    found = kd.identify(tracks, BALL, kd.Air(), free=("spin", "drag", "lift-scale", "wind"))
+    shared = {"drag": 0.25, "lift_scale": 1.0, "wind_x": 2.0, "wind_y": -1.0}
+    for name, value in shared.items():
+        assert found.values[name] == pytest.approx(value, rel=1e-5)
+    assert [launch.velocity[0] for launch in found.launches] == pytest.approx([20, -15])
+    assert len(found.flights) == 2
+    with pytest.raises(kd.InvalidInput, match="2 flights"):
+        _ = found.launch
+
+
+def test_a_known_spin_is_used(curving):
+    found = kd.identify(curving, BALL, kd.Air(), free=("drag-scale",), spin=(5, -50, 20))
+    assert found.values["drag_scale"] == pytest.approx(1.0, rel=1e-6)
+    assert "back_spin" not in found.names
+
+
+def test_outliers_are_left_out_and_named(curving):
+    rng = np.random.default_rng(3)
+    points = curving.positions + rng.normal(0.0, 0.005, curving.positions.shape)
+    points[[10, 30, 50]] += 0.4
+    found = kd.identify(kd.Track(curving.times, points), BALL, free=("spin", "drag-scale"))
+    assert [*np.flatnonzero(~found.used)] == [10, 30, 50]
+    assert found.noise == pytest.approx(0.005, rel=0.2)
+    assert any("3 of 75 samples are outliers" in line for line in found.warnings)
+    assert "not used" not in str(found)
+
+
+def test_what_a_short_flight_does_not_determine_is_no_number():
+    track = flown((10, 0, 3), (0, 0, 0), kd.Air(), longest=0.3)
+    rng = np.random.default_rng(5)
+    noisy = kd.Track(track.times, track.positions + rng.normal(0, 0.02, track.positions.shape))
+    found = kd.identify(noisy, BALL)
+    assert {"drag", "gyro_spin"} <= {*found.undetermined}
+    assert "drag" not in found.values
+    assert "not determined" in str(found)
+    assert any(line.startswith("drag is not determined") for line in found.warnings)
+
+
+def test_the_truth_lies_in_the_region_as_often_as_it_says():
+    """Its squared residuals exceed the least ones as chi-squared with 10 degrees of freedom."""
+    excesses = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        speed, up, aside = rng.uniform(8, 35), rng.uniform(0.1, 0.8), rng.uniform(0, 6.3)
+        velocity = speed * np.array(
+            [np.cos(up) * np.cos(aside), np.cos(up) * np.sin(aside), np.sin(up)]
+        )
+        spin = rng.normal(size=3)
+        spin *= rng.uniform(0, 100) / np.linalg.norm(spin)
+        true = flown(velocity, spin, kd.Air(drag=constant(rng.uniform(0.15, 0.4))))
+        noise = rng.uniform(0.002, 0.03)
+        measured = true.positions + rng.normal(0.0, noise, true.positions.shape)
+        found = kd.identify(kd.Track(true.times, measured), BALL)
+        miss = (true.positions - measured)[found.used]
+        excess = (miss**2).sum() - (found.residuals[found.used] ** 2).sum()
+        prior = (spin @ spin - found.launch.spin @ found.launch.spin) / 100.0**2
+        excesses.append(excess / found.noise**2 + prior)
+    assert np.mean(np.array(excesses) < chi2.ppf(0.95, 10)) >= 0.9
+    assert np.mean(excesses) == pytest.approx(10.0, abs=3 * (20 / 40) ** 0.5)
+
+
+def test_residuals_that_go_together_widen_the_deviations(curving):
+    rng = np.random.default_rng(8)
+    white = rng.normal(0.0, 0.01, curving.positions.shape)
+    smooth = np.apply_along_axis(lambda c: np.convolve(c, np.ones(5) / 5, "same"), 0, white)
+    free = ("spin", "drag-scale")
+    found = kd.identify(kd.Track(curving.times, curving.positions + smooth), BALL, free=free)
+    assert found.widening > 1.8
+    assert any("neighbouring residuals" in line for line in found.warnings)
+    plain = kd.identify(kd.Track(curving.times, curving.positions + white), BALL, free=free)
+    assert plain.widening == 1.0
+
+
+def test_models_are_ranked_by_prediction():
+    tracks = [flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"))]
+    found = kd.identify(tracks, BALL, compare=("brazuca", "goff-carre", "jabulani"))
+    assert found.comparison[0].model == "goff-carre"
+    assert found.comparison[0].prediction_rms < 1e-4 < found.comparison[1].prediction_rms
+    rms = [score.prediction_rms for score in found.comparison]
+    assert rms == sorted(rms)
+
+
+def test_time_residuals_tell_a_late_clock(curving):
+    late = kd.Track(curving.times, curving.positions)
+    found = kd.identify(late, BALL, free=("spin", "drag-scale"))
+    assert np.abs(found.time_residuals).max() < 1e-7
+    shifted = curving.positions.copy()
+    shifted[40] = 0.5 * (shifted[40] + shifted[41])  # half an interval late
+    found = kd.identify(kd.Track(curving.times, shifted), BALL, free=("spin", "drag-scale"))
+    assert found.time_residuals[40] == pytest.approx(-0.01, rel=0.01)
+
+
+def test_plot_and_representations(curving):
+    found = kd.identify(curving, BALL, free=("spin", "drag-scale"))
+    assert len(found.plot().axes) == 3
+    assert "<svg" in found._repr_html_()
+    assert found.flight.launch.velocity == pytest.approx(found.launch.velocity)
+    assert found.correlations.shape == (10, 10)
+    assert np.diag(found.correlations) == pytest.approx(np.ones(10))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: (t.times[:4], t.positions[:4]), "4 positions: at least 5"),
+        (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
+        (lambda t: (t.times, 100 * t.positions), "as in centimetres"),
+        (lambda t: scaled_by(STRAIGHT, 1 / 0.3048), "as in feet"),
+        (lambda t: (t.times, t.positions / 0.0254), "as in inches"),
+        (lambda t: (t.times, t.positions - [0, 0, 1]), "below the ground at 0 m"),
+    ],
+)
+def test_what_is_no_flight_in_metres_is_refused(curving, change, message):
+    with pytest.raises(kd.InvalidInput, match=message):
+        kd.identify(kd.Track(*change(curving)), BALL, ground=kd.Ground())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"free": ("spin", "mass")}, "free is 'mass': it must be one of spin, drag"),
+        ({"free": ("drag", "drag-scale")}, "drag and drag-scale"),
+        ({"free": 3}, "free is 3"),
+        ({"free": ("lift-scale",), "air": kd.Air(lift=None)}, "no lift model"),
+        ({"free": ("wind",), "air": kd.Air(wind=lambda z: (0, 0, 0))}, "function of height"),
+        ({"air": 1.2}, "air is 1.2"),
+        ({"spin": (1, 2)}, "spin has shape"),
+        ({"compare": ("golf",)}, "drag model 'golf' is unknown"),
+    ],
+)
+def test_wrong_arguments_are_refused(curving, options, message):
+    with pytest.raises(kd.InvalidInput, match=message):
+        kd.identify(curving, BALL, **options)
+
+
+def test_what_is_no_track_is_refused():
+    for track in (None, [], [1], "track.csv"):
+        with pytest.raises(kd.InvalidInput, match=r"kickdyn\.Track"):
+            kd.identify(track, BALL)

@@ -1,0 +1,105 @@
+"""Tracks of known courses, cut into flights, rolling and touches."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.identification.segments import CutReason, SegmentKind
+
+BALL = kd.Ball()
+GROUND = kd.Ground(surface=kd.Surface("test", 0.6, 0.5, 0.8))
+
+
+def course(seed):
+    """Return a noisy track of a kick, its bounces and a touch in the air, and the cuts' times."""
+    rng = np.random.default_rng(seed)
+    rate, noise = rng.uniform(40, 120), rng.uniform(0.002, 0.01)
+    kick = kd.BallState(
+        (0, 0, BALL.radius),
+        (rng.uniform(8, 20), rng.uniform(-3, 3), rng.uniform(4, 8)),
+        rng.uniform(-30, 30, 3),
+    )
+    first = kd.fly(kick, BALL, kd.Air(), GROUND)
+    times, points = [], []
+    header = kd.BallState(
+        first.sample(0.7 * first.duration).position,
+        (rng.uniform(-12, -6), rng.uniform(-3, 3), rng.uniform(1, 4)),
+    )
+    second = kd.follow(header, BALL, kd.Air(), GROUND)
+    cut = 0.7 * first.duration
+    bounces = [cut + float(b.time) for b in second.bounces[:2]]
+    end = min(bounces[1] + 0.25, cut + second.duration)
+    times = np.arange(0.0, end, 1 / rate)
+    points = np.where(
+        (times < cut)[:, None],
+        first.sample(np.minimum(times, cut)).position,
+        second.sample(np.clip(times - cut, 0.0, second.duration)).position,
+    )
+    track = kd.Track(times, points + rng.normal(0.0, noise, points.shape))
+    return track, [cut, *bounces]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_cuts_are_found_within_two_samples(seed):
+    track, cuts = course(seed)
+    found = kd.segments(track, BALL, GROUND)
+    where = [int(np.searchsorted(track.times, cut)) for cut in cuts]
+    assert [part.kind for part in found.parts] == [SegmentKind.FLIGHT] * 4
+    assert [part.begins for part in found.parts] == [
+        CutReason.START, CutReason.TOUCH, CutReason.BOUNCE, CutReason.BOUNCE,
+    ]  # fmt: skip
+    assert [part.first for part in found.parts[1:]] == pytest.approx(where, abs=2)
+    assert [part.start for part in found.parts[1:]] == pytest.approx(cuts, abs=0.02)
+    assert found.restitution.median == pytest.approx(0.6, abs=0.05)
+
+
+def test_rolling_gives_its_deceleration_and_the_surface():
+    kick = kd.BallState((0, 0, BALL.radius + 1.0), (6, 0, 0))
+    path = kd.follow(kick, BALL, None, GROUND)
+    times = np.arange(0.0, path.duration, 0.02)
+    rng = np.random.default_rng(2)
+    points = path.sample(times).position + rng.normal(0, 0.003, (len(times), 3))
+    found = kd.segments(kd.Track(times, points), BALL, GROUND)
+    assert found.parts[0].kind is SegmentKind.FLIGHT
+    assert SegmentKind.ROLLING in {part.kind for part in found.parts}
+    surface = found.surface
+    assert surface.restitution == pytest.approx(0.6, abs=0.03)
+    assert surface.rolling_deceleration == pytest.approx(0.8, rel=0.1)
+    kd.follow(kick, BALL, None, kd.Ground(surface=surface))
+    assert "rolling deceleration" in str(found)
+
+
+def test_a_gap_begins_a_part():
+    track, _ = course(1)
+    kept = np.r_[0 : len(track) // 3, len(track) // 3 + 40 : len(track)]
+    found = kd.segments(kd.Track(track.times[kept], track.positions[kept]), BALL, GROUND)
+    assert CutReason.GAP in {part.begins for part in found.parts}
+
+
+def test_single_spikes_cut_nothing():
+    track, _ = course(3)
+    points = track.positions.copy()
+    points[[20, 40]] += 0.5
+    found = kd.segments(kd.Track(track.times, points), BALL, GROUND)
+    plain = kd.segments(track, BALL, GROUND)
+    assert [p.first for p in found.parts] == pytest.approx([p.first for p in plain.parts], abs=1)
+
+
+def test_what_a_track_does_not_show_is_none():
+    path = kd.fly(kd.BallState((0, 0, 1), (10, 0, 5)), BALL)
+    times = np.arange(0, path.duration, 0.02)
+    found = kd.segments(kd.Track(times, path.sample(times).position), BALL)
+    assert found.restitution is None
+    assert found.rolling_deceleration is None
+    with pytest.raises(kd.InvalidInput, match="no bounce"):
+        _ = found.surface
+    assert len(found.flights) == 1
+
+
+def test_wrong_arguments_are_refused():
+    track = kd.Track([0, 1, 2], np.zeros((3, 3)))
+    with pytest.raises(kd.InvalidInput, match="at least 5"):
+        kd.segments(track, BALL)
+    for arguments in ((None, BALL), (track, 1), (track, BALL, 2)):
+        with pytest.raises(kd.InvalidInput, match="it must be a kickdyn"):
+            kd.segments(*arguments)

@@ -13,14 +13,18 @@ normal and :math:`\tau` the torque that keeps the joint velocity. SLSQP of scipy
 several postures, drawn with a fixed seed.
 """
 
+import ctypes
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import _fblas
 from scipy.optimize import minimize
 
 from kickdyn.air import Air
@@ -33,6 +37,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
+from kickdyn.planning.stance import Stance
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -146,9 +151,11 @@ class KickProgram:
         *,
         limits: bool = True,
         turn: bool = True,
+        stance: Stance | None = None,
     ) -> None:
         chain = kicking_chain(leg)
         self.target, self.ball_position, self.limits = target, ball_position, limits
+        self.stance = stance
         self.names, self.qs, self.vs = chain.names, chain.qs, chain.vs
         self.n = len(self.names)
         self.lower, self.upper = chain.lower, chain.upper
@@ -329,6 +336,8 @@ class KickProgram:
             v = np.linalg.pinv(rows, rcond=1e-2) @ self.target.foot_velocity(posture)
             off = float(np.linalg.norm(self.position_error(posture)))
             off -= float(self.facing(posture).clip(max=0.0).sum())
+            if self.stance is not None:
+                off -= float(self.stance.margins(posture).clip(max=0.0).sum())
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
         return [start for _, _, start in sorted(rated)[:4]]
 
@@ -364,17 +373,18 @@ class KickProgram:
                 "jac": lambda x, rows=rows: at(x).slopes[rows],
             }
             for kind, rows in (("eq", equal), ("ineq", above))
-            if kind == "eq" or self.limits or len(self.contact_normal_cone)
+            if kind == "eq" or self.limits or self.stance or len(self.contact_normal_cone)
         ]
-        found = minimize(
-            lambda x: at(x).values[0],
-            latest.x,
-            jac=lambda x: at(x).slopes[0],
-            method="SLSQP",
-            bounds=list(zip(low, high, strict=True)),
-            constraints=constraints,
-            options={"maxiter": 80, "ftol": 1e-7},
-        )
+        with _one_blas_thread():
+            found = minimize(
+                lambda x: at(x).values[0],
+                latest.x,
+                jac=lambda x: at(x).slopes[0],
+                method="SLSQP",
+                bounds=list(zip(low, high, strict=True)),
+                constraints=constraints,
+                options={"maxiter": 80, "ftol": 1e-7},
+            )
         x = np.clip(found.x, low, high)
         if not np.isfinite(x).all():
             return None
@@ -413,7 +423,10 @@ class ProgramPoint:
         if program.limits:
             use = program.torque(self.posture.q, self.v) / program.torque_limit
             parts.append(1.0 - 2 * FEASIBLE - use * use)
-        return np.concatenate([*parts, program.facing(self.posture)])
+        parts.append(program.facing(self.posture))
+        if program.stance is not None:
+            parts.append(program.stance.margins(self.posture) - 2 * FEASIBLE)
+        return np.concatenate(parts)
 
     @cached_property
     def slopes(self) -> Array:
@@ -442,6 +455,9 @@ class ProgramPoint:
         for row in program.contact_normal_cone:
             turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)
             rows.append(np.append(turning[program.vs], np.zeros(n + 1)))
+        if program.stance is not None:
+            by_q = program.stance.slopes(posture, program.vs)
+            rows += list(np.hstack([by_q, np.zeros((len(by_q), n + 1))]))
         return np.array(rows)
 
     def _scaled_cost(self, posture: Posture, v: Array) -> float:
@@ -463,6 +479,34 @@ class ProgramPoint:
                 v = program.whole_velocity(there[n : 2 * n] * program.velocity_scale)
                 slope[i] = (self._scaled_cost(posture, v) - float(self.values[0])) / STEP
         return slope
+
+
+@cache
+def _blas_threads() -> tuple[Any, int] | None:
+    """Return how to set the threads of SciPy's OpenBLAS, and their number; None where unknown."""
+    library = ctypes.CDLL(_fblas.__file__)
+    try:
+        return library.scipy_openblas_set_num_threads, library.scipy_openblas_get_num_threads()
+    except AttributeError:  # another BLAS, or one that is linked in another way
+        return None
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Keep OpenBLAS from using threads for matrices of 100 rows, where they take 5 times as long.
+
+    That is on a free machine; on a busy one they wait for each other.
+    """
+    found = _blas_threads()
+    if found is None:
+        yield
+        return
+    set_threads, threads = found
+    set_threads(1)
+    try:
+        yield
+    finally:
+        set_threads(threads)
 
 
 def explain_infeasible(program: KickProgram) -> str:

@@ -84,6 +84,11 @@ class Stance:
             columns.append((self._impulse_margins(there) - here) / STEP)
         return np.vstack([found, np.column_stack(columns)])
 
+    def balance(self, posture: Posture) -> float:
+        """Return how far the centre of mass is inside the edge of the sole [m]."""
+        at = self.centre_of_mass(posture)[:2]
+        return float((self._offsets - self._normals @ at).min())
+
     def centre_of_mass(self, posture: Posture) -> Array:
         """Return the centre of mass of the whole robot, shape `(3,)` [m, world frame]."""
         model, data = posture.leg.workspace.model, posture.leg.workspace.data
@@ -123,6 +128,6 @@ class Stance:
 
 
 def _extremes(points: Array) -> Array:
-    """Return indices of points that are extreme in one of 26 directions."""
-    signs = np.array(np.meshgrid(*[(-1, 0, 1)] * 3)).reshape(3, -1).T
+    """Return indices of points that are extreme along one of the diagonals of a cube."""
+    signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T
     return np.unique(np.argmax(points @ signs.T, axis=0))

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.ground_clearance import Spheres, body_frames, shape_of
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg import Leg, Posture
 
 SOLE = 2e-3
 """Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
@@ -104,6 +103,21 @@ def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
     return placed
 
 
+def hold_support(posture: Posture, q: Array) -> Array:
+    """Return q with the floating base moved so that the first support is where a posture has it.
+
+    A leg without supports, or on a fixed base, keeps q, shape `(nq,)`.
+    """
+    leg = posture.leg
+    if leg.constraints is None or not leg.constraints.supports or not is_floating(leg):
+        return q
+    model, data = leg.workspace.model, leg.workspace.data
+    frame = model.getFrameId(leg.constraints.supports[0].frame)
+    pin.forwardKinematics(model, data, posture.q)
+    placement = pin.updateFramePlacement(model, data, frame).copy()
+    return place_base(leg, q, frame, placement)
+
+
 def is_floating(robot: Leg) -> bool:
     """Return whether the first joint of a robot is a floating base."""
     return bool(robot.workspace.model.joints[1].shortname() == "JointModelFreeFlyer")
@@ -129,9 +143,9 @@ def _flat_support(robot: Leg) -> Support:
 def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     """Return corners of the sole of a support, shape `(k, 3)` [m, support frame].
 
-    Those of the support; else where the shapes of its joint's bodies are up to `SOLE` above their
-    lowest point in the standing robot, on one level. `rotation` is from the frame's axes to the
-    world's.
+    Those of the support; else, of what the shapes of its joint's bodies have up to `SOLE` above
+    their lowest point in the standing robot, the extreme points in eight directions, on one level.
+    `rotation` is from the frame's axes to the world's.
     """
     if support.sole is not None:
         return support.sole
@@ -151,13 +165,12 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
         wide = np.sqrt(max(2 * radius * left - left**2, 0.0)) if left < radius else radius
         points += [(x, y, level), *((x + wide * a, y + wide * b, level) for a, b in ring)]
     corners = np.array(points)
-    try:
-        corners = corners[ConvexHull(corners[:, :2]).vertices]
-    except QhullError:  # they span no area
+    corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
+    if len(corners) < 3:  # as of a body that is a point
         raise InvalidInput(
             f"the shapes of {support.frame} have no sole: name its corners, "
             f"Support({support.frame!r}, sole=...)"
-        ) from None
+        )
     return np.asarray(corners @ rotation)
 
 

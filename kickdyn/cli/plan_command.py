@@ -162,11 +162,22 @@ def plan(
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
-    validation.number("distance", distance, above=0, unit="m")
+    for name, value in {"distance": distance, "height": height, "left": left}.items():
+        least = 0.0 if name == "distance" else -math.inf
+        validation.number(name, value, above=least, unit="m")
     if wall is not None:
         wall.check_before(math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
             over = [wall.distance, wall.height + OVER]
+    named = {"time": time, "apex": apex, "launch-speed": launch_speed, "over": over}
+    given = [name for name, value in named.items() if value is not None]
+    if len(given) != 1:
+        raise InvalidInput(
+            f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} named beside the "
+            f"target: name one of {', '.join(named)}"
+        )
+    if launch_speed is not None:
+        validation.number("launch-speed", launch_speed, above=0, at_most=1e6, unit="m/s")
     goal = Goal(
         (distance, left, height),
         time=time,

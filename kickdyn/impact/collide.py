@@ -109,9 +109,12 @@ class Collision(ReprMixin):
         yield "spin after", self.ball_after.spin, "rad/s"
         yield "energy lost", self.energy_lost, "J"
         yield "energy residual", self.energy_residual, ""
-        yield from warned(
-            [*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before)]
-        )
+        yield from warned(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each joint outside its range, or faster before the impact than its limit."""
+        return (*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before))
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""

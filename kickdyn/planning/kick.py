@@ -46,6 +46,9 @@ from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
 APPROACH = 10
 """Configurations of the approach that are compared with the ground."""
 
+FAR = 1e9
+"""Farthest that a ball may lie from the world's origin, along each axis [m]."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KickPlan(ReprMixin):
@@ -421,8 +424,13 @@ def _checked_ball_position(
     if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
     if ball_height is not None:
-        return validation.number("ball height", ball_height, unit="m")
-    return None if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
+        return validation.number("ball height", ball_height, at_least=-FAR, at_most=FAR, unit="m")
+    if ball_at is None:
+        return None
+    place = validation.vector("ball_at", ball_at, 3, unit="m")
+    if np.abs(place).max() > FAR:
+        raise InvalidInput(f"ball_at is {place.tolist()} m: it must be within {FAR:g} m")
+    return place
 
 
 def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:

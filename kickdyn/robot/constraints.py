@@ -15,7 +15,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ValueEquality
+from kickdyn.core.representation import ReadOnlyArrays, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.model_validation import frame_id, listed
@@ -261,7 +261,7 @@ class Constraints:
         return np.asarray(best), narrowest, rank
 
 
-class ConstraintProjector:
+class ConstraintProjector(ReadOnlyArrays):
     r"""Projects on the velocities with A v = 0, orthogonally in the metric of inertia.
 
     With :math:`M = L L^T` and :math:`W = L^{-1} A^T = Q R`, a velocity :math:`L^{-T} w` satisfies

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.model_validation import unknown
 
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
@@ -24,6 +25,7 @@ class JointTable:
         self.name = str(model.name)
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.nq, self.nv = int(model.nq), int(model.nv)
+        self._angles_only = _turns_alone(model)
         self.lower = read_only(model.lowerPositionLimit)
         self.upper = read_only(model.upperPositionLimit)
         self.velocity_limit = read_only(model.velocityLimit)
@@ -54,13 +56,19 @@ class JointTable:
         return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
 
     def check_configuration(self, q: ArrayLike) -> Array:
-        """Return a copy of q, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
+        """Return q, shape `(nq,)`, as a copy; raise `InvalidInput` if it is no configuration.
+
+        One angle for each continuous joint, in place of its cosine and sine, is accepted too.
+        """
         if isinstance(q, Mapping):
             raise InvalidInput(
                 f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
                 "of joints by name"
             )
-        checked = validation.vector("q", q, self.nq)
+        if self._angles_only is None:
+            checked = validation.vector("q", q, self.nq)
+        else:
+            checked = self._with_cosines(q)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
             name, part = self._not_unit(checked)
             raise InvalidInput(
@@ -140,13 +148,28 @@ class JointTable:
     def _number(self, joint: str) -> int:
         """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""
         if not isinstance(joint, str) or joint not in self.joint_names:
-            raise InvalidInput(
-                f"joint {joint!r} is unknown: {self.name} has {', '.join(self.joint_names)}"
-            )
+            raise InvalidInput(unknown("joint", joint, self.name, self.joint_names))
         number = 1 + self.joint_names.index(joint)
         if self._model.nvs[number] != 1:
             raise InvalidInput(f"joint {joint!r} has {self._model.nvs[number]} degrees of freedom")
         return number
+
+    def _with_cosines(self, q: ArrayLike) -> Array:
+        """Return q, shape `(nq,)`, of the same or with one angle for each continuous joint."""
+        assert self._angles_only is not None
+        given, angles = validation.floats("q", q), self._angles_only
+        if given.shape == angles.shape:
+            full = np.empty(self.nq)
+            at = np.cumsum(1 + angles) - (1 + angles)
+            full[at] = np.where(angles, np.cos(given), given)
+            full[at[angles] + 1] = np.sin(given[angles])
+            return full
+        if given.shape == (self.nq,):
+            return given
+        raise InvalidInput(
+            f"q has shape {given.shape}: it must be {angles.shape}, with one angle for each "
+            f"continuous joint, or ({self.nq},), with its cosine and sine"
+        )
 
     def _not_unit(self, q: Array) -> tuple[str, str]:
         """Return the first joint whose part of q has not length 1, and what that part is."""
@@ -157,6 +180,32 @@ class JointTable:
                 free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
                 return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
         return self.name, "what stands for angles"
+
+
+def _turns_alone(model: Any) -> NDArray[np.bool_] | None:
+    """Return whether each number of a short q is a continuous joint's angle; None without any.
+
+    A short q has one angle in place of the cosine and sine of each continuous joint.
+    """
+    kinds: list[bool] = []
+    for nq, nv in zip(list(model.nqs)[1:], list(model.nvs)[1:], strict=True):
+        kinds += [True] if (nq, nv) == (2, 1) else [False] * nq
+    return np.array(kinds) if any(kinds) else None
+
+
+def lock_joints(model: Any, joints: Mapping[str, float] | None) -> Any:
+    """Return a `pin.Model` with joints locked at their values [rad; m for prismatic joints].
+
+    Raises:
+        InvalidInput: no such joint, a value that is not finite, or all joints are locked.
+    """
+    table, joints = JointTable(model), validation.mapping("joints", joints)
+    if not joints:
+        return model
+    q = table.configuration(joints)
+    if len(joints) == len(table.joint_names):
+        raise InvalidInput(f"all joints of {table.name} are locked: a kick must move one")
+    return reduced_model(model, joints, q)
 
 
 def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:

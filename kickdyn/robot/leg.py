@@ -23,9 +23,9 @@ from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
 from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
-from kickdyn.robot.joint_table import JointTable, reduced_model
+from kickdyn.robot.joint_table import JointTable, lock_joints
 from kickdyn.robot.mjcf_file import read_mjcf
-from kickdyn.robot.mjcf_model import build_mjcf_model, compile_mjcf
+from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
     check_is_model,
@@ -111,7 +111,12 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def from_urdf(
-        cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
+        cls,
+        path: str | PathLike[str],
+        frame: str = "toe",
+        *,
+        base: str = "fixed",
+        locked: Mapping[str, float] | None = None,
     ) -> "Leg":
         """Load a URDF file.
 
@@ -121,18 +126,24 @@ class Leg(JointTable, ReprMixin):
             base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
+            locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
+                joints], before inertias are judged: of a joint that moves no mass, for example.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame or base.
+            InvalidInput: there is no such frame, base or joint to lock.
         """
         urdf = read_urdf(path)
-        model = build_model(urdf.text, urdf.source, base)
+        model = lock_joints(build_model(urdf.text, urdf.source, base), locked)
         try:
             check_model(model)
         except InvalidInput as fault:
             raise UrdfError(urdf.source, [str(fault)]) from None
-        return cls(model, frame, urdf)
+        leg = cls(model, frame, urdf)
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise UrdfError(urdf.source, [singular])
+        return leg
 
     @classmethod
     def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
@@ -160,17 +171,23 @@ class Leg(JointTable, ReprMixin):
             InvalidInput: there is no such frame or base, or MuJoCo is not installed.
         """
         file = read_mjcf(path)
-        model = build_mjcf_model(compile_mjcf(file), file.name, frame, base)
+        model = build_mjcf_model(file.compile(), file.name, frame, base)
         try:
             check_model(model)
         except InvalidInput as fault:
             raise MjcfError(file.source, [str(fault)]) from None
-        return cls(model, frame)
+        return cls(model, frame, file)
 
     @classmethod
     @validation.check_arguments
     def from_robot(
-        cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
+        cls,
+        name: str,
+        frame: str | None = None,
+        *,
+        base: str = "fixed",
+        legs_only: bool = False,
+        locked: Mapping[str, float] | None = None,
     ) -> "Leg":
         """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
 
@@ -183,17 +200,19 @@ class Leg(JointTable, ReprMixin):
                 (`simple_humanoid`, whose file shows no foot: the ankle).
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
+            locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
             InvalidInput: no such robot, frame or base, the package is not installed, or a mass
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
+        model = lock_joints(model, locked)
         frame, cone = known.contact(frame)
         leg = cls(model, frame, robot_file(name), contact_normal_cone=cone)
         try:
             check_model(model)
-            leg.posture(leg.configuration())  # singular there is singular everywhere
+            leg.posture(leg.configuration())  # at which all joints stay that are not named
         except InvalidInput as error:
             if legs_only:
                 raise
@@ -230,11 +249,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
         """
-        joints = validation.mapping("joints", joints)
-        q = self.configuration(joints)
-        if len(joints) == len(self.joint_names):
-            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self.with_model(reduced_model(self.model, joints, q))
+        return self.with_model(lock_joints(self.model, joints))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
@@ -296,12 +311,18 @@ class Leg(JointTable, ReprMixin):
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints].
+            q: shape `(nq,)` [rad; m for prismatic joints]; or with one angle for each continuous
+                joint in place of its cosine and sine.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
         """
         return Posture(self, q)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity of its URDF file; none was repaired."""
+        return () if self.file is None else self.file.warnings
 
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
@@ -346,6 +367,7 @@ class Leg(JointTable, ReprMixin):
         for name in self.single_joints:
             low, high = (format_value(end) for end in self.joint_range(name))
             yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+        yield from warned(self.warnings)
 
 
 class Posture(ReprMixin):
@@ -662,6 +684,23 @@ class Workspace(threading.local):
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
         self.forces = _stacked(self.data.f)[1:]
         self.zero_velocity: Array = np.zeros(model.nv)
+
+
+def _find_singularity(leg: Leg) -> str | None:
+    """Return what is wrong with a joint-space inertia that is singular at 0 and when bent.
+
+    None if a posture of the leg exists: some are singular only where they are straight.
+    """
+    fault = None
+    straight = leg.configuration()
+    for step in (np.zeros(leg.nv), 0.3 + 0.1 * np.cos(range(leg.nv))):
+        try:
+            leg.posture(pin.integrate(leg.workspace.model, straight, step))
+        except InvalidInput as error:
+            fault = fault or str(error)
+        else:
+            return None
+    return fault
 
 
 def _stacked(forces: Any) -> Array:

@@ -1,14 +1,11 @@
-r"""From a checked MJCF document to a Pinocchio model, through MuJoCo's own compiler.
+"""From an MJCF model that MuJoCo compiled to a Pinocchio model, with MuJoCo's inertia.
 
-MuJoCo resolves all that its format allows: classes of defaults, units, inertias of geoms and
-meshes, copies, scaled masses. The compiled bodies and joints then become a `pin.Model`, whose
-joint-space inertia is compared with MuJoCo's. Pinocchio has a reader of its own, which tests use
-as a peer; it is not used here because it merges the joints of a body into one without names and
-ranges, ignores several settings of the compiler and reads one tree only.
+Pinocchio has a reader of MJCF of its own, which tests use as a peer. It is not used here because it
+merges the joints of a body into one without names, ignores settings such as `settotalmass`, takes
+ranges of sliding joints for degrees, and reads one tree of bodies only, all without a word.
 """
 
 import math
-import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,67 +14,13 @@ import pinocchio as pin
 
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.mjcf_file import MjcfFile
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.mjcf_file import body_name
 from kickdyn.robot.model_validation import frame_id
 from kickdyn.robot.urdf_file import check_base
 
-STAND_IN = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-"""A tetrahedron in place of a mesh that is missing, in the OBJ format."""
-
 SAME = 1e-9
 """Largest relative difference of a joint-space inertia from MuJoCo's."""
-
-_lock = threading.Lock()  # MuJoCo's handler of warnings belongs to the whole process
-
-
-def compile_mjcf(file: MjcfFile) -> Any:
-    """Return the `mujoco.MjModel` of a document.
-
-    Raises:
-        MjcfError: MuJoCo refuses it, or an inertia needs a mesh that is missing.
-        InvalidInput: MuJoCo is not installed.
-    """
-    model = _compiled(file, 0.1)
-    if file.missing:
-        other = _compiled(file, 0.2)
-        for body in range(model.nbody):
-            if any(
-                np.any(getattr(model, key)[body] != getattr(other, key)[body])
-                for key in ("body_mass", "body_ipos", "body_iquat", "body_inertia")
-            ):
-                names = ", ".join(repr(name) for name in file.missing.values())
-                raise MjcfError(
-                    file.source,
-                    [
-                        f"mesh {names} is missing, from which body {model.body(body).name!r} gets "
-                        "its inertia: provide the file, or give the body an <inertial>"
-                    ],
-                )
-    return model
-
-
-def _compiled(file: MjcfFile, size: float) -> Any:
-    """Return the `mujoco.MjModel`, tetrahedra of this size [m] in place of missing meshes."""
-    try:
-        import mujoco  # an optional package
-    except ImportError:
-        raise InvalidInput(
-            f"{file.source}: MJCF needs the package mujoco: install it with "
-            'pip install "kickdyn[mjcf]"'
-        ) from None
-    meshes = file.meshes | dict.fromkeys(file.missing, STAND_IN.format(size).encode())
-    with _lock:
-        before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
-        try:
-            return mujoco.MjModel.from_xml_string(file.text, meshes)
-        except Exception as error:  # ValueError; FatalError of a later stage
-            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-            reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
-            raise MjcfError(file.source, [f"MuJoCo cannot read it: {reason}"]) from None
-        finally:
-            mujoco.set_mju_user_warning(before)
 
 
 def build_mjcf_model(compiled: Any, name: str, frame: str, base: str) -> Any:
@@ -153,8 +96,9 @@ class _Builder:
             )
             centre = _pose(compiled.body_ipos[body], compiled.body_iquat[body])
             model.appendBodyToJoint(joint, inertia, place * centre)
-            label = compiled.body(body).name or f"body{body}"
-            frames[body] = model.addBodyFrame(label, joint, place, frames.get(parent, 0))
+            frames[body] = model.addBodyFrame(
+                body_name(compiled, body), joint, place, frames.get(parent, 0)
+            )
         self._add_frames(model, places, frames)
         self._set_limits(model)
         return model
@@ -189,7 +133,7 @@ class _Builder:
             elif kind == 3:
                 before = before * pin.SE3(pin.exp3(-start * axis), np.zeros(3))
             name = compiled.joint(number).name or self._free_name(
-                "root_joint" if kind == 0 else f"{compiled.body(body).name or 'body'}_joint"
+                "root_joint" if kind == 0 else f"{body_name(compiled, body)}_joint"
             )
             joint = model.addJoint(joint, _JOINTS[kind](axis), before, name)
             model.addJointFrame(joint)

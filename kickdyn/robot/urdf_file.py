@@ -6,6 +6,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import pinocchio as pin
 
 from kickdyn.core.files import read_text, shipped
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 20_000_000
@@ -63,6 +64,11 @@ class UrdfFile(RobotFile):
                 )
             )
         return found
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return tuple(find_irregularities(ElementTree.fromstring(self.text)))
 
 
 def read_urdf(path: str | PathLike[str]) -> UrdfFile:

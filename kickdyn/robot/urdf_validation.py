@@ -12,6 +12,11 @@ from collections import Counter
 from graphlib import CycleError, TopologicalSorter
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
+ROUNDING = 1e-9
+"""How far moments of inertia may break the triangle inequality, relative to the largest."""
+
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
 
@@ -62,6 +67,60 @@ def find_faults(root: Element) -> list[str]:
         _check_joint(f"joint {name!r}", joint, faults)
     _check_tree(links, joints, faults)
     return faults
+
+
+def find_irregularities(root: Element) -> list[str]:
+    """Return one line for each kind of irregularity with which the robot under `root` is read.
+
+    Inertias are judged with what moves together, by `model_validation`: a link alone may have none,
+    or one that no body has.
+    """
+    light, impossible = [], []
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is not None and (mass := inertial.find("mass")) is not None:
+            if float(mass.get("value", "nan")) == 0.0:
+                light.append(link.get("name", ""))
+            elif _is_impossible(inertial.find("inertia")):
+                impossible.append(link.get("name", ""))
+    unlimited = [
+        joint.get("name", "")
+        for joint in root.findall("joint")
+        if joint.get("type") in ("revolute", "prismatic")
+        and (limit := joint.find("limit")) is not None
+        and not {"lower", "upper"} <= limit.attrib.keys()
+    ]
+    together = "they count together with what is fixed to them or hangs from them"
+    return [
+        f"{kind} ({_few(names)}): {meaning}"
+        for names, kind, meaning in (
+            (light, "links with mass 0", together),
+            (impossible, "links with moments of inertia that no body has", together),
+            (unlimited, "joints without lower or upper limit", "the URDF specification says 0"),
+        )
+        if names
+    ]
+
+
+def _few(names: list[str]) -> str:
+    """Return up to three names; how many there are besides."""
+    rest = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + rest
+
+
+def _is_impossible(inertia: Element | None) -> bool:
+    """Return whether moments of inertia are negative or break the triangle inequality."""
+    if inertia is None:
+        return False
+    xx, xy, xz, yy, yz, zz = (
+        float(inertia.get(key, "nan")) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if not (np.abs(moments) < 1e100).all():
+        return False
+    principal = np.linalg.eigvalsh(moments)
+    spread = np.trace(moments) / 2 - principal  # second moments of mass along the principal axes
+    return bool(spread.min() < -ROUNDING * np.abs(spread).max())
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
@@ -131,13 +190,9 @@ def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
         faults.append(f"{where} type is {kind[:40]!r}: it must be {', '.join(MOVING)} or fixed")
     if joint.find("mimic") is not None:
         faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
-    axis, limit = joint.find("axis"), joint.find("limit")
+    axis = joint.find("axis")
     if axis is not None and "xyz" not in axis.attrib and kind != "fixed":
         faults.append(f"{where} axis has no xyz: it must be 3 finite numbers, not all 0")
-    for key in ("lower", "upper"):
-        if kind in ("revolute", "prismatic") and limit is not None and key not in limit.attrib:
-            unit = "m" if kind == "prismatic" else "rad"
-            faults.append(f"{where} limit has no {key}: it must be a finite number [{unit}]")
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

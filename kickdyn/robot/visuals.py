@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 
 from kickdyn.core.validation import Array
@@ -30,6 +31,8 @@ class Visual:
         mesh: name of the mesh file as it is written; empty for other shapes.
         rgba: colour, 0 to 1; None where the file gives none.
         has_texture: whether the file colours it by a picture, which is not read.
+        vertices, faces: of a mesh that was read with the robot's file, in place of `mesh`: shape
+            `(n, 3)` [m, frame of the visual], and indices of vertices, shape `(m, 3)`.
     """
 
     frame: str
@@ -39,6 +42,8 @@ class Visual:
     mesh: str = ""
     rgba: tuple[float, ...] | None = None
     has_texture: bool = False
+    vertices: Array | None = None
+    faces: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,11 @@ class RobotFile:
     text: str
     folder: Path
     source: str
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return ()
 
     def visuals(self) -> list[Visual]:
         """Return the shapes that the file describes; raise `InvalidInput` if they are unreadable.

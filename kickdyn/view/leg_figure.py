@@ -88,6 +88,8 @@ def _visuals(leg: Leg, file: RobotFile) -> Iterator[Part]:
     # a joint may have the name of a link
     by_name |= {frame.name: frame for frame in frames if frame.type == pin.FrameType.BODY}
     for visual in file.visuals():
+        if visual.frame not in by_name:  # of an object beside the robot
+            continue
         frame = by_name[visual.frame]
         pose = frame.placement.homogeneous @ visual.pose
         painted = None if visual.rgba is None else _rgba(visual.rgba)
@@ -98,6 +100,9 @@ def _visuals(leg: Leg, file: RobotFile) -> Iterator[Part]:
 
 def _shapes(visual: Visual, file: RobotFile) -> Iterator[tuple[Any, Array, Rgba | None]]:
     """Yield the shapes of a visual: each with its pose and the colour that its mesh gives it."""
+    if visual.vertices is not None:
+        yield shapes.TriangularMeshGeometry(visual.vertices, visual.faces), np.eye(4), None
+        return
     if visual.shape == Shape.MESH:
         for mesh in read_mesh(visual.mesh, file.folder, visual.size):
             triangles = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)

@@ -373,6 +373,15 @@ def test_a_particle_has_an_energy_too():
         assert hit.ball_after.spin.tolist() == list(spin)  # nothing turns it
 
 
+def test_joints_outside_their_range_and_too_fast_are_warned_of():
+    bent = LEG.posture(LEG.configuration({"knee": -0.2}))
+    fast = kd.collide(bent, [20.0, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.7))
+    instant = kd.strike(bent, [20.0, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.7))
+    assert len(fast.warnings) == 2
+    assert fast.warnings == instant.warnings
+    assert all(line in repr(fast) for line in fast.warnings)
+
+
 def test_pickled_it_runs_again():
     hit = human(torque=[1.0, 2.0, 3.0], tol=1e-8)
     again = pickle.loads(pickle.dumps(hit))

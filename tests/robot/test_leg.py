@@ -39,7 +39,9 @@ def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
 @pytest.mark.parametrize(
     ("frame", "said"),
     [
-        ("tow", "'tow' is unknown: leg_human has base, hip, .*toe"),
+        ("tow", "'tow' is unknown: did you mean 'toe'. leg_human has base, hip, .*toe"),
+        ("SHANK", "'SHANK' is unknown: did you mean 'shank'"),
+        ("xyzzy", "'xyzzy' is unknown: leg_human has base"),
         ("", "'' is unknown"),
         (None, "frame is None: it must be a str"),
         ("universe", "'universe' is unknown"),  # id 0, which is no part of the leg

@@ -363,25 +363,25 @@ def _solve_standing(
     objective: KickObjective,
     scatter: Cost | None,
 ) -> tuple[KickProgram, KickSolution]:
-    """Return the solution from ground that can supply the support's impulse, with its program.
+    """Return the solution of a standing robot, and its program.
 
-    Where a foot that is held would give more of the launch speed, or be the only solution, that
-    one.
+    Where no posture that meets the goal has a support's impulse that ground can supply, the foot is
+    held.
     """
-    found: list[tuple[KickProgram, KickSolution]] = []
-    for impulse in (target.impulse, None):
+
+    def program(impulse: Array | None) -> KickProgram:
+        """Return the program, where the ground must supply the support's impulse or not."""
         stance = Stance(standing, impulse)
-        program = KickProgram(
-            chain.leg, target, ball_position, limits=limits, turn=False, stance=stance
-        )
-        try:
-            found.append((program, _solve(program, objective, scatter)))
-        except InvalidInput:
-            if impulse is None and not found:
-                raise
-        if found and found[0][1].share == 1.0:
-            break
-    return max(found, key=lambda one: one[1].share)
+        return KickProgram(chain.leg, target, ball_position, limits=limits, stance=stance)
+
+    stands = program(target.impulse)
+    found = stands.solve_whole(
+        stands.cost(KickObjective.JOINT_SPEED if scatter is not None else objective)
+    )
+    if found is None:
+        held = program(None)
+        return held, _solve(held, objective, scatter)
+    return stands, found if scatter is None else _solve_scatter(stands, scatter)
 
 
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:

@@ -132,7 +132,8 @@ class KickProgram:
     """The nonlinear program for a leg on a fixed base and an impact target.
 
     The ball has a height of its centre, or a position, shape `(3,)` [m, world frame], or is free.
-    A leg whose foot moves in a plane may `turn` towards the launch.
+    A leg whose foot moves in a plane may `turn` towards the launch; one with a `stance`, on the
+    supporting foot, does not, and keeps its margins.
 
     Attributes:
         leg: turned by `heading` [rad] to the left about the vertical.
@@ -168,7 +169,7 @@ class KickProgram:
         self._draw = np.random.default_rng(0)
         self._set_leg(leg)
         self.heading = 0.0
-        if turn and self._leaves_directions(target.impulse):
+        if turn and stance is None and self._leaves_directions(target.impulse):
             self.heading = _heading_towards(self.directions, target.impulse)
             if self.heading:
                 self._set_leg(turn_leg(leg, self.heading))
@@ -224,17 +225,22 @@ class KickProgram:
         is feasible at all.
         """
         starts = self._starts()
+        found = self.solve_whole(cost, starts)
+        if found is not None:
+            return found
+        weaker = [one for x in starts if (one := self._solve_from(x, None)) is not None]
+        if not weaker:
+            return None
+        best = max(weaker, key=lambda one: one.share)
+        if best.share < 1.0 - 1e-6:
+            return best
+        return self._solve_from(self._unknowns(best), cost) or replace(best, share=1.0)
+
+    def solve_whole(self, cost: Cost, starts: list[Array] | None = None) -> KickSolution | None:
+        """Return the best solution that reaches the whole foot velocity; None without any."""
+        starts = self._starts() if starts is None else starts
         found = [one for x in starts if (one := self._solve_from(x, cost)) is not None]
-        if not found:
-            weaker = [one for x in starts if (one := self._solve_from(x, None)) is not None]
-            if not weaker:
-                return None
-            best = max(weaker, key=lambda one: one.share)
-            if best.share < 1.0 - 1e-6:
-                return best
-            again = self._solve_from(self._unknowns(best), cost)
-            found = [again or replace(best, share=1.0)]
-        return min(found, key=lambda one: one.value)
+        return min(found, key=lambda one: one.value) if found else None
 
     def improve(self, found: KickSolution, cost: Cost) -> KickSolution:
         """Return the best solution near one, or that one with its value of the cost."""
@@ -328,7 +334,8 @@ class KickProgram:
     def _starts(self) -> list[Array]:
         """Return the unknowns of the 4 postures, of 80 drawn, that need the least joint speed."""
         rated = []
-        low, high = np.maximum(self.lower, -1.0), np.minimum(self.upper, 1.0)  # farther: tangled
+        far = 1.0 if self.stance is None else 0.5  # farther: tangled; standing, a trunk lies down
+        low, high = np.maximum(self.lower, -far), np.minimum(self.upper, far)
         for number in range(80):
             q = self._draw.uniform(np.minimum(low, self.upper), np.maximum(high, self.lower))
             posture = self.posture(q)

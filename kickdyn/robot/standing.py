@@ -201,12 +201,14 @@ def _reroot(model: Any, foot: int, placement: Any) -> Any:
     new = pin.Model()
     new.name, new.gravity = model.name, model.gravity.copy()
     above = [int(joint) for joint in model.supports[foot]][2:]  # from the base to the foot
-    carrier, offset = {foot: 0}, {foot: placement}  # of each body: its new joint, its pose there
-    for joint in [*reversed(above), *(j for j in range(2, model.njoints) if j not in above)]:
+    # of each body, the world first: its new joint, and its pose there
+    carrier, offset = {0: 0, foot: 0}, {0: pin.SE3.Identity(), foot: placement}
+    for joint in _depth_first(model, foot, above):
         parent, place = int(model.parents[joint]), model.jointPlacements[joint]
         if joint in above:  # from the child, which has its place, to the parent
-            kind, start = _reversed(model, joint), offset[joint]
-            known, moved, pose = joint, parent, place.inverse()
+            kind, turn = _reversed(model, joint)
+            known, moved = joint, parent
+            start, pose = offset[joint] * turn, turn.inverse() * place.inverse()
         else:
             kind, start = model.joints[joint], offset[parent] * place
             known, moved, pose = parent, joint, pin.SE3.Identity()
@@ -237,17 +239,40 @@ def _reroot(model: Any, foot: int, placement: Any) -> Any:
     return new
 
 
-def _reversed(model: Any, joint: int) -> Any:
-    """Return the joint that moves the parent as a joint moves its child, as seen from the child."""
+def _depth_first(model: Any, foot: int, above: list[int]) -> list[int]:
+    """Return all joints but the floating base, each after those between it and the foot.
+
+    What hangs on a joint follows it at once: Pinocchio's algorithms take each subtree's columns
+    for adjacent ones, and return wrong inertias of another order without an error.
+    """
+    order, waiting = [], [(foot, 0)]  # bodies, and the joint by which each is reached
+    while waiting:
+        body, joint = waiting.pop()
+        order.append(joint)
+        own = [j for j in range(2, model.njoints) if model.parents[j] == body and j != joint]
+        waiting += [(j, j) for j in reversed(own) if j not in above]
+        if body in above:
+            waiting.append((int(model.parents[body]), body))
+    return order[1:]
+
+
+def _reversed(model: Any, joint: int) -> tuple[Any, Any]:
+    """Return the joint that moves the parent as a joint moves its child, and its axes.
+
+    It turns about or slides along the x axis of the `pin.SE3` in the child's axes.
+    """
     kind, name = model.joints[joint], model.joints[joint].shortname()
     if kind.nv != 1 or not name.startswith(("JointModelR", "JointModelP")):
         raise InvalidInput(
             f"joint {model.names[joint]!r} between the supporting foot and the base is a {name}: "
             "it must turn about or slide along one axis"
         )
-    axis = -np.asarray(kind.createData().S).ravel()
+    motion = np.asarray(kind.createData().S).ravel()
+    axis = motion[:3] if name.startswith("JointModelP") else motion[3:]
+    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), -axis).matrix()
+    own: Any = pin.JointModelRX
     if name.startswith("JointModelP"):
-        return pin.JointModelPrismaticUnaligned(axis[:3])
-    if kind.nq == 2:
-        return pin.JointModelRevoluteUnboundedUnaligned(axis[3:])
-    return pin.JointModelRevoluteUnaligned(axis[3:])
+        own = pin.JointModelPX
+    elif kind.nq == 2:
+        own = pin.JointModelRUBX
+    return own(), pin.SE3(turn, np.zeros(3))

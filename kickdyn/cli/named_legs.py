@@ -15,20 +15,22 @@ LEGS = tuple(dict.fromkeys([*SHIPPED, *ROBOTS]))
 """Names of legs: ours first, which hide a robot of the same name."""
 
 
-def load_leg(name: str, frame: str | None = None) -> Leg:
-    """Return a leg by one of the names `LEGS` (a robot's kicking leg), or that of a URDF file.
+def load_leg(name: str, frame: str | None = None, base: str = "fixed") -> Leg:
+    """Return a leg by one of the names `LEGS`, or that of a URDF file.
 
-    The contact frame is by default a robot's toe, or the frame `toe` of a file. Raises
-    `InvalidInput`, or `UrdfError` if the file is refused.
+    On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
+    contact frame is by default a robot's toe, or the frame `toe` of a file. Raises `InvalidInput`,
+    or `UrdfError` if the file is refused.
     """
     if name in SHIPPED:
-        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe")
+        return Leg.from_urdf(shipped_urdf(SHIPPED[name]), frame or "toe", base=base)
     if name in ROBOTS:
-        return kicking_chain(Leg.from_robot(name, frame, legs_only=True)).leg
+        robot = Leg.from_robot(name, frame, base=base, legs_only=True)
+        return robot if base == "floating" else kicking_chain(robot).leg
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
-        return Leg.from_urdf(name, frame or "toe")
+        return Leg.from_urdf(name, frame or "toe", base=base)
     except UrdfError:
         raise
     except InvalidInput as error:  # what else can be wrong is the frame

@@ -11,7 +11,7 @@ from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy
-from kickdyn.cli.named_legs import load_leg
+from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -88,10 +88,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
               help="Play the ball along the ground in --time, on turf, carpet...")  # fmt: skip
 @click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Which, where two launches meet the goal.")  # fmt: skip
-@click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-              show_default=True, help="A leg of kickdyn, a URDF file, or a robot by name, such "
-              "as g1: its right leg, on a fixed base.")  # fmt: skip
-@click.option("--frame", metavar="NAME", help="Link or joint whose origin strikes the ball.")
+@leg_options
 @click.option(
     "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
 )
@@ -139,8 +136,7 @@ def plan(
     goal_mouth: bool,
     surface: str | None,
     arc: str,
-    leg_name: str,
-    frame: str | None,
+    leg_options: LegOptions,
     offset: list[float] | None,
     ball_height: float | None,
     ball_at: list[float] | None,
@@ -186,7 +182,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg = load_leg(leg_name, frame)
+    leg = leg_options.load()
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")

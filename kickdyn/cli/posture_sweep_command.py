@@ -15,7 +15,8 @@ import xarray as xr
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.named_legs import SHIPPED, load_leg
+from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.named_legs import SHIPPED
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -38,12 +39,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 
 
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-              show_default=True,
-              help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
-              "its fixed base (g1, talos, ...).")  # fmt: skip
-@click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
-              "robot, its right foot]")  # fmt: skip
+@leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
               "Default of human and testbed: a range of hip, knee and ankle, "
@@ -84,8 +80,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the best kick.")
 @click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
 def posture_sweep(
-    leg_name: str,
-    frame: str | None,
+    leg_options: LegOptions,
     joints: tuple[str, ...],
     speed: float,
     attack: float,
@@ -110,14 +105,14 @@ def posture_sweep(
     Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
-    leg = load_leg(leg_name, frame)
+    leg = leg_options.load()
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
         ball=ball, air=AIRS[air],
     )  # fmt: skip
-    postures = read_postures(leg, joints or (KICKING if leg_name in SHIPPED else ()))
+    postures = read_postures(leg, joints or (KICKING if leg_options.leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
     store = out if out is not None and Path(out).suffix == ".zarr" else None
     file = out if store is None else None
@@ -151,7 +146,7 @@ def posture_sweep(
 
     lines = extreme_lines(leg, grid, kick, summary)
     made_page = _page(lines, kick) if live or view is not None else None
-    if leg_name == "human":
+    if leg_options.leg_name == "human":
         lines = [*paper_lines(leg, kick), *lines]
     if plot is not None:
         save_figure(sweep_figure(summary, lines), plot)

@@ -23,6 +23,9 @@ from kickdyn.robot.model_validation import frame_id, listed
 CLOSED = 1e-9
 """Gap [m] up to which a loop counts as closed."""
 
+SAME_PLACE = 1e-6
+"""Distance [m] up to which two frames are at one place: a URDF has about as many digits."""
+
 FLAT = 1e-6
 """Share of a sole's length below which its width counts as none."""
 
@@ -343,6 +346,40 @@ class ConstraintProjector(ReadOnlyArrays):
     def _least_impulses(self) -> Array:
         """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
         return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=INDEPENDENT))
+
+
+def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
+    """Return the pairs of frames that look like the two ends of a loop which was cut open.
+
+    URDF knows trees only, so that a closed linkage is cut at a pin, whose two halves are marked by
+    links without mass. Such a link is fixed to its body, nothing hangs on it, and it is in the same
+    place as another one when all joints are at 0; neither body carries the other. Of the 68 URDF
+    files of example-robot-data 6.0.0, none has such a pair.
+    """
+    frames = list(model.frames)
+    carrying = {int(frame.parentFrame) for frame in frames}
+    ends = [
+        number
+        for number, frame in enumerate(frames)
+        if frame.type == pin.FrameType.BODY
+        and number not in carrying
+        and frames[frame.parentFrame].type == pin.FrameType.FIXED_JOINT
+        and frame.inertia.mass == frames[frame.parentFrame].inertia.mass == 0.0
+    ]
+    above = [list(joints) for joints in model.supports]
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    places = [pin.updateFramePlacement(model, data, end).translation.copy() for end in ends]
+    origins = np.array(places).reshape(-1, 3)
+    apart = np.linalg.norm(origins[:, None] - origins, axis=2)
+    found = []
+    for i, j in np.argwhere(np.triu(apart <= SAME_PLACE, 1)).tolist():
+        one, two = frames[ends[i]], frames[ends[j]]
+        if (
+            one.parentJoint not in above[two.parentJoint]
+            and two.parentJoint not in above[one.parentJoint]
+        ):
+            found.append((str(one.name), str(two.name)))
+    return found
 
 
 class _Place(NamedTuple):

@@ -22,7 +22,12 @@ from kickdyn.core.vectors import cross3
 from kickdyn.errors import InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
 from kickdyn.robot.catalog import robot, robot_file, robot_model
-from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
+from kickdyn.robot.constraints import (
+    ConstraintProjector,
+    Constraints,
+    Support,
+    find_open_loops,
+)
 from kickdyn.robot.joint_table import JointTable, lock_joints
 from kickdyn.robot.mjcf_file import read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
@@ -319,11 +324,6 @@ class Leg(JointTable, ReprMixin):
         """
         return Posture(self, q)
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """A line for each kind of irregularity of its URDF file; none was repaired."""
-        return () if self.file is None else self.file.warnings
-
     def close_loops(self, q: ArrayLike, keep: Iterable[str] = ()) -> Array:
         """Return a configuration near `q` with all loops closed, by Newton's method.
 
@@ -343,6 +343,23 @@ class Leg(JointTable, ReprMixin):
         if self.constraints is None or not self.constraints.loops:
             return q
         return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about irregularities of its file, none of them repaired, and about open loops."""
+        return (*(() if self.file is None else self.file.warnings), *self.open_loops)
+
+    @cached_property
+    def open_loops(self) -> tuple[str, ...]:
+        """A line for each pair of frames that look like the ends of a loop which is not closed."""
+        closed = [] if self.constraints is None else self.constraints.loops
+        known = {frozenset(loop) for loop in closed}
+        return tuple(
+            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
+            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
+            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
+            if frozenset((a, b)) not in known
+        )
 
     @property
     def model(self) -> Any:
@@ -469,8 +486,8 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range (allowed; or are these degrees?)."""
-        return tuple(self.leg.outside_range(self.q))
+        """The leg's open loops; a line for each joint outside its range (or are these degrees?)."""
+        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
     @property
     def whitened_jacobian(self) -> Array:

@@ -88,6 +88,17 @@ _texts = _valid(
     ),
     "it must be a list of names, at most 100",
 )
+_pairs = _valid(
+    lambda value: (
+        isinstance(value, list)
+        and len(value) <= 100
+        and all(
+            isinstance(pair, list) and len(pair) == 2 and all(isinstance(v, str) for v in pair)
+            for pair in value
+        )
+    ),
+    "it must be a list of pairs of names, at most 100",
+)
 _flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
 UNCERTAINTY = {
@@ -114,6 +125,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "base": _choice("fixed", "floating"),
         "legs_only": _flag,
         "supports": _texts,
+        "loops": _pairs,
         "armature_kg_m2": _by_joint("kg m2", at_least=0.0),
     },
     "posture": {

@@ -95,10 +95,14 @@ def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
             leg = leg.with_armature(at_leg["armature_kg_m2"])
         if "supports" in at_leg:
             leg = leg.with_supports(*at_leg["supports"])
+        if "loops" in at_leg:
+            leg = leg.with_loops(*at_leg["loops"])
     with _faults_in("posture"):
         degrees, metres = (posture.get(key, {}) for key in ("angles_deg", "positions_m"))
         angles = {joint: math.radians(angle) for joint, angle in degrees.items()}
-        q, contact, ball = leg.configuration(angles | metres), _contact(at_contact), _ball(at_ball)
+        named = angles | metres
+        q = leg.close_loops(leg.configuration(named), keep=named)
+        contact, ball = _contact(at_contact), _ball(at_ball)
         scene = Scene(
             leg,
             q,

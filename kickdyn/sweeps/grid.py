@@ -24,7 +24,7 @@ DECIMALS = 9
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Every combination of joint values; joints that are not named stay at 0.
+    """Every combination of joint values; joints that are not named stay at 0, or close loops.
 
     Postures are numbered from 0, the last joint running fastest.
 
@@ -75,10 +75,23 @@ class Grid:
         return math.prod(self.shape)
 
     def configuration(self, leg: Leg, number: int) -> Array:
-        """Return q of a posture by its number, shape `(nq,)`."""
+        """Return q of a posture by its number, shape `(nq,)`, the leg's loops closed.
+
+        The grid's joints keep their values; other joints of a loop move.
+
+        Raises:
+            InvalidInput: the loops cannot be closed, or only by joints outside their ranges.
+        """
         index = np.unravel_index(number, self.shape)
         axes = zip(self.axes.items(), index, strict=True)
-        return leg.configuration({name: values[i] for (name, values), i in axes})
+        q = leg.configuration({name: values[i] for (name, values), i in axes})
+        if leg.constraints is None or not leg.constraints.loops:
+            return q
+        closed = leg.close_loops(q, keep=self.axes)
+        outside = leg.outside_range(closed)
+        if outside:
+            raise InvalidInput(f"with the loops closed, {outside[0]}")
+        return closed
 
 
 @dataclass(frozen=True)

@@ -82,13 +82,15 @@ class PostureStatus(StrEnum):
 
     `ok`: some joint velocity within the limits moves the foot as asked. `too-fast`: each joint
     velocity that does so exceeds a limit. `out-of-reach`: the foot cannot move in the direction of
-    the kick at all (a stretched leg along itself); there is no impact. `not-computed`: the sweep
-    has not come to the posture yet.
+    the kick at all (a stretched leg along itself); there is no impact. `not-closed`: the leg's
+    loops cannot be closed there, with all joints in their ranges; there is no posture.
+    `not-computed`: the sweep has not come to the posture yet.
     """
 
     OK = "ok"
     TOO_FAST = "too-fast"
     OUT_OF_REACH = "out-of-reach"
+    NOT_CLOSED = "not-closed"
     NOT_COMPUTED = "not-computed"
 
     @property

@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, read_postures
 
 LEG = kd.Leg.human()
@@ -143,3 +144,29 @@ def test_chunks_are_consecutive_postures_of_like_size(shape, chunk):
         assert here == list(range(first, first + count))
         seen += here
     assert seen == list(range(number.size))
+
+
+FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+LOOPED = FOURBAR.with_loops(("shank_pin", "rocker_b_tip"))
+
+
+def test_loops_are_closed_at_each_point():
+    grid = Grid.of(LOOPED, {"rocker_b": np.radians([0.0, 30.0, 60.0]), "hip": [0.1, 0.2]})
+    for number in range(grid.size):
+        q = grid.configuration(LOOPED, number)
+        named = {"rocker_b": grid.axes["rocker_b"][number // 2], "hip": (0.1, 0.2)[number % 2]}
+        assert {name: LOOPED.joint_values(q)[name] for name in named} == pytest.approx(
+            named, abs=1e-15
+        )
+        LOOPED.posture(q)  # refuses open loops
+        assert LOOPED.outside_range(q) == []
+    assert grid.configuration(FOURBAR, 5)[1:].tolist() == [0, 0, 0, grid.axes["rocker_b"][2]]
+
+
+def test_points_that_cannot_be_closed_are_refused():
+    grid = Grid.of(LOOPED, {"rocker_a": [0.41]})
+    with pytest.raises(kd.InvalidInput, match=r"loop shank_pin - rocker_b_tip stays open"):
+        grid.configuration(LOOPED, 0)
+    grid = Grid.of(LOOPED, {"shank_pin_a": [1.89]})
+    with pytest.raises(kd.InvalidInput, match=r"with the loops closed, rocker_b at 74\.\d+ deg is"):
+        grid.configuration(LOOPED, 0)

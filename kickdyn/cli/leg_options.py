@@ -1,0 +1,85 @@
+"""The options of command lines that say which leg kicks, and how it is held."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple
+
+import click
+
+from kickdyn.cli.named_legs import load_leg
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.leg import Leg
+
+
+class LegOptions(NamedTuple):
+    """What the options of `leg_options` say.
+
+    Attributes:
+        leg_name: a name of `named_legs.LEGS`, or a file.
+        frame: the contact frame; None is the default of `load_leg`.
+        loops: pairs of frames' names.
+        supports: frames' names.
+    """
+
+    leg_name: str
+    frame: str | None
+    loops: tuple[tuple[str, str], ...]
+    supports: tuple[str, ...]
+
+    def load(self) -> Leg:
+        """Return the leg, its warnings written to standard error.
+
+        A leg that stands on a support has a floating base, which could not move otherwise.
+        """
+        leg = load_leg(self.leg_name, self.frame, "floating" if self.supports else "fixed")
+        if self.supports:
+            leg = leg.with_supports(*self.supports)
+        if self.loops:
+            leg = leg.with_loops(*self.loops)
+        for line in leg.warnings:
+            click.echo(f"warning: {line}", err=True)
+        return leg
+
+
+def _read_loops(
+    _: click.Context, __: click.Option, texts: tuple[str, ...]
+) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of frames that `--loop` names."""
+    loops = []
+    for text in texts:
+        first, colon, second = text.partition(":")
+        if not (colon and first and second):
+            raise InvalidInput(f"loop is {text!r}: it must be two frames, A:B")
+        loops.append((first, second))
+    return tuple(loops)
+
+
+_OPTIONS = (
+    click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
+                 show_default=True,
+                 help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
+                 "its fixed base (g1, talos, ...)."),
+    click.option("--frame", metavar="NAME",
+                 help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
+                 "its right foot]"),
+    click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
+                 help="Two frames whose origins stay together, by a ball joint: they close a loop "
+                 "that the file cuts open; repeatable."),
+    click.option("--support", "supports", multiple=True, metavar="FRAME",
+                 help="A foot that stands on the ground; the base then floats, and a robot has "
+                 "both legs; repeatable."),
+)  # fmt: skip
+
+
+def leg_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with the options of a leg, which it takes as one argument `leg_options`."""
+
+    @wraps(command)
+    def with_options(*args: Any, **given: Any) -> Any:
+        """Call the command with the options of the leg in one."""
+        options = LegOptions(**{name: given.pop(name) for name in LegOptions._fields})
+        return command(*args, leg_options=options, **given)
+
+    for option in reversed(_OPTIONS):
+        with_options = option(with_options)
+    return with_options

@@ -141,7 +141,9 @@ def _spanned(file: RobotFile, visual: Visual) -> Spheres:
     ring = np.column_stack([np.cos(turns), np.sin(turns)])
     if visual.shape == Shape.CYLINDER:
         length, radius = size
-        rings = [np.column_stack([radius * ring, np.full(ROUND, z)]) for z in (-length / 2, length / 2)]
+        rings = [
+            np.column_stack([radius * ring, np.full(ROUND, z)]) for z in (-length / 2, length / 2)
+        ]
         return Spheres(np.vstack(rings), np.zeros(2 * ROUND))
     levels = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
     ball = [np.column_stack([np.cos(a) * ring, np.full(ROUND, np.sin(a))]) for a in levels]

@@ -134,9 +134,7 @@ def _flat_support(robot: Leg) -> Support:
     supports = constraints.supports
     if len(supports) != 1 or supports[0].point:
         named = ", ".join(f"{s.frame}{' (a point)' if s.point else ''}" for s in supports)
-        raise InvalidInput(
-            f"{robot.name} stands on {named}: kicks are planned from one flat foot"
-        )
+        raise InvalidInput(f"{robot.name} stands on {named}: kicks are planned from one flat foot")
     return supports[0]
 
 

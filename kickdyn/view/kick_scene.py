@@ -108,7 +108,9 @@ def describe_buried(
     worst, time = found[0], float(pace.times[found[0].number])
     when = f"{abs(1e3 * time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
     others = f"; also {', '.join(one.frame for one in found[1:])}" if found[1:] else ""
-    return f"Under the ground in this picture: {worst.frame} by {worst.depth:.3f} m, {when}{others}."
+    return (
+        f"Under the ground in this picture: {worst.frame} by {worst.depth:.3f} m, {when}{others}."
+    )
 
 
 def _floor(impact: Impact, path: Flight | Course) -> float:

@@ -88,7 +88,9 @@ def test_the_sole_is_what_the_shapes_have_at_the_ground():
 
 
 def test_a_given_sole_is_kept():
-    support = kd.Support(FOOT, friction=0.5, sole=[(-0.05, 0.02, -0.035), (-0.05, -0.02, -0.035), (0.1, 0.0, -0.035)])
+    support = kd.Support(
+        FOOT, friction=0.5, sole=[(-0.05, 0.02, -0.035), (-0.05, -0.02, -0.035), (0.1, 0.0, -0.035)]
+    )
     standing = StandingRobot(G1.with_supports(support))
     assert standing.robot.constraints.supports == (support,)
     assert standing.placement.translation[2] == pytest.approx(0.035)

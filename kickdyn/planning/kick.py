@@ -263,9 +263,10 @@ def plan_kick(
         surface: of the ground, where the ball is to be played along it, as `plan_pass` does; the
             goal is then a time and a target as high as the ball.
         uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
-        swing: for a fixed base: whether the leg must be able to come there from rest, and to rest afterwards, within
-            its limits and a second each: `plan_swing` then finds the motion. For objectives
-            `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
+        swing: whether the leg must be able to come there from rest, and to rest afterwards, within
+            its limits and a second each: `plan_swing` then finds the motion. For a fixed base and
+            objectives `joint-speed` and `kinetic-energy`, with limits; needs
+            `pip install "kickdyn[swing]"`.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
@@ -279,13 +280,11 @@ def plan_kick(
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective.
     """
-    standing = None
-    if is_floating(leg):
-        standing = StandingRobot(leg)
-        if swing:
-            raise InvalidInput(f"swing is True: {leg.name} stands, and swings are for fixed bases")
-    else:
+    standing = StandingRobot(leg) if is_floating(leg) else None
+    if standing is None:
         check_unconstrained(leg, "kicks from a fixed base are planned")
+    elif swing:
+        raise InvalidInput(f"swing is True: {leg.name} stands, and swings are for fixed bases")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)
     if standing is not None:
@@ -358,7 +357,7 @@ def _solve_standing(
     standing: StandingRobot,
     chain: KickingChain,
     target: ImpactTarget,
-    ball_position: float | Array,
+    ball_position: float | Array | None,
     limits: bool,
     objective: KickObjective,
     scatter: Cost | None,

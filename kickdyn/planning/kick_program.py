@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 from scipy.linalg import _fblas
 from scipy.optimize import minimize
 
@@ -422,7 +423,7 @@ class ProgramPoint:
         """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
         program, wanted = self.program, self.wanted
         missed = self.posture.jacobian @ self.v - self.share * wanted
-        parts = [
+        parts: list[ArrayLike] = [
             [self._scaled_cost(self.posture, self.v)],
             program.velocity_rows @ missed / math.sqrt(wanted @ wanted),
             program.position_error(self.posture),

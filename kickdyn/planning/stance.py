@@ -9,6 +9,7 @@ r"""What a robot that stands on one foot must keep in a kick, as functions of it
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
@@ -34,6 +35,7 @@ class Stance:
 
     def __init__(self, standing: StandingRobot, impulse: Array | None = None) -> None:
         self.standing, self.impulse = standing, impulse
+        self._size = 1.0 if impulse is None else float(np.linalg.norm(impulse))
         leg, robot = standing.leg, standing.robot
         hull = ConvexHull(standing.sole)
         self._normals, self._offsets = hull.equations[:, :2], -hull.equations[:, 2]
@@ -44,12 +46,7 @@ class Stance:
         new = leg.workspace.model.frames[leg.frame_id].placement
         self._centres = np.array([(new * own.inverse()).act(x) for x in foot.centres[ends]])
         self._radii = foot.radii[ends]
-        model = leg.workspace.model
-        root = model.inertias[0]
-        self._root = root.mass * root.lever
-        self._mass = root.mass + pin.computeTotalMass(model)
-        support = robot.constraints.supports[0]
-        self.friction = support.friction
+        self._friction = standing.support.friction
 
     def margins(self, posture: Posture) -> Array:
         """Return how far all is inside its bounds, about 1 for a good distance, shape `(k,)`."""
@@ -61,11 +58,12 @@ class Stance:
             parts.append(self._impulse_margins(posture))
         return np.concatenate(parts)
 
-    def slopes(self, posture: Posture, vs: Array) -> Array:
+    def slopes(self, posture: Posture, vs: NDArray[np.int64]) -> Array:
         """Return the derivatives of the margins by joints at `vs`, shape `(k, n)`."""
         leg = posture.leg
         model, data = leg.workspace.model, leg.workspace.data
-        moved = pin.jacobianCenterOfMass(model, data, posture.q) * (data.mass[0] / self._mass)
+        moved = pin.jacobianCenterOfMass(model, data, posture.q)
+        moved *= data.mass[0] / (data.mass[0] + model.inertias[0].mass)
         rows = [-self._normals @ moved[:2] / LENGTH]
         pin.computeJointJacobians(model, data, posture.q)
         joint = leg.contact_joint
@@ -92,12 +90,17 @@ class Stance:
     def centre_of_mass(self, posture: Posture) -> Array:
         """Return the centre of mass of the whole robot, shape `(3,)` [m, world frame]."""
         model, data = posture.leg.workspace.model, posture.leg.workspace.data
-        others = pin.centerOfMass(model, data, posture.q)
-        return np.asarray((self._root + data.mass[0] * others) / self._mass)
+        others, root = pin.centerOfMass(model, data, posture.q), model.inertias[0]
+        moment = data.mass[0] * others + root.mass * root.lever
+        return np.asarray(moment / (data.mass[0] + root.mass))
 
     def support_impulse(self, posture: Posture) -> Array:
-        """Return the ground's impulse on the robot, about the world's origin, `(6,)` [N s, N m s]."""
-        impulse = self.impulse
+        """Return the ground's impulse on the robot, shape `(6,)` [N s, N m s, world frame].
+
+        Linear, then angular about the world's origin: with the impulse p on the ball, the robot's
+        momentum changes by this less p.
+        """
+        impulse = np.zeros(3) if self.impulse is None else self.impulse
         jump = posture.solve(-impulse @ posture.jacobian)
         model, data = posture.leg.workspace.model, posture.leg.workspace.data
         pin.computeCentroidalMomentum(model, data, posture.q, jump)
@@ -112,13 +115,12 @@ class Stance:
     def _impulse_margins(self, posture: Posture) -> Array:
         """Return how far the support's impulse is inside what the ground can supply."""
         p = self.support_impulse(posture)
-        size = float(np.linalg.norm(self.impulse))
         pressed = np.array([-p[4], p[3]])  # the centre of pressure times the normal impulse
         inside = (self._offsets * p[2] - self._normals @ pressed) / LENGTH
         parts = [[p[2]], inside]
-        if self.friction is not None:
-            parts.append([self.friction * p[2] - np.hypot(p[0], p[1])])
-        return np.concatenate(parts) / size
+        if self._friction is not None:
+            parts.append([self._friction * p[2] - np.hypot(p[0], p[1])])
+        return np.concatenate(parts) / self._size
 
     def _points(self, posture: Posture) -> Array:
         """Return the centres of the kicking foot's spheres, shape `(k, 3)` [m, world frame]."""

@@ -30,7 +30,8 @@ class StandingRobot:
     its parent by :math:`\exp(-S_i q_i)` as seen from its child.
 
     Attributes:
-        robot: on a floating base; its support has a sole.
+        robot: on a floating base, on `support`.
+        support: on which it stands, with its sole.
         leg: the same bodies on a fixed base, the supporting foot, without supports.
         placement: of the supporting frame in the world, a `pin.SE3`.
         sole: corners of the sole, shape `(k, 2)` [m, world frame, x and y].
@@ -53,7 +54,8 @@ class StandingRobot:
         origin = np.array([*upright.translation[:2], -heights.min()])
         self.placement = pin.SE3(upright.rotation, origin)
         self.sole = (corners @ upright.rotation.T + origin)[:, :2]
-        self.robot = robot.with_supports(replace(support, sole=corners))
+        self.support = replace(support, sole=corners)
+        self.robot = robot.with_supports(self.support)
         frame = model.frames[self._frame]
         root = self.placement * frame.placement.inverse()
         self.leg = Leg(

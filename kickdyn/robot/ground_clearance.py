@@ -94,6 +94,7 @@ def shape_of(leg: Leg, frame: str, *, meshes: bool = True) -> Spheres:
 
 
 POINT = Spheres(np.zeros((1, 3)), np.zeros(1))
+"""A body that is a point at the origin."""
 
 
 _known: WeakKeyDictionary[Visual, Spheres] = WeakKeyDictionary()

@@ -14,7 +14,7 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.ground_clearance import Spheres, body_frames, shape_of
+from kickdyn.robot.ground_clearance import POINT, Spheres, body_frames, shape_of
 from kickdyn.robot.leg import Leg, Posture
 
 SOLE = 2e-3
@@ -175,13 +175,13 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
 
 
 def joint_spheres(robot: Leg, joint: int) -> Spheres:
-    """Return the bodies that a joint carries, in its axes."""
+    """Return the bodies that a joint carries, in its axes; its origin where it has no shapes."""
     frames = robot.workspace.model.frames
     found = [
         shape_of(robot, name).moved(frames[number].placement.homogeneous)
         for name, number in body_frames(robot).items()
         if int(frames[number].parentJoint) == joint
-    ]
+    ] or [POINT]
     return Spheres(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 

@@ -1,5 +1,7 @@
 from dataclasses import replace
+from pathlib import Path as FilePath
 
+import gymnasium
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -398,3 +400,32 @@ def test_constrained_dynamics_from_before_the_impact_meet_the_plan(standing):
     posture = leg.posture(q)
     assert posture.contact_point == pytest.approx(standing.impact.posture.contact_point, abs=1e-6)
     assert posture.jacobian @ v == pytest.approx(standing.impact.foot_velocity, abs=1e-6)
+
+
+def test_a_foot_that_cannot_stand_is_held_and_named():
+    """On a sole of a millimetre, in a kick for which the ground must push to the side."""
+    sole = [(0.03, 0.0, -0.035), (0.031, 0.0, -0.035), (0.03, 0.001, -0.035)]
+    narrow = kd.Support(FOOT, friction=0.01, sole=sole)
+    plan = kd.plan_kick(STANDING.with_supports(narrow), kd.Goal((4, 1, 0), time=0.8), BALL, AIR)
+    assert plan.status == "met"
+    (state,) = plan.impact.footing.values()
+    assert state in ("slips", "tips", "lifts-off")
+    assert any(line.startswith(f"{FOOT} {state}: the plan holds it") for line in plan.warnings)
+
+
+def test_a_floating_base_without_a_support_is_refused():
+    with pytest.raises(kd.InvalidInput, match="does not stand: kicks are planned for robots on a"):
+        kd.plan_kick(STANDING.with_supports(), kd.Goal(3, time=0.4), BALL, AIR)
+
+
+def test_a_humanoid_of_an_mjcf_file_kicks_from_one_foot():
+    file = FilePath(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
+    humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
+    front = (0.075, 0.0, 0.1)
+    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=front)
+    assert plan.status == "met"
+    assert plan.landing_error < 1e-6
+    assert plan.impact.ball_before.position[2] == pytest.approx(BALL.radius, abs=1e-4)
+    foot = frame_pose(plan.leg, plan.q, "left_foot")
+    lowest = foot.act(np.array([0.0, 0.0, 0.1]))[2] - 0.075  # a sphere
+    assert lowest == pytest.approx(0.0, abs=1e-9)

@@ -2,7 +2,7 @@
 
 import io
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
@@ -21,6 +21,12 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(activity) as status:
         yield status.update
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """Write warnings to standard error, a line each."""
+    for warning in warnings:
+        click.echo(f"warning: {printable(warning)}", err=True)
 
 
 def run(command: click.Command) -> NoReturn:

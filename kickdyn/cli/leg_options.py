@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from kickdyn.cli.command import warn
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
@@ -20,25 +21,27 @@ class LegOptions(NamedTuple):
         frame: the contact frame; None is the default of `load_leg`.
         loops: pairs of frames' names.
         supports: that the robot stands on.
+        package_dirs: folders for the meshes of a URDF file.
     """
 
     leg_name: str
     frame: str | None
     loops: tuple[tuple[str, str], ...]
     supports: tuple[Support, ...]
+    package_dirs: tuple[str, ...]
 
     def load(self) -> Leg:
         """Return the leg, its warnings written to standard error.
 
         A leg that stands on a support has a floating base, which could not move otherwise.
         """
-        leg = load_leg(self.leg_name, self.frame, "floating" if self.supports else "fixed")
+        base = "floating" if self.supports else "fixed"
+        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs)
         if self.supports:
             leg = leg.with_supports(*self.supports)
         if self.loops:
             leg = leg.with_loops(*self.loops)
-        for line in leg.warnings:
-            click.echo(f"warning: {line}", err=True)
+        warn(leg.warnings)
         return leg
 
 
@@ -74,8 +77,8 @@ def _read_supports(
 _OPTIONS = (
     click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
                  show_default=True,
-                 help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
-                 "its fixed base (g1, talos, ...)."),
+                 help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of "
+                 "kickdyn[robots] on its fixed base (g1, talos, ...)."),
     click.option("--frame", metavar="NAME",
                  help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
                  "its right foot]"),
@@ -86,6 +89,10 @@ _OPTIONS = (
                  callback=_read_supports,
                  help="A foot that stands on the ground, and Coulomb's coefficient under it; the "
                  "base then floats, and a robot has both legs; repeatable."),
+    click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
+                 type=click.Path(exists=True, file_okay=False),
+                 help="ROS package with meshes of a URDF file, or a folder that contains it; "
+                 "repeatable."),
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.command import busy
+from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -254,6 +254,14 @@ def _windy(air: Air | None, wind: list[float] | None) -> Air | None:
 def _write(report: PlanReport, json_file: str | None, view: str | None, plot: str | None) -> None:
     """Write a report to the files that are named, and to the screen."""
     sentences = report.sentences()
+    if json_file is not None:
+        write_json(json_file, report.to_json())
+    if json_file != "-":
+        from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
+
+        width = screen_width()
+        click.echo("\n".join(wrapped(line, width) for line in sentences))
+        click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
     if plot is not None and report.swing is not None:
         from kickdyn.core.plot_style import save_figure
         from kickdyn.view.swing_plot import swing_figure
@@ -261,15 +269,8 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
         save_figure(swing_figure(report.swing), plot)
     if view is not None:
         _write_page(report, view, " ".join(sentences))
-    if json_file is not None:
-        write_json(json_file, report.to_json())
-        if json_file == "-":
-            return
-    from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
-
-    width = screen_width()
-    click.echo("\n".join(wrapped(line, width) for line in sentences))
-    click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
+    if json_file == "-":
+        return
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
@@ -285,4 +286,6 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
     boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *report.wall)
     boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
     shown = swing if swing is not None and swing.status == "met" else plan
-    page(shown, caption=caption, scenery=boxes).save(file)
+    made_page = page(shown, caption=caption, scenery=boxes)
+    made_page.save(file)
+    warn(made_page.warnings)

@@ -15,6 +15,7 @@ import xarray as xr
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
+from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.named_legs import SHIPPED
 from kickdyn.core import validation
@@ -144,24 +145,26 @@ def posture_sweep(
         for block in found:
             summary.add(block)
 
-    lines = extreme_lines(leg, grid, kick, summary)
-    made_page = _page(lines, kick) if live or view is not None else None
-    if leg_options.leg_name == "human":
-        lines = [*paper_lines(leg, kick), *lines]
-    if plot is not None:
-        save_figure(sweep_figure(summary, lines), plot)
-    if made_page is None and (live or view is not None):
-        reason = "" if where is None else f" where {where}"
-        click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
-        view = None
-    elif made_page is not None and view is not None:
-        made_page.save(view)
+    best = extreme_lines(leg, grid, kick, summary)
+    lines = [*paper_lines(leg, kick), *best] if leg_options.leg_name == "human" else best
     if file is not None and data is not None:
         save_netcdf(data, file)
     if json_file is not None:
         write_json(json_file, as_json(leg, kick, summary, lines))
     if json_file != "-":
         show(leg, kick, summary, lines)
+    if plot is not None:  # the results are written: a picture that fails costs none of them
+        save_figure(sweep_figure(summary, lines), plot)
+    made_page = _page(best, kick) if live or view is not None else None
+    if made_page is None and (live or view is not None):
+        reason = "" if where is None else f" where {where}"
+        click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
+        view = None
+    elif made_page is not None:
+        if view is not None:
+            made_page.save(view)
+        warn(made_page.warnings)
+    if json_file != "-":
         for name in (out, plot, view, json_file):
             if name is not None:
                 click.echo(f"wrote {name}")

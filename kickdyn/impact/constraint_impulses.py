@@ -32,7 +32,8 @@ class Footing(StrEnum):
 
 def check_unconstrained(leg: Leg, what: str) -> None:
     """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
-    if leg.constraints is not None:
+    constraints = leg.constraints
+    if constraints is not None and (constraints.supports or constraints.loops):
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
         )

@@ -190,7 +190,9 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
 def _closed(posture: Posture) -> Array:
     """Return the projector on the changes of q that leave the loops closed, `(nv, nv)`."""
     projector, nv = posture.constraint_projector, posture.leg.nv
-    if projector is None or not projector.constraints.loops:
+    if projector is None:
         return np.eye(nv)
     rows = projector.rows[sum(support.size for support in projector.constraints.supports) :]
+    if not len(rows):
+        return np.eye(nv)
     return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=INDEPENDENT) @ rows)

@@ -1,7 +1,7 @@
 """Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.mimic_joints import Gears, Mimic
 from kickdyn.robot.model_validation import unknown
 
 LIMIT_TOLERANCE = 1e-6
@@ -20,12 +21,14 @@ LIMIT_TOLERANCE = 1e-6
 class JointTable:
     """Names, sizes and limits of a robot's joints; `Leg` lists its attributes."""
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, mimics: Sequence[Mimic] = ()) -> None:
         self._model = model
         self.name = str(model.name)
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.nq, self.nv = int(model.nq), int(model.nv)
-        self._angles_only = _turns_alone(model)
+        self.mimics = _present(model, mimics)
+        self.gears = Gears(model, self.mimics) if self.mimics else None
+        self._short = _short_form(model, self.mimics)
         self.lower = read_only(model.lowerPositionLimit)
         self.upper = read_only(model.upperPositionLimit)
         self.velocity_limit = read_only(model.velocityLimit)
@@ -40,6 +43,8 @@ class JointTable:
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
         """Return q with the named joints at their values and all others at 0.
 
+        Mimic joints are where their drivers put them.
+
         Args:
             angles: joint name to value [rad; m for prismatic joints].
 
@@ -48,27 +53,30 @@ class JointTable:
             position and quaternion.
 
         Raises:
-            InvalidInput: no such joint, or a value that is not finite.
+            InvalidInput: no such joint, a value that is not finite, or a mimic joint at another
+                value than its driver gives it.
         """
-        step = np.zeros(self.nv)
-        for name, value in validation.mapping("angles", angles).items():
+        step, named = np.zeros(self.nv), validation.mapping("angles", angles)
+        for name, value in named.items():
             step[self.velocity_index(name)] = validation.number(f"joint {name}", value)
-        return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
+        q = np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
+        return q if self.gears is None else self.gears.check(q, named)
 
     def check_configuration(self, q: ArrayLike) -> Array:
         """Return q, shape `(nq,)`, as a copy; raise `InvalidInput` if it is no configuration.
 
-        One angle for each continuous joint, in place of its cosine and sine, is accepted too.
+        A short q, with one angle for each continuous joint in place of its cosine and sine, and
+        without mimic joints, is accepted too.
         """
         if isinstance(q, Mapping):
             raise InvalidInput(
                 f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
                 "of joints by name"
             )
-        if self._angles_only is None:
+        if self._short is None:
             checked = validation.vector("q", q, self.nq)
         else:
-            checked = self._with_cosines(q)
+            checked = self._expanded(q, *self._short)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
             name, part = self._not_unit(checked)
             raise InvalidInput(
@@ -154,21 +162,27 @@ class JointTable:
             raise InvalidInput(f"joint {joint!r} has {self._model.nvs[number]} degrees of freedom")
         return number
 
-    def _with_cosines(self, q: ArrayLike) -> Array:
-        """Return q, shape `(nq,)`, of the same or with one angle for each continuous joint."""
-        assert self._angles_only is not None
-        given, angles = validation.floats("q", q), self._angles_only
-        if given.shape == angles.shape:
-            full = np.empty(self.nq)
-            at = np.cumsum(1 + angles) - (1 + angles)
-            full[at] = np.where(angles, np.cos(given), given)
-            full[at[angles] + 1] = np.sin(given[angles])
-            return full
+    def _expanded(
+        self, q: ArrayLike, places: NDArray[np.int64], angles: NDArray[np.bool_]
+    ) -> Array:
+        """Return q, shape `(nq,)`, of the same or of a short one, as `_short_form` has it."""
+        given = validation.floats("q", q)
+        if given.shape == places.shape:
+            full = np.zeros(self.nq)
+            full[places] = np.where(angles, np.cos(given), given)
+            full[places[angles] + 1] = np.sin(given[angles])
+            return full if self.gears is None else self.gears.follow(full)
         if given.shape == (self.nq,):
-            return given
+            return given if self.gears is None else self.gears.check(given)
+        short = " and ".join(
+            [
+                *(["one angle for each continuous joint"] if angles.any() else []),
+                *(["no mimic joints"] if self.mimics else []),
+            ]
+        )
         raise InvalidInput(
-            f"q has shape {given.shape}: it must be {angles.shape}, with one angle for each "
-            f"continuous joint, or ({self.nq},), with its cosine and sine"
+            f"q has shape {given.shape}: it must be {places.shape}, with {short}, or "
+            f"({self.nq},), with all that Leg.configuration returns"
         )
 
     def _not_unit(self, q: Array) -> tuple[str, str]:
@@ -182,30 +196,64 @@ class JointTable:
         return self.name, "what stands for angles"
 
 
-def _turns_alone(model: Any) -> NDArray[np.bool_] | None:
-    """Return whether each number of a short q is a continuous joint's angle; None without any.
+def _present(model: Any, mimics: Sequence[Mimic]) -> tuple[Mimic, ...]:
+    """Return the mimics of joints that a model has; raise `InvalidInput` for half a pair."""
+    names, present = set(model.names), []
+    for mimic in mimics:
+        if mimic.joint in names and mimic.driver in names:
+            present.append(mimic)
+        elif mimic.joint in names or mimic.driver in names:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: the model must have both or none"
+            )
+    return tuple(present)
 
-    A short q has one angle in place of the cosine and sine of each continuous joint.
+
+def _short_form(
+    model: Any, mimics: Sequence[Mimic]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+    """Return where each number of a short q is in q, and whether it is a continuous joint's angle.
+
+    A short q has one angle in place of the cosine and sine of a continuous joint, and no mimic
+    joints. None if that is q itself.
     """
-    kinds: list[bool] = []
-    for nq, nv in zip(list(model.nqs)[1:], list(model.nvs)[1:], strict=True):
-        kinds += [True] if (nq, nv) == (2, 1) else [False] * nq
-    return np.array(kinds) if any(kinds) else None
+    places: list[int] = []
+    angles: list[bool] = []
+    mimicking = {mimic.joint for mimic in mimics}
+    for joint in range(1, model.njoints):
+        first, nq = model.idx_qs[joint], model.nqs[joint]
+        turns = (nq, model.nvs[joint]) == (2, 1)
+        if model.names[joint] not in mimicking:
+            size = 1 if turns else nq
+            places += range(first, first + size)
+            angles += [turns] * size
+    return None if len(places) == model.nq else (np.array(places), np.array(angles))
 
 
-def lock_joints(model: Any, joints: Mapping[str, float] | None) -> Any:
+def lock_joints(
+    model: Any, joints: Mapping[str, float] | None, mimics: Sequence[Mimic] = ()
+) -> Any:
     """Return a `pin.Model` with joints locked at their values [rad; m for prismatic joints].
 
+    With a joint, those that mimic it are locked.
+
     Raises:
-        InvalidInput: no such joint, a value that is not finite, or all joints are locked.
+        InvalidInput: no such joint, a value that is not finite, a mimic joint without its driver,
+            or all joints are locked.
     """
-    table, joints = JointTable(model), validation.mapping("joints", joints)
+    table, joints = JointTable(model, mimics), validation.mapping("joints", joints)
     if not joints:
         return model
+    for mimic in table.mimics:
+        if mimic.joint in joints and mimic.driver not in joints:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks both"
+            )
     q = table.configuration(joints)
-    if len(joints) == len(table.joint_names):
+    locked = {*joints, *(mimic.joint for mimic in table.mimics if mimic.driver in joints)}
+    if len(locked) == len(table.joint_names):
         raise InvalidInput(f"all joints of {table.name} are locked: a kick must move one")
-    return reduced_model(model, joints, q)
+    return reduced_model(model, locked, q)
 
 
 def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:

@@ -58,7 +58,8 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
 
     Raises:
         InvalidInput: a joint of the chain has more than one coordinate, as a floating base has;
-            with `branches`, such joints are allowed.
+            with `branches`, such joints are allowed; or one of its joints mimics another or is
+            mimicked.
     """
     model = robot.model
     path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
@@ -71,6 +72,13 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             f"joint {wide!r} moves the contact frame of {robot.name} by more than one coordinate: "
             "every joint of the kicking chain must have one, and the base must be fixed"
         )
+    names = {str(model.names[joint]) for joint in kept}
+    for mimic in robot.mimics:
+        if mimic.joint in names or mimic.driver in names:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: kicks are planned without mimic "
+                f"joints in the kicking limb; lock them, Leg.locked({{{mimic.driver!r}: ...}})"
+            )
     others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
     if others:

@@ -66,7 +66,8 @@ class Leg(JointTable, ReprMixin):
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
         velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
             [rad/s, N m; m/s, N for prismatic joints].
-        constraints: supports and loops; None without any.
+        mimics: joints that move with another, as the file says.
+        constraints: supports, loops and mimic joints; None without any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
@@ -83,7 +84,7 @@ class Leg(JointTable, ReprMixin):
         contact_normal_cone: Array | None = None,
     ) -> None:
         check_is_model(model)
-        super().__init__(model.copy())
+        super().__init__(model.copy(), () if file is None else file.mimics)
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self.frame, self.file = frame, file
@@ -96,8 +97,10 @@ class Leg(JointTable, ReprMixin):
         cone = contact_normal_cone
         self.contact_normal_cone = None if cone is None else read_only(cone)
         self.constraints: Constraints | None = None
-        if supports or loops:
-            self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
+        if supports or loops or self.gears is not None:
+            self.constraints = Constraints(
+                self._model, self.contact_joint, supports, loops, self.gears
+            )
         self._options = (supports, loops, cone)
         self.workspace = Workspace(self._model)
 
@@ -122,6 +125,7 @@ class Leg(JointTable, ReprMixin):
         *,
         base: str = "fixed",
         locked: Mapping[str, float] | None = None,
+        package_dirs: Iterable[str | PathLike[str]] = (),
     ) -> "Leg":
         """Load a URDF file.
 
@@ -133,13 +137,18 @@ class Leg(JointTable, ReprMixin):
                 velocity, in the root link's axes, in v.
             locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
                 joints], before inertias are judged: of a joint that moves no mass, for example.
+            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
+                named `package://NAME/...`, before the folders that contain the file and those of
+                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
+                drawn; others only from the file's own package.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame, base or joint to lock.
+            InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        urdf = read_urdf(path)
-        model = lock_joints(build_model(urdf.text, urdf.source, base), locked)
+        locked = validation.mapping("locked", locked)
+        urdf = read_urdf(path, package_dirs, locked)
+        model = lock_joints(build_model(urdf.text, urdf.source, base), locked, urdf.mimics)
         try:
             check_model(model)
         except InvalidInput as fault:
@@ -151,37 +160,45 @@ class Leg(JointTable, ReprMixin):
         return leg
 
     @classmethod
-    def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
-        r"""Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
+    def from_mjcf(
+        cls,
+        path: str | PathLike[str],
+        frame: str,
+        *,
+        base: str = "fixed",
+        locked: Mapping[str, float] | None = None,
+    ) -> "Leg":
+        """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
-        Of the file come masses, joints, ranges (`range`; without one, the joint is unlimited),
-        rotor inertias (`armature`) and limits of torque: the smaller one of the joint's
-        `actuatorfrcrange` and what its actuators can exert, gear times `forcerange` (motors
-        without one: gear times `ctrlrange`). MJCF has no limits of speed. Springs, damping,
-        tendons and contacts are not part of the leg. The joint-space inertia is compared with
-        MuJoCo's at three configurations, to a relative error of 1e-9.
+        Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
+        inertias (`armature`), limits of torque, and loops: two bodies that `<connect>` joins. The
+        limit of torque is the smaller one of the joint's `actuatorfrcrange` and what its actuators
+        can exert, gear times `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no
+        limits of speed. Springs, damping, tendons and contacts are not part of the leg. Mass,
+        places of bodies and joint-space inertia are compared with MuJoCo's at three configurations,
+        to a relative error of 1e-9.
 
         Args:
             path: the file; it and the files that it includes are read once and checked before
                 MuJoCo sees them. Included files and meshes lie in its folder or below.
             frame: body, site or geom whose origin touches the ball. Bodies that hang on another
-                root than it, such as other objects of a scene, are left out.
+                root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
                 `floating`: then the first joint is the file's free joint, or `root_joint` if it has
                 none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
                 in the order xyzw.
+            locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
-            MjcfError: the file is refused.
-            InvalidInput: there is no such frame or base, or MuJoCo is not installed.
+            MjcfError: the file is refused, or MuJoCo is not installed.
+            InvalidInput: there is no such frame, base or joint to lock.
         """
-        file = read_mjcf(path)
-        model = build_mjcf_model(file.compile(), file.name, frame, base)
-        try:
-            check_model(model)
-        except InvalidInput as fault:
-            raise MjcfError(file.source, [str(fault)]) from None
-        return cls(model, frame, file)
+        read = build_mjcf_model(read_mjcf(path), frame, base, locked)
+        leg = cls(read.model, frame, read.file)
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise MjcfError(read.file.source, [singular])
+        return leg.with_loops(*read.loops) if read.loops else leg
 
     @classmethod
     @validation.check_arguments
@@ -202,7 +219,9 @@ class Leg(JointTable, ReprMixin):
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
             frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle).
+                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
+                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
+                icub); or any frame of the file.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0.
             locked: joints to lock at their values, as for `from_urdf`.
@@ -212,11 +231,10 @@ class Leg(JointTable, ReprMixin):
                 matrix that is singular (`icub`, `romeo`), with the joints at fault.
         """
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
-        model = lock_joints(model, locked)
-        frame, cone = known.contact(frame)
-        leg = cls(model, frame, robot_file(name), contact_normal_cone=cone)
+        file, (frame, cone) = robot_file(name), known.contact(frame)
+        leg = cls(lock_joints(model, locked, file.mimics), frame, file, contact_normal_cone=cone)
         try:
-            check_model(model)
+            check_model(leg.model)
             leg.posture(leg.configuration())  # at which all joints stay that are not named
         except InvalidInput as error:
             if legs_only:
@@ -254,7 +272,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
         """
-        return self.with_model(lock_joints(self.model, joints))
+        return self.with_model(lock_joints(self.model, joints, self.mimics))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
@@ -316,8 +334,8 @@ class Leg(JointTable, ReprMixin):
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints]; or with one angle for each continuous
-                joint in place of its cosine and sine.
+            q: shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one angle for each
+                continuous joint in place of its cosine and sine, and without mimic joints.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.

@@ -7,6 +7,8 @@ meshes, copies, scaled masses. It is given what was checked, in memory, and open
 import os
 import stat
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -17,8 +19,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kickdyn.core.files import read_text
+from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.urdf_file import MAX_BYTES, MAX_DEPTH, parse_xml
+from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
@@ -75,18 +78,28 @@ class MjcfFile(RobotFile):
         meshes: content of the mesh files, by the names that they have in `text`.
         missing: mesh files that do not exist, relative to `folder`, by the names of the meshes.
         name: of the model.
+        left_out: moving bodies that are not part of the robot.
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     missing: dict[str, str] = field(default_factory=dict)
     name: str = ""
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line if the file has other moving bodies than those of the robot."""
+        if not self.left_out:
+            return ()
+        names = ", ".join(self.left_out[:5]) + (", ..." if self.left_out[5:] else "")
+        return (f"bodies that hang on another root are left out: {names}",)
 
     def compile(self) -> Any:
         """Return the `mujoco.MjModel`.
 
         Raises:
-            MjcfError: MuJoCo refuses the document, or an inertia needs a mesh that is missing.
-            InvalidInput: MuJoCo is not installed.
+            MjcfError: MuJoCo refuses the document, or is not installed, or an inertia needs a mesh
+                that is missing.
         """
         model = self._compiled(0.1)
         if not self.missing:
@@ -108,22 +121,16 @@ class MjcfFile(RobotFile):
         try:
             import mujoco  # an optional package
         except ImportError:
-            raise InvalidInput(
-                f"{self.source}: MJCF needs the package mujoco: install it with "
-                'pip install "kickdyn[mjcf]"'
-            ) from None
+            line = 'MJCF needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
+            raise MjcfError(self.source, [line]) from None
         meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
-        with _lock:
-            before = mujoco.get_mju_user_warning()
-            mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
-            try:
+        try:
+            with quiet_mujoco():
                 return mujoco.MjModel.from_xml_string(self.text, meshes)
-            except Exception as error:  # ValueError; FatalError of a later stage
-                lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-                reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
-                raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
-            finally:
-                mujoco.set_mju_user_warning(before)
+        except Exception as error:  # ValueError; FatalError of a later stage
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
+            raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
 
     def visuals(self) -> list[Visual]:
         """Return the geoms that MuJoCo's viewer shows at first: groups 0 to 2, not transparent.
@@ -171,9 +178,31 @@ class MjcfFile(RobotFile):
         return Visual(body, pose, shape, tuple(sizes), mesh, tuple(rgba), False, vertices, faces)
 
 
+@contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Let MuJoCo write no warnings, to the screen and to a file MUJOCO_LOG.TXT."""
+    import mujoco
+
+    with _lock:
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(before)
+
+
 def body_name(compiled: Any, body: int) -> str:
     """Return the name of a body, by its number where it has none."""
     return str(compiled.body(body).name) or f"body{body}"
+
+
+def is_mjcf(path: str | PathLike[str]) -> bool:
+    """Return whether a file is an MJCF, by its root element; if it has none, by its ending."""
+    try:
+        return parse_xml(read_text(path, str(path), MAX_BYTES, MjcfError)).tag == "mujoco"
+    except ValueError:  # whoever reads it says why
+        return Path(path).suffix.lower() in (".xml", ".mjcf")
 
 
 def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
@@ -202,7 +231,6 @@ class _Reader:
 
     def __init__(self, file: Path, source: str) -> None:
         self.file, self.source = file, source
-        self.folder = file.resolve().parent
         self.read_bytes = 0
         self.included: set[Path] = set()
 
@@ -213,6 +241,7 @@ class _Reader:
             raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
         if root.tag != "mujoco":
             raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
+        self.folder = self.file.resolve().parent
         self._include(root, 0)
         _keep_mechanics(root)
         _check_size(root)

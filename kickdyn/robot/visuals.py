@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from kickdyn.core.validation import Array
+from kickdyn.robot.mimic_joints import Mimic
 
 
 class Shape(StrEnum):
@@ -55,15 +56,22 @@ class RobotFile:
             again.
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
+        package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
     """
 
     text: str
     folder: Path
     source: str
+    package_dirs: tuple[Path, ...] = ()
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return ()
+
+    @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that the file lets move with another."""
         return ()
 
     def visuals(self) -> list[Visual]:

@@ -123,6 +123,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "robot": _choice(*ROBOTS),
         "frame": _text,
         "base": _choice("fixed", "floating"),
+        "package_dirs": _texts,
         "legs_only": _flag,
         "supports": _texts,
         "loops": _pairs,
@@ -183,8 +184,11 @@ ONE_OF = {
 NEEDED = {"contact": ("restitution",), "plane": ("point_m", "normal")}
 """Keys without which a section is not complete."""
 
-GOES_WITH = {"leg": ("legs_only", "robot"), "contact": ("side_deg", "attack_deg")}
-"""By section, a key and another one that it has a meaning with only."""
+GOES_WITH = {
+    "leg": {"legs_only": "robot", "package_dirs": "file"},
+    "contact": {"side_deg": "attack_deg"},
+}
+"""By section and key, another key that it has a meaning with only."""
 
 
 def check_document(document: Mapping[str, Any]) -> list[str]:
@@ -227,9 +231,11 @@ def _check_section(section: str, content: dict[str, Any]) -> list[str]:
         which = " and ".join(named) or "none"
         faults.append(f"{section} names {which} of {', '.join(choice)}: it must name one")
     faults += [f"{section}.{key} is missing" for key in needed if key not in content]
-    key, other = GOES_WITH.get(section, ("", ""))
-    if key in content and other not in content:
-        faults.append(f"{section}.{key} is named without {other}: it goes with that")
+    faults += [
+        f"{section}.{key} is named without {other}: it goes with that"
+        for key, other in GOES_WITH.get(section, {}).items()
+        if key in content and other not in content
+    ]
     return faults + [f"{section}.{line}" for line in _clashes(section, valid)]
 
 

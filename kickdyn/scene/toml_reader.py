@@ -20,6 +20,7 @@ from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg_file import read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import REQUIRED, UNCERTAINTY, check_document, faults_of
@@ -149,7 +150,8 @@ def _leg(section: dict[str, Any], folder: Path) -> Leg:
         return Leg.from_urdf(
             shipped_urdf(f"leg_{section['model']}.urdf"), frame or "toe", base=base
         )
-    return Leg.from_urdf(folder / section["file"], frame or "toe", base=base)
+    packages = [folder / each for each in section.get("package_dirs", ())]
+    return read_leg(folder / section["file"], frame or "toe", base, packages)
 
 
 def _check_joints(leg: Leg, document: dict[str, Any]) -> None:

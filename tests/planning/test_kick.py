@@ -201,12 +201,6 @@ def test_bad_input(goal, options, words):
         kd.plan_kick(HUMAN, goal, BALL, None, **options)
 
 
-def test_a_held_leg_is_refused():
-    leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    with pytest.raises(kd.InvalidInput, match="more than one coordinate"):
-        kd.plan_kick(leg, kd.Goal(3, time=0.7), BALL)
-
-
 def test_a_plan_for_the_whole_robot_is_that_for_its_leg():
     robot, goal = kd.Leg.from_robot("g1"), kd.Goal((4, 1, 0), time=0.8)
     whole, alone = (kd.plan_kick(leg, goal, BALL) for leg in (robot, G1))

@@ -115,6 +115,31 @@ def test_a_file_is_looked_for_from_the_scenes_folder(read, tmp_path, good_urdf):
     assert read(text).leg.joint_names == ("hip", "knee")
 
 
+def test_a_file_may_be_an_mjcf(read, tmp_path):
+    (tmp_path / "my.xml").write_text(
+        '<mujoco><worldbody><body name="thigh"><joint name="hip" axis="0 -1 0"/><geom size="0.1"/>'
+        '<body pos="0 0 -1"><joint name="knee" axis="0 1 0"/><geom size="0.1"/>'
+        '<site name="toe" pos="0.2 0 -1"/></body>'
+        "</body></worldbody></mujoco>"
+    )
+    text = SMALL.replace('model = "human"', 'file = "my.xml"').replace(", ankle = -5", "")
+    assert read(text).leg.joint_names == ("hip", "knee")
+
+
+def test_package_dirs_are_looked_for_from_the_scenes_folder(read, faults, tmp_path, good_urdf):
+    (tmp_path / "my.urdf").write_text(good_urdf)
+    (tmp_path / "share").mkdir()
+    text = SMALL.replace(", ankle = -5", "")
+    own = 'file = "my.urdf"\npackage_dirs = ["share"]'
+    leg = read(text.replace('model = "human"', own)).leg
+    assert leg.file.package_dirs == (tmp_path / "share",)
+    (line,) = faults(text.replace('model = "human"', own.replace("share", "gone")))
+    assert "leg: package_dirs names" in line
+    assert "there is no such folder" in line
+    (line,) = faults(text.replace('model = "human"', 'model = "human"\npackage_dirs = ["share"]'))
+    assert "leg.package_dirs is named without file" in line
+
+
 def test_all_faults_at_once_one_line_each(faults):
     lines = faults(
         "nmae = 'x'\n"

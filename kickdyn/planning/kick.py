@@ -145,10 +145,11 @@ class KickPlan(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """What is not as it should be, a line each.
 
-        A coefficient of the flight used outside its range; a support that does not stand; a body
-        that is under the ground (level, under the ball or under the target, whichever is lower) at
-        the impact, or while the foot approaches the ball by the ball's radius with the joints'
-        velocity of the impact. Bodies are the shapes in the leg's file; without any, its frames.
+        A coefficient of the flight used outside its range; a body that is under the ground (level,
+        under the ball or under the target, whichever is lower) at the impact. Bodies are the shapes
+        in the leg's file; without any, its frames. Of a standing robot also a support that does not
+        stand, and a body that is under the ground while the foot approaches the ball by the ball's
+        radius with the joints' velocity of the impact.
         """
         footing = self.impact.footing.items()
         return (
@@ -166,7 +167,8 @@ class KickPlan(ReprMixin):
         """Return a line for each body under the ground, at the impact or in the approach."""
         impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
         below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
-        times = np.linspace(0.0, -impact.ball.radius / speed, APPROACH)
+        start = 0.0 if self.balance is None else -impact.ball.radius / speed
+        times = np.linspace(0.0, start, APPROACH)
         model = self.leg.workspace.model
         motion = [
             hold_support(impact.posture, pin.integrate(model, self.q, time * self.v))
@@ -176,7 +178,7 @@ class KickPlan(ReprMixin):
         now = find_depths(self.leg, motion[:1], floor)
         lines = [f"{one.frame} is {one.depth:.3f} m under the ground" for one in now]
         known = {one.frame for one in now}
-        for one in find_depths(self.leg, motion, floor):
+        for one in find_depths(self.leg, motion, floor) if start else []:
             if one.frame not in known:
                 lines.append(
                     f"{one.frame} comes from {one.depth:.3f} m under the ground, "

@@ -22,6 +22,8 @@ class LegOptions(NamedTuple):
         loops: pairs of frames' names.
         supports: that the robot stands on.
         package_dirs: folders for the meshes of a URDF file.
+        locked: joints that do not move, with their values [deg; m for prismatic joints].
+        stiff_joints: joints' names.
     """
 
     leg_name: str
@@ -29,6 +31,8 @@ class LegOptions(NamedTuple):
     loops: tuple[tuple[str, str], ...]
     supports: tuple[Support, ...]
     package_dirs: tuple[str, ...]
+    locked: dict[str, float]
+    stiff_joints: tuple[str, ...]
 
     def load(self) -> Leg:
         """Return the leg, its warnings written to standard error.
@@ -36,13 +40,30 @@ class LegOptions(NamedTuple):
         A leg that stands on a support has a floating base, which could not move otherwise.
         """
         base = "floating" if self.supports else "fixed"
-        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs)
+        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, self.locked)
         if self.supports:
             leg = leg.with_supports(*self.supports)
         if self.loops:
             leg = leg.with_loops(*self.loops)
+        if self.stiff_joints:
+            leg = leg.with_stiff_joints(*self.stiff_joints)
         warn(leg.warnings)
         return leg
+
+
+def _read_locked(_: click.Context, __: click.Option, texts: tuple[str, ...]) -> dict[str, float]:
+    """Return the joints that `--lock` names, with their values [deg; m for prismatic joints]."""
+    locked: dict[str, float] = {}
+    for text in texts:
+        name, _equals, value = text.rpartition("=")
+        try:
+            if not name or name in locked:
+                raise ValueError
+            locked[name] = float(value)
+        except ValueError:
+            once = "once for each joint" if name in locked else "[deg; m]"
+            raise InvalidInput(f"lock is {text!r}: it must be JOINT=VALUE, {once}") from None
+    return locked
 
 
 def _read_loops(
@@ -82,6 +103,9 @@ _OPTIONS = (
     click.option("--frame", metavar="NAME",
                  help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
                  "its right foot]"),
+    click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
+                 help="Joint that does not move, and where it is [deg; m for prismatic joints]; "
+                 "repeatable."),
     click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
                  help="Two frames whose origins stay together, by a ball joint: they close a loop "
                  "that the file cuts open; repeatable."),
@@ -89,6 +113,9 @@ _OPTIONS = (
                  callback=_read_supports,
                  help="A foot that stands on the ground, and Coulomb's coefficient under it; the "
                  "base then floats, and a robot has both legs; repeatable."),
+    click.option("--stiff", "stiff_joints", multiple=True, metavar="JOINT",
+                 help="Joint whose velocity the impact does not change, as of a motor with a high "
+                 "gear; repeatable."),
     click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
                  type=click.Path(exists=True, file_okay=False),
                  help="ROS package with meshes of a URDF file, or a folder that contains it; "

@@ -113,7 +113,8 @@ def posture_sweep(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
         ball=ball, air=AIRS[air],
     )  # fmt: skip
-    postures = read_postures(leg, joints or (KICKING if leg_options.leg_name in SHIPPED else ()))
+    kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
+    postures = read_postures(leg, joints or (kicking if leg_options.leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
     store = out if out is not None and Path(out).suffix == ".zarr" else None
     file = out if store is None else None
@@ -146,7 +147,8 @@ def posture_sweep(
             summary.add(block)
 
     best = extreme_lines(leg, grid, kick, summary)
-    lines = [*paper_lines(leg, kick), *best] if leg_options.leg_name == "human" else best
+    whole = leg_options.leg_name == "human" and not leg_options.locked
+    lines = [*paper_lines(leg, kick), *best] if whole else best
     if file is not None and data is not None:
         save_netcdf(data, file)
     if json_file is not None:

@@ -221,7 +221,9 @@ class CompliantContact:
         whitened = blas.dtrsm(1.0, factor, rows.T, lower=1)
         projector = ConstraintProjector(constraints, rows, blocks, whitened, self.approach.posture)
         rate = STABILIZED / self.expected
-        missing = rows.dot(acceleration) + bias + 2.0 * rate * rows.dot(state.v)
+        moving = rows.dot(state.v)
+        moving[constraints.stiff_rows] -= self.approach.v[constraints.stiff_joints]
+        missing = rows.dot(acceleration) + bias + 2.0 * rate * moving
         missing[constraints.loop_rows] += rate * rate * constraints.gaps(model, data).ravel()
         change = blas.dtrsv(factor, projector.correction(-missing), lower=1, trans=1)
         return change, float(state.v @ inertia @ change)

@@ -39,7 +39,7 @@ from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.stance import Stance
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
 from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
+from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
 
@@ -240,8 +240,9 @@ def plan_kick(
     a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
 
     Args:
-        leg: on a fixed base, without supports or loops; or a robot on a floating base that stands
-            on one flat support, without loops, see below.
+        leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
+            limb; or a robot on a floating base that stands on one flat support, see below, without
+            loops and mimic joints. The plan's q has one angle for each continuous joint.
         goal: from where the ball lies.
         ball: mass and radius.
         air: None is the vacuum.
@@ -282,6 +283,7 @@ def plan_kick(
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective.
     """
+    leg = with_angles(leg)
     standing = StandingRobot(leg) if is_floating(leg) else None
     if standing is None:
         check_unconstrained(leg, "kicks from a fixed base are planned")

@@ -1,11 +1,14 @@
-"""Supports, loops and mimic joints of a leg: constraints A v = 0 on its joint velocities.
+"""Supports, loops, mimic joints and stiff joints of a leg: constraints on joint velocities.
+
+Supports, loops and mimic joints are rows A v = 0. Stiff joints are rows of the same matrix that an
+impact does not change, A (v+ - v) = 0: they may move.
 
 `Constraints` looks supports and loops up in the leg's model, gives the rows A and closes loops;
 `ConstraintProjector` projects velocities and impulses at one configuration.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -112,14 +115,15 @@ class ConstraintBlock(NamedTuple):
 
 
 class Constraints:
-    """The supports, loops and mimic joints of a leg, looked up in its model.
+    """The supports, loops, mimic joints and stiff joints of a leg, looked up in its model.
 
     Attributes:
         supports: as given.
         loops: pairs of frames whose origins coincide.
         gears: the mimic joints; None without any.
+        stiff_joints: indices in v of the stiff joints.
         sizes: number of rows of each, 6 for a flat foot, 3 for a point foot or a loop, 1 for a
-            mimic joint, in this order.
+            mimic joint or a stiff joint, in this order.
         size: number of all rows.
         names: what each of them is called in messages.
 
@@ -135,8 +139,11 @@ class Constraints:
         supports: tuple[Support, ...],
         loops: tuple[tuple[str, str], ...],
         gears: Gears | None = None,
+        stiff_joints: Mapping[str, int] | None = None,
     ) -> None:
         self.supports, self.loops, self.gears = supports, loops, gears
+        stiff = dict(stiff_joints or {})
+        self.stiff_joints = list(stiff.values())
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
@@ -150,17 +157,19 @@ class Constraints:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
         mimics = () if gears is None else gears.mimics
         self.sizes = [support.size for support in supports] + [3] * len(loops) + [1] * len(mimics)
+        self.sizes += [1] * len(stiff)
         self.size = sum(self.sizes)
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
         self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in mimics]
+        self.names += [f"{joint}, which is stiff" for joint in stiff]
 
     def rows(self, model: Any, data: Any, q: Array) -> tuple[Array, list[ConstraintBlock]]:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
         then angular; of a loop, that of its second frame's origin relative to the first's. They are
-        the blocks. Rows of mimic joints come last, without a block: their impulses are couples, or
-        forces, along the axes of the two joints.
+        the blocks. Rows of mimic joints and then of stiff joints come last, without a block: their
+        impulses are couples, or forces, along the axes of the joints.
         """
         matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
         for support, place in zip(self.supports, self._supported, strict=True):
@@ -188,7 +197,9 @@ class Constraints:
             blocks.append(ConstraintBlock(at, two.joint, one.joint, turns, rotation_1, levers))
             start = at.stop
         if self.gears is not None:
-            matrix[start:] = self.gears.rows
+            matrix[start : self.stiff_rows.start] = self.gears.rows
+        matrix[self.stiff_rows] = 0.0
+        matrix[range(self.size - len(self.stiff_joints), self.size), self.stiff_joints] = 1.0
         return matrix, blocks
 
     @property
@@ -196,6 +207,11 @@ class Constraints:
         """The rows of the loops in A."""
         first = sum(support.size for support in self.supports)
         return slice(first, first + 3 * len(self.loops))
+
+    @property
+    def stiff_rows(self) -> slice:
+        """The rows of the stiff joints in A, the last ones."""
+        return slice(self.size - len(self.stiff_joints), self.size)
 
     def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
         r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics.
@@ -311,7 +327,7 @@ class Constraints:
                 best, narrowest = q, gaps
             elif not _is_open(narrowest):  # as narrow as rounding allows
                 break
-            rows = self.rows(model, data, q)[0][first:] * free
+            rows = self.rows(model, data, q)[0][first : self.stiff_rows.start] * free
             wanted = np.concatenate([-gaps.ravel(), gears])
             step, _, found, _ = np.linalg.lstsq(rows, wanted, rcond=1e-9)
             step, rank = step * free, int(found)

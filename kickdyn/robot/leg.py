@@ -67,7 +67,8 @@ class Leg(JointTable, ReprMixin):
         velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
             [rad/s, N m; m/s, N for prismatic joints].
         mimics: joints that move with another, as the file says.
-        constraints: supports, loops and mimic joints; None without any.
+        stiff_joints: joints whose velocity an impact does not change.
+        constraints: supports, loops, mimic joints and stiff joints; None without any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
@@ -82,6 +83,7 @@ class Leg(JointTable, ReprMixin):
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
+        stiff_joints: tuple[str, ...] = (),
     ) -> None:
         check_is_model(model)
         super().__init__(model.copy(), () if file is None else file.mimics)
@@ -97,11 +99,13 @@ class Leg(JointTable, ReprMixin):
         cone = contact_normal_cone
         self.contact_normal_cone = None if cone is None else read_only(cone)
         self.constraints: Constraints | None = None
-        if supports or loops or self.gears is not None:
+        self.stiff_joints = stiff_joints
+        if supports or loops or stiff_joints or self.gears is not None:
+            stiff = {joint: self.velocity_index(joint) for joint in stiff_joints}
             self.constraints = Constraints(
-                self._model, self.contact_joint, supports, loops, self.gears
+                self._model, self.contact_joint, supports, loops, self.gears, stiff
             )
-        self._options = (supports, loops, cone)
+        self._options = (supports, loops, cone, stiff_joints)
         self.workspace = Workspace(self._model)
 
     @classmethod
@@ -319,8 +323,31 @@ class Leg(JointTable, ReprMixin):
             if not isinstance(loop, tuple | list) or len(loop) != 2:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         pairs = tuple((first, second) for first, second in loops)
-        supports, _, cone = self._options
-        return Leg(self.model, self.frame, self.file, supports, pairs, cone)
+        supports, _, cone, stiff = self._options
+        return Leg(self.model, self.frame, self.file, supports, pairs, cone, stiff)
+
+    def with_stiff_joints(self, *joints: str) -> "Leg":
+        r"""Return the leg with joints that hold in an impact, as motors with high gears do.
+
+        Such a joint may move, but the impact does not change its velocity, :math:`v_j^+ = v_j^-`:
+        the impulse of its motor along its axis is whatever that takes. It is part of
+        `Impact.joint_impulses`, and the part along the axis of `joint_loads`. A real joint is
+        between this and a free one with the rotor of `with_armature`.
+
+        Args:
+            joints: names; they replace any before, and none of them makes all joints free.
+
+        Raises:
+            InvalidInput: no such joint, one named twice or with more than one degree of freedom,
+                or no joint is left that moves.
+        """
+        for joint in joints:
+            self.velocity_index(joint)
+            if joints.count(joint) > 1:
+                raise InvalidInput(f"joint {joint!r} is stiff twice: name it once")
+        if len(joints) == self.nv:
+            raise InvalidInput(f"all joints of {self.name} are stiff: one must be free")
+        return Leg(self.model, self.frame, self.file, *self._options[:3], joints)
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
@@ -328,7 +355,8 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        return Leg(model, self.frame, self.file, *self._options)
+        kept = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
+        return Leg(model, self.frame, self.file, *self._options[:3], kept)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
@@ -364,8 +392,19 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of its file, none of them repaired, and about open loops."""
-        return (*(() if self.file is None else self.file.warnings), *self.open_loops)
+        """Lines about its file's irregularities, none of them repaired, and what follows from them.
+
+        That is open loops, and joints on the way to the contact frame whose speed limit is 0.
+        """
+        file = () if self.file is None else self.file.warnings
+        stuck = [
+            name
+            for name in self.single_joints
+            if self.velocity_limit[self.velocity_index(name)] == 0.0
+            and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
+        ]
+        limit = [f"speed limit of {name} is 0: what moves it is too fast" for name in stuck]
+        return (*file, *self.open_loops, *limit)
 
     @cached_property
     def open_loops(self) -> tuple[str, ...]:
@@ -421,7 +460,7 @@ class Posture(ReprMixin):
         rotation_world_joint: from the axes of the contact joint to the world's, shape `(3, 3)`.
         jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
-        constraint_projector: supports and loops at this configuration; None without any.
+        constraint_projector: the leg's constraints at this configuration; None without any.
     """
 
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
@@ -457,6 +496,7 @@ class Posture(ReprMixin):
             self.constraint_projector = ConstraintProjector(
                 leg.constraints, rows, blocks, whitened, self
             )
+        self._contact_offset: ArrayLike | None = None
         self._whitened_jacobian: Array | None = None
         self._delassus_factor: Array | None = None
         arrays = self.q, self.inertia, self.contact_point, self.jacobian
@@ -484,6 +524,8 @@ class Posture(ReprMixin):
         rotation, local = self._rotation_world_frame, self._jacobian_in_frame
         moved = copy.copy(self)
         moved._whitened_jacobian = moved._delassus_factor = None
+        moved._contact_offset = offset
+        moved.__dict__.pop("without_stiff_joints", None)
         moved.__dict__.pop("rounding_gain", None)
         moved.contact_point = self._frame_origin + rotation @ arm
         moved.contact_lever = self.leg.contact_lever + self.rotation_world_joint.T @ (
@@ -493,6 +535,17 @@ class Posture(ReprMixin):
         for array in (moved.contact_point, moved.contact_lever, moved.jacobian):
             array.setflags(write=False)
         return moved
+
+    @cached_property
+    def without_stiff_joints(self) -> "Posture":
+        """This posture of the leg whose stiff joints are free; itself where there are none.
+
+        It has all velocities that are possible before an impact.
+        """
+        if not self.leg.stiff_joints:
+            return self
+        free = self.leg.with_stiff_joints().posture(self.q)
+        return free.with_contact_offset(self._contact_offset)
 
     @cached_property
     def condition(self) -> float:
@@ -511,7 +564,7 @@ class Posture(ReprMixin):
     def whitened_jacobian(self) -> Array:
         r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
 
-        With supports and loops, projected on the velocities that they allow.
+        With constraints, projected on the changes of velocity that they allow in an impact.
         """
         if self._whitened_jacobian is None:
             columns = self._whiten(self.jacobian)
@@ -563,6 +616,8 @@ class Posture(ReprMixin):
     def effective_mass(self, normal: ArrayLike) -> float:
         r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
 
+        Stiff joints hold; `without_stiff_joints` has the effective mass with these joints free.
+
         Args:
             normal: n, any length but zero, shape `(3,)` [world frame].
 
@@ -610,7 +665,8 @@ class Posture(ReprMixin):
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
         """Return what `joint_velocity` returns, or None if that is out of reach."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
-        left, gains, right = np.linalg.svd(self.whitened_jacobian, full_matrices=False)
+        before = self.without_stiff_joints.whitened_jacobian
+        left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         v, missed = np.zeros_like(self._cholesky[0]), wish
         for _ in range(2):  # the second pass corrects what gains of unlike size have missed
@@ -654,16 +710,17 @@ class Posture(ReprMixin):
             v: shape `(nv,)` [rad/s; m/s for prismatic joints].
         """
         v = validation.vector("v", v, self.leg.nv)
-        if self.constraint_projector is None:
+        projector = self.without_stiff_joints.constraint_projector
+        if projector is None:
             return v
         # M v = L L^T v: the projection of L^T v loses the constraints' share
         whitened = blas.dtrmv(self._cholesky, v, lower=1, trans=1)
-        allowed = self.constraint_projector.project(whitened)
+        allowed = projector.project(whitened)
         return np.asarray(blas.dtrsv(self._cholesky, allowed, lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
         """Raise `InvalidInput` if a joint velocity moves a support or opens a loop."""
-        projector = self.constraint_projector
+        projector = self.without_stiff_joints.constraint_projector
         violation = None if projector is None else projector.find_violation(v)
         if violation is not None:
             name, speed, unit = violation
@@ -692,6 +749,8 @@ class Posture(ReprMixin):
             yield name, *moved[name]
         if len(moved) > SHOWN:
             yield "and", f"{len(moved) - SHOWN} joints more", ""
+        if self.leg.stiff_joints:
+            yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"
         yield "condition", self.condition, ""
         yield from warned(self.warnings)

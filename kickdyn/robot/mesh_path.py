@@ -7,6 +7,7 @@ So only files inside these folders are read, wherever links and `..` lead.
 import os
 from collections.abc import Iterable
 from functools import cache, cached_property
+from itertools import chain
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -35,11 +36,11 @@ class MeshFinder:
 
     def __init__(self, folder: Path, package_dirs: Iterable[Path] = ()) -> None:
         self._folder = folder.resolve()
-        above = [self._folder, *self._folder.parents]
-        self._around = [each for each in above if _package_name(each) is not None]
-        self._home = self._around[0] if self._around else self._folder
+        named = ((_package_name(each), each) for each in (self._folder, *self._folder.parents))
+        self._around = [(name, each) for name, each in named if name is not None]
+        self._home = self._around[0][1] if self._around else self._folder
         self._dirs = [each.resolve() for each in package_dirs]
-        self._package = cache(self._find_package)
+        self._packages_in = cache(_packages_in)  # a file may name thousands of packages
 
     def find(self, name: str) -> Path:
         """Return the real path of a mesh, links followed.
@@ -56,7 +57,7 @@ class MeshFinder:
         if scheme not in ("package", "model"):
             raise InvalidInput(f"mesh {name!r} is refused: only files are read, no addresses")
         package, _, below = path.lstrip("/").partition("/")
-        found = self._package(package)
+        found = self._find_package(package)
         if found is not None:
             return self._inside(name, [found / below.lstrip("/")], [found])
         # without a manifest, the folder of the robot's file may be the package, or contain it
@@ -95,39 +96,47 @@ class MeshFinder:
         """Return the folder of a package; None where there is none of that name."""
         if name in ("", ".", "..") or "\0" in name:
             return None
-        for folder in self._dirs:
-            if folder.name == name:
-                return folder
-            if (found := _below(folder, name)) is not None:
-                return found
-        for folder in self._around:
-            if name in (folder.name, _package_name(folder)):
-                return folder
-        in_ros = (_below(folder, name) for folder in self._ros)
-        return next((folder for folder in in_ros if folder is not None), None)
+        own = [folder for known, folder in self._around if name in (known, folder.name)]
+        found = chain(
+            (self._look_in(folder, name) for folder in self._dirs),
+            own,
+            (self._look_in(folder, name) for folder in self._ros),
+        )
+        return next((folder for folder in found if folder is not None), None)
+
+    def _look_in(self, folder: Path, name: str) -> Path | None:
+        """Return the package of a name that a folder is or contains; None if there is none."""
+        if folder.name == name:
+            return folder
+        try:
+            place = (folder / name).resolve()
+            if place.is_dir() and place.is_relative_to(folder):
+                return place
+        except (OSError, RuntimeError):  # a name that is too long, links in a circle
+            return None
+        return self._packages_in(folder).get(name)
 
 
 class _MissingMesh(InvalidInput):
     """A mesh for which there is no file."""
 
 
-def _below(folder: Path, name: str) -> Path | None:
-    """Return the package of a name that is a folder or contained in it, two levels down at most.
+def _packages_in(folder: Path) -> dict[str, Path]:
+    """Return packages by name: the folder and what is in it, two levels down at most.
 
     Links that lead out of the folder are not followed.
     """
+    found: dict[str, Path] = {}
     try:
-        if _package_name(folder) == name:
-            return folder
-        manifests = (*folder.glob(f"*/{MANIFEST}"), *folder.glob(f"*/*/{MANIFEST}"))
-        named = [each.parent for each in sorted(manifests) if _package_name(each.parent) == name]
-        for place in (folder / name, *named):
-            found = place.resolve()
-            if found.is_dir() and found.is_relative_to(folder):
-                return found
+        for pattern in (MANIFEST, f"*/{MANIFEST}", f"*/*/{MANIFEST}"):
+            for manifest in sorted(folder.glob(pattern)):
+                place = manifest.parent.resolve()
+                name = _package_name(place) if place.is_relative_to(folder) else None
+                if name is not None:
+                    found.setdefault(name, place)
     except (OSError, RuntimeError):  # a folder that cannot be read, links in a circle
         pass
-    return None
+    return found
 
 
 def _package_name(folder: Path) -> str | None:

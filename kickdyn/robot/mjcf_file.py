@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from kickdyn.core.files import read_text
 from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
+from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
@@ -79,12 +80,19 @@ class MjcfFile(RobotFile):
         missing: mesh files that do not exist, relative to `folder`, by the names of the meshes.
         name: of the model.
         left_out: moving bodies that are not part of the robot.
+        gears: what the property `mimics` returns.
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
     missing: dict[str, str] = field(default_factory=dict)
     name: str = ""
     left_out: tuple[str, ...] = ()
+    gears: tuple[Mimic, ...] = ()
+
+    @property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that equality constraints let move with another."""
+        return self.gears
 
     @property
     def warnings(self) -> tuple[str, ...]:

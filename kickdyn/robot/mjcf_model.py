@@ -6,7 +6,7 @@ ranges of sliding joints for degrees, and reads one tree of bodies only, all wit
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import lock_joints
+from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
 from kickdyn.robot.model_validation import HUGE, check_model, frame_id
 from kickdyn.robot.urdf_file import check_base
@@ -33,7 +34,7 @@ class MjcfModel:
     """What is read of an MJCF model.
 
     Attributes:
-        file: the document, with the bodies that were left out.
+        file: the document, with the bodies that were left out and the mimic joints.
         model: the `pin.Model`.
         loops: pairs of frames whose origins stay together.
     """
@@ -74,7 +75,7 @@ def build_mjcf_model(
     if root is None:  # no such frame, for which the error names those there are, or one at rest
         frame_id(builder.model, frame)
         raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
-    model = lock_joints(builder.model, locked)
+    model = lock_joints(builder.model, locked, builder.mimics)
     try:
         check_model(model)
         with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
@@ -83,7 +84,8 @@ def build_mjcf_model(
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
-    return MjcfModel(replace(file, left_out=left_out), model, builder.loops)
+    read = replace(file, left_out=left_out, gears=tuple(builder.mimics))
+    return MjcfModel(read, model, tuple(builder.loops))
 
 
 def _root_of(compiled: Any, frame: str) -> int | None:
@@ -130,7 +132,9 @@ class _Builder:
             self._add_body(body)
         self._add_frames()
         self._set_limits()
-        self.loops = tuple(self._loops(locked))
+        self.loops: list[tuple[str, str]] = []
+        self.mimics: list[Mimic] = []
+        self._add_constraints(locked)
 
     def _add_body(self, body: int) -> None:
         """Add a body with its joints."""
@@ -234,48 +238,64 @@ class _Builder:
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def _loops(self, locked: Set[str]) -> Iterator[tuple[str, str]]:
-        """Yield the loops that `connect` constraints close; raise `InvalidInput` for others.
+    def _add_constraints(self, locked: Set[str]) -> None:
+        """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
 
-        A constraint on joints that are all locked has no effect.
+        Raises `InvalidInput` for another constraint that has an effect on a joint that is not
+        locked.
         """
         import mujoco
 
         compiled = self.compiled
         for number in range(compiled.neq):
-            if not compiled.eq_active0[number]:
-                continue
-            kind = int(compiled.eq_type[number])
-            ends = int(compiled.eq_obj1id[number]), int(compiled.eq_obj2id[number])
+            kind = mujoco.mjtEq(int(compiled.eq_type[number]))
+            first, second = int(compiled.eq_obj1id[number]), int(compiled.eq_obj2id[number])
             name = compiled.equality(number).name or f"equality{number}"
             sites = int(compiled.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE)
-            if kind in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)):
-                bodies = [int(compiled.site_bodyid[end]) for end in ends] if sites else list(ends)
-                concerned = [body for body in bodies if body in self.places]
-            elif kind == int(mujoco.mjtEq.mjEQ_JOINT):
-                free = [e for e in ends if e >= 0 and compiled.joint(e).name not in locked]
-                bodies = [int(compiled.jnt_bodyid[end]) for end in free]
-                concerned = [body for body in bodies if body in self.places]
+            if kind == mujoco.mjtEq.mjEQ_JOINT:
+                ends = [end for end in (first, second) if end >= 0]
+                bodies = [int(compiled.jnt_bodyid[end]) for end in ends]
+                idle = all(compiled.joint(end).name in locked for end in ends)
             else:
-                concerned = [0]
-            if not concerned:
+                idle = False
+                bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]
+            kinds = (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+            own = [body for body in bodies if body in self.places] if kind in kinds else [0]
+            if idle or not own or not compiled.eq_active0[number]:
                 continue
-            if kind != int(mujoco.mjtEq.mjEQ_CONNECT) or len(concerned) < 2:
-                what = mujoco.mjtEq(kind).name.removeprefix("mjEQ_").lower()
+            values = compiled.eq_data[number]
+            if kind == mujoco.mjtEq.mjEQ_CONNECT and len(own) == 2:
+                pair = []
+                for k, (end, body) in enumerate(zip((first, second), bodies, strict=True)):
+                    pose = pin.SE3(np.eye(3), values[3 * k : 3 * k + 3].copy())
+                    if sites:
+                        pose = _pose(compiled.site_pos[end], compiled.site_quat[end])
+                    self._add_frame(f"{name}_{k + 1}", body, pose)
+                    pair.append(f"{name}_{k + 1}")
+                self.loops.append((pair[0], pair[1]))
+            elif kind == mujoco.mjtEq.mjEQ_JOINT and len(own) == 2 and not values[2:5].any():
+                self._add_mimic(first, second, float(values[0]), float(values[1]))
+            else:
+                what = kind.name.removeprefix("mjEQ_").lower()
+                remedy = "lock its joints (locked=), " if "joint" in what else ""
                 raise InvalidInput(
                     f"equality constraint {name!r} ({what}) is not read: only <connect> of two "
-                    'bodies of the robot is; remove it, or set active="false"'
+                    "bodies of the robot and <joint> with two joints and a linear polycoef are; "
+                    f'{remedy}remove it, or set active="false"'
                 )
-            pair = []
-            for k, (end, body) in enumerate(zip(ends, bodies, strict=True)):
-                if sites:
-                    pose = _pose(compiled.site_pos[end], compiled.site_quat[end])
-                else:
-                    anchor = compiled.eq_data[number, 3 * k : 3 * k + 3]
-                    pose = pin.SE3(np.eye(3), anchor.copy())
-                self._add_frame(f"{name}_{k + 1}", body, pose)
-                pair.append(f"{name}_{k + 1}")
-            yield pair[0], pair[1]
+
+    def _add_mimic(self, first: int, second: int, offset: float, multiplier: float) -> None:
+        """Let a joint follow another one; both count from their `ref` in MuJoCo."""
+        start, at = self.compiled.qpos0, self.compiled.jnt_qposadr
+        joint, driver = (str(self.compiled.joint(each).name) for each in (first, second))
+        taken = {name for mimic in self.mimics for name in (mimic.joint, mimic.driver)}
+        if not joint or not driver or joint in taken or driver in {m.joint for m in self.mimics}:
+            raise InvalidInput(
+                f"joint {joint!r} mimics {driver!r}: both must have a name, and no third joint may "
+                "mimic one that mimics another; lock them (locked=)"
+            )
+        offset += float(start[at[first]]) - multiplier * float(start[at[second]])
+        self.mimics.append(Mimic(joint, driver, multiplier, offset))
 
     def compare(self) -> None:
         """Raise `InvalidInput` unless mass, places and inertia are those that MuJoCo computes.

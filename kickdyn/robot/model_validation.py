@@ -131,16 +131,21 @@ def _check_inertias(model: Any, names: list[str]) -> None:
                 f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
                 "inertia, or lock the joint (locked= of from_urdf)"
             )
+    unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint
         largest = max(_spread(moved)[0], _spread(body)[0], moved.mass * moved.lever @ moved.lever)
         if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
-            moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(body.inertia))
-            raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (principal moments {moments} kg m2): "
-                "none may be negative or exceed the sum of the others (triangle inequality); "
-                "correct it, or lock the joint (locked= of from_urdf)"
-            )
+            unsound.append(name)
+    if unsound:
+        first = bodies[names.index(unsound[0])]
+        moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(first.inertia))
+        others = f", as do {listed(unsound[1:])}" if unsound[1:] else ""
+        raise InvalidInput(
+            f"joint {unsound[0]!r} moves an unsound inertia (principal moments {moments} kg m2)"
+            f"{others}: none may be negative or exceed the sum of the others (triangle "
+            "inequality); correct it, or lock the joint (locked= of from_urdf)"
+        )
 
 
 def _spread(inertia: Any) -> Array:

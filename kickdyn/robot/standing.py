@@ -133,6 +133,12 @@ def _flat_support(robot: Leg) -> Support:
             f"{robot.name} does not stand: kicks are planned for robots on a fixed base, or on a "
             "floating one with one support (Leg.with_supports) and no loops"
         )
+    held = [mimic.joint for mimic in robot.mimics] + list(robot.stiff_joints)
+    if held:
+        raise InvalidInput(
+            f"{robot.name} has mimic or stiff joints ({', '.join(held)}): kicks from one foot are "
+            "planned without them (Leg.locked, Leg.with_stiff_joints)"
+        )
     supports = constraints.supports
     if len(supports) != 1 or supports[0].point:
         named = ", ".join(f"{s.frame}{' (a point)' if s.point else ''}" for s in supports)

@@ -127,6 +127,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "legs_only": _flag,
         "supports": _texts,
         "loops": _pairs,
+        "stiff_joints": _texts,
         "armature_kg_m2": _by_joint("kg m2", at_least=0.0),
     },
     "posture": {

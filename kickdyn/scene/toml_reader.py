@@ -98,6 +98,8 @@ def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
             leg = leg.with_supports(*at_leg["supports"])
         if "loops" in at_leg:
             leg = leg.with_loops(*at_leg["loops"])
+        if "stiff_joints" in at_leg:
+            leg = leg.with_stiff_joints(*at_leg["stiff_joints"])
     with _faults_in("posture"):
         degrees, metres = (posture.get(key, {}) for key in ("angles_deg", "positions_m"))
         angles = {joint: math.radians(angle) for joint, angle in degrees.items()}

@@ -49,7 +49,7 @@ STATUS_ATTRIBUTES: dict[str, Any] = {
 _DIFFERENT_HASH = {
     "leg_sha256": "the text of its leg's URDF is not this one's",
     "model_sha256": "its leg's model is not this one's: masses, lengths, armature, locked joints, "
-    "supports or loops",
+    "supports, loops, mimic joints or stiff joints",
     "air_sha256": "its air is not this one's: digits that are not printed, or functions",
 }
 """What a difference of two hashes means."""
@@ -178,10 +178,12 @@ def _check_names(grid: Grid) -> None:
 
 
 def _model_text(leg: Leg) -> str:
-    """Return every number of a leg's model, its supports and loops as a text."""
+    """Return every number of a leg's model and its constraints as a text."""
     constraints = leg.constraints
     supports, loops = ([], []) if constraints is None else (constraints.supports, constraints.loops)
-    return f"{leg.model.saveToString()} {[(s.frame, s.point) for s in supports]} {list(loops)}"
+    stands, gears = [(s.frame, s.point) for s in supports], [tuple(m) for m in leg.mimics]
+    stiff = list(leg.stiff_joints)
+    return f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
 
 
 def _air_hash(air: Air) -> str:

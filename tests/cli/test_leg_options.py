@@ -1,3 +1,5 @@
+import math
+
 import click
 import pytest
 from click.testing import CliRunner
@@ -46,6 +48,26 @@ def test_a_robot_on_a_support_has_both_legs_and_a_floating_base():
     assert leg.nv == 12
 
 
+def test_joints_are_locked_in_degrees_or_metres(tmp_path):
+    leg, said = loaded("--lock", "ankle=-10", "--lock", "knee=30")
+    assert (leg.joint_names, said) == (("hip",), "")
+    human = kd.Leg.human()
+    q = human.configuration({"knee": math.radians(30), "ankle": math.radians(-10)})
+    assert leg.posture([0.0]).contact_point == pytest.approx(human.posture(q).contact_point)
+    leg, _ = loaded("--leg", "g1", "--lock", "right_knee_joint=40")
+    assert leg.nv == 5
+    path = tmp_path / "slide.urdf"
+    path.write_text(
+        human.file.text.replace('name="ankle" type="revolute"', 'name="ankle" type="prismatic"')
+    )
+    leg, _ = loaded("--leg", str(path), "--lock", "ankle=0.25")
+    assert leg.posture([0.0, 0.0]).contact_point[1] == pytest.approx(0.25)  # its axis is y
+
+
+def test_stiff_joints():
+    assert loaded("--stiff", "ankle", "--stiff", "knee")[0].stiff_joints == ("ankle", "knee")
+
+
 def test_supports_of_a_file_float_its_base():
     with pytest.raises(kd.InvalidInput, match="at fault: root_joint, hip"):  # it has no mass
         loaded("--leg", str(shipped_urdf("leg_human.urdf")), "--support", "base")
@@ -54,10 +76,17 @@ def test_supports_of_a_file_float_its_base():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        (("--lock", "knee"), r"lock is 'knee': it must be JOINT=VALUE, \[deg; m\]"),
+        (("--lock", "=3"), "lock is '=3': it must be JOINT=VALUE"),
+        (("--lock", "knee=x"), "lock is 'knee=x': it must be JOINT=VALUE"),
+        (("--lock", "knee=nan"), "joint knee is nan"),
+        (("--lock", "knee=1", "--lock", "knee=2"), "lock is 'knee=2': .* once for each joint"),
+        (("--lock", "kne=1"), "joint 'kne' is unknown: did you mean 'knee'"),
         (("--loop", "a-b"), "loop is 'a-b': it must be two frames, A:B"),
         (("--loop", "toe:"), "loop is 'toe:': it must be two frames, A:B"),
         (("--loop", "toe:foot"), "loop toe - foot joins a body to itself"),
         (("--loop", "toe:tow"), "frame 'tow' is unknown"),
+        (("--stiff", "toe"), "joint 'toe' is unknown"),
         ((*BOLT, "--support", "toe"), "support toe is on the kicking limb"),
         ((*BOLT, "--support", "tow"), "frame 'tow' is unknown"),
     ],

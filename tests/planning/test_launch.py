@@ -1,5 +1,7 @@
+import dataclasses
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -91,6 +93,12 @@ def test_a_flight_over_level_ground_is_found_again(speed, angle, spin):
     assert launch.status == "met"
     assert launch.flight.range == pytest.approx(path.range, abs=1e-8)
     assert launch.flight.duration == pytest.approx(path.duration, abs=1e-8)
+
+
+def test_the_largest_error_is_shown():
+    launch = kd.plan_launch(kd.Goal(20, time=1.5), BALL, AIR)
+    wrong = dataclasses.replace(launch, errors=np.array([1e-4, 0.0, -2e-3, 3e-5]))
+    assert re.search(r"largest error +0\.002\n", repr(wrong))
 
 
 def test_low_and_high_arc():

@@ -208,7 +208,7 @@ def test_what_cannot_be_swung_is_kicked_as_hard_as_can_be():
         ({"longest": float("nan")}, "longest is nan"),
         ({"nodes": 3}, "nodes is 3: it must be a whole number from 4 to 200"),
         ({"nodes": 12.0}, "nodes is 12.0"),
-        ({"start": [0, 0]}, r"start has shape \(2,\)"),
+        ({"start": [0, 0]}, r"start: q has shape \(2,\)"),
         ({"start": [0, -1, 0]}, "start has knee at -1: it must be in 0 to 2.44"),
         ({"end": [0, float("nan"), 0]}, "every entry must be finite"),
         ({"leg": kd.Leg.from_robot("bolt")}, "the plan is for Leg"),

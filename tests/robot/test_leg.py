@@ -639,3 +639,9 @@ def test_a_foot_faster_than_floats_is_refused():
     posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
     with pytest.raises(kd.InvalidInput, match="must be slower"):
         posture.joint_velocity([1e308, 0, 1e308])
+
+
+def test_a_speed_limit_of_0_is_named(spoil, load):
+    leg = load(spoil(('velocity="20"', 'velocity="0"')))
+    assert leg.warnings == ("speed limit of knee is 0: what moves it is too fast",)
+    assert kd.Leg.human().warnings == ()

@@ -3,6 +3,7 @@ import os
 import pytest
 
 import kickdyn as kd
+from kickdyn.robot import mesh_path
 from kickdyn.robot.mesh_path import MeshFinder
 
 MANIFEST = "<?xml version='1.0'?><package format='3'><name>{}</name></package>"
@@ -127,7 +128,11 @@ def test_packages_of_the_environment(tmp_path, robot, monkeypatch):
         "ROS_PACKAGE_PATH", os.pathsep.join(["", "relative", str(gone), str(one.parent.parent)])
     )
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{gone}{os.pathsep}{tmp_path / 'ros2'}")
+    monkeypatch.chdir(tmp_path)
+    package(tmp_path / "relative/three", "three", "three.stl")
     finder = MeshFinder(robot / "urdf")
+    with pytest.raises(kd.InvalidInput, match="package 'three' is unknown"):
+        finder.find("package://three/three.stl")  # it would depend on the working directory
     assert finder.find("package://one/one.stl") == one / "one.stl"
     assert finder.find("package://two/two.stl") == two / "two.stl"
     assert finder.find(f"file://{two}/two.stl") == two / "two.stl"
@@ -150,9 +155,14 @@ def test_a_package_that_is_a_link_to_elsewhere_is_none(tmp_path, robot):
     """Or an unpacked archive could make all of the disk a package."""
     (tmp_path / "archive").mkdir()
     (tmp_path / "archive/evil").symlink_to(tmp_path)
+    package(tmp_path / "real", "real_package", "a.stl")
+    (tmp_path / "archive/alias").symlink_to(tmp_path / "real")
     finder = MeshFinder(tmp_path / "archive", [tmp_path / "archive"])
     with pytest.raises(kd.InvalidInput, match="lies outside"):
         finder.find("package://evil/secret.stl")
+    for name in ("alias", "real_package"):
+        with pytest.raises(kd.InvalidInput, match=r"lies outside|is unknown"):
+            finder.find(f"package://{name}/a.stl")
 
 
 @pytest.mark.parametrize(
@@ -170,3 +180,19 @@ def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
     for name in ("package://robot/a.stl", "../a.stl"):
         with pytest.raises(kd.InvalidInput, match=r"is unknown|lies outside"):
             finder.find(name)
+
+
+def test_the_folders_are_searched_once(tmp_path, robot, monkeypatch):
+    """However many packages a file names."""
+    seen = []
+    search = mesh_path._packages_in
+    monkeypatch.setattr(
+        mesh_path, "_packages_in", lambda folder: seen.append(folder) or search(folder)
+    )
+    finder = MeshFinder(robot / "urdf", [tmp_path])
+    for number in range(3):
+        with pytest.raises(kd.InvalidInput, match="is unknown"):
+            finder.find(f"package://none_{number}/a.stl")
+    assert seen == [tmp_path]
+    with pytest.raises(kd.InvalidInput, match=r"is unknown|cannot be found"):
+        finder.find(f"package://{'x' * 5000}/a.stl")

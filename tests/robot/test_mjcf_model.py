@@ -383,6 +383,35 @@ def test_names(tmp_path):
         kd.Leg.from_mjcf(file, "base")
 
 
+def test_a_joint_that_follows_another_is_a_mimic_joint(tmp_path):
+    body = (
+        '<body name="a"><joint name="ja" axis="0 1 0" ref="10"/><geom size="0.1" pos="0 0 -1"/>'
+        '<body name="b" pos="0 0 -1"><joint name="jb" axis="0 1 0" ref="20"/>'
+        '<geom size="0.1" pos="0 0 -1"/></body></body>'
+    )
+    tie = '<equality><joint joint1="jb" joint2="ja" polycoef="0.1 2 0 0 0"/></equality>'
+    file = written(tmp_path, body, tie)
+    leg = kd.Leg.from_mjcf(file, "b")
+    q = leg.configuration({"ja": 0.5})
+    expected = np.radians(20) + 0.1 + 2 * (0.5 - np.radians(10))
+    assert q[leg.velocity_index("jb")] == pytest.approx(expected)
+    assert leg.posture(q).admissible([1.0, 0.0])[1] == pytest.approx(
+        2 * leg.posture(q).admissible([1.0, 0.0])[0]
+    )
+    # MuJoCo agrees about the place
+    theirs = mujoco.MjModel.from_xml_path(str(file))
+    state = mujoco.MjData(theirs)
+    state.qpos[:] = q
+    mujoco.mj_forward(theirs, state)
+    assert state.efc_pos[: state.ne] == pytest.approx([0.0], abs=1e-12)
+    for more, said in (
+        (tie.replace("</e", '<joint joint1="ja" joint2="jb"/></e'), "'ja' mimics 'jb': both must"),
+        (tie.replace('"jb"', '"ja"'), "MuJoCo cannot read it|mimics"),
+    ):
+        with pytest.raises(kd.MjcfError, match=said):
+            kd.Leg.from_mjcf(written(tmp_path, body, more), "b")
+
+
 def test_objects_beside_the_robot_are_left_out(tmp_path):
     assert kd.Leg.from_mjcf(MODELS / "pusher_v5.xml", "tips_arm").warnings == (
         "bodies that hang on another root are left out: object, goal",
@@ -439,7 +468,11 @@ def test_connected_bodies_are_a_loop(tmp_path):
     assert rates[2] == pytest.approx(-rates[1])
     for more, said in (
         (tie.format('body1="a"'), r"constraint 'bar' \(connect\) is not read"),
-        ('<equality><joint joint1="ja" joint2="jb"/></equality>', r"'equality0' \(joint\)"),
+        ('<equality><joint joint1="ja"/></equality>', r"'equality0' \(joint\) .*lock its joints"),
+        (
+            '<equality><joint joint1="ja" joint2="jb" polycoef="0 1 1 0 0"/></equality>',
+            r"\(joint\) is not read",
+        ),
         ('<equality><weld body1="a" body2="c"/></equality>', r"\(weld\) is not read"),
     ):
         with pytest.raises(kd.MjcfError, match=said):

@@ -364,3 +364,14 @@ def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
 def test_bad_loops_are_refused(faults, loops, said):
     (line,) = faults(SMALL.replace('"human"', f'"human"\nloops = {loops}'))
     assert re.search(said, line)
+
+
+def test_stiff_joints(tmp_path, faults):
+    file = tmp_path / "scene.toml"
+    file.write_text(SMALL.replace('"human"', '"human"\nstiff_joints = ["ankle"]'))
+    scene = kd.load_scene(file)
+    impact = kd.simulate(scene).impact
+    assert scene.leg.stiff_joints == ("ankle",)
+    assert impact.v_after[2] == pytest.approx(scene.v[2], rel=1e-12, abs=1e-12)
+    (line,) = faults(SMALL.replace('"human"', '"human"\nstiff_joints = ["toe"]'))
+    assert "leg: joint 'toe' is unknown" in line

@@ -31,6 +31,7 @@ BENDS = {
     "human": ("right_hip_Z", "right_knee_Z", "right_ankle_Z"),
     "simple_humanoid": ("RLEG_HIP_P", "RLEG_KNEE", "RLEG_ANKLE_P"),
 }
+RISES = {"toe": 30, "instep": 70, "sole_edge": -30}
 SINGULAR = ("icub", "romeo")
 POINT_FEET = ("bolt",)
 
@@ -85,6 +86,29 @@ def table() -> str:
     return "\n".join(lines)
 
 
+def contact_table() -> str:
+    """Return the table of contact points with free and with stiff joints, in Markdown."""
+    lines = [
+        "| robot | contact point | normal above the foot's x axis [deg] | all joints free [kg] "
+        "| stiff ankle [kg] | stiff ankle and knee [kg] |",
+        "|---|---|---:|---:|---:|---:|",
+    ]
+    for name, joints in BENDS.items():
+        for frame, degrees in RISES.items():
+            if frame not in ROBOTS[name].contact_points or len(ROBOTS[name].contact_points) == 1:
+                continue
+            leg = kd.Leg.from_robot(name, frame, legs_only=True)
+            normal = (np.cos(np.radians(degrees)), 0.0, np.sin(np.radians(degrees)))
+            ankle = [joint for joint in leg.joint_names if "nkle" in joint]
+            masses = [
+                posture(leg.with_stiff_joints(*stiff), joints).effective_mass(normal)
+                for stiff in ((), ankle, (*ankle, joints[1]))
+            ]
+            shown = " | ".join(f"{mass:.3f}" for mass in masses)
+            lines.append(f"| {name} | {frame} | {degrees} | {shown} |")
+    return "\n".join(lines)
+
+
 def pages(folder: Path) -> None:
     """Write a page of every line that shows the kick."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -96,5 +120,7 @@ def pages(folder: Path) -> None:
 
 if __name__ == "__main__":
     print(table())
+    print()
+    print(contact_table())
     if sys.argv[1:2] == ["--pages"]:
         pages(Path(sys.argv[2]))

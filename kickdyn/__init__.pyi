@@ -23,6 +23,8 @@ from .ground import Surface as Surface
 from .identification.identification_result import Identification as Identification
 from .identification.identify import identify as identify
 from .identification.infer_impact import InferredImpact as InferredImpact
+from .identification.infer_impact import RestitutionFit as RestitutionFit
+from .identification.infer_impact import fit_restitution as fit_restitution
 from .identification.infer_impact import infer_impact as infer_impact
 from .identification.learner import Learner as Learner
 from .identification.segments import Segments as Segments

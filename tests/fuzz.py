@@ -9,16 +9,23 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import io
 import multiprocessing as mp
 import os
 import random
+import re
 import sys
 import tempfile
 import time
 import traceback
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kickdyn import Leg
 
 ROOT = Path(__file__).resolve().parent.parent
 CORPUS = ROOT / "tests" / "corpus"
@@ -59,8 +66,40 @@ def seeds(kind: str) -> list[str]:
     """Return good files to begin with."""
     if kind == "mesh":
         return meshes()
+    if kind == "mjcf":
+        return [MJCF, *(file.read_text("utf-8") for file in mjcf_models())]
     files = sorted((ROOT / "urdf").glob("*.urdf")) if kind == "urdf" else scenes()
     return [file.read_text("utf-8") for file in files]
+
+
+MJCF = """<mujoco model="robot"><compiler angle="radian" autolimits="true" eulerseq="zyx"/>
+<option gravity="0 0 -9.81"/>
+<default><joint armature="0.01" range="-2 2"/><default class="light"><geom density="10"/></default>
+</default>
+<asset><material name="paint" rgba="1 0 0 1"/><mesh name="box" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>
+<mesh name="none" file="none.stl"/></asset>
+<worldbody><body name="base" pos="0 0 1" childclass="light"><freejoint/><geom size="0.1"/>
+<body name="leg" euler="0 0.1 0"><joint axis="0 1 0" actuatorfrcrange="-20 20"/>
+<inertial pos="0 0 -0.2" mass="3" fullinertia="0.1 0.1 0.05 0 0 0"/>
+<geom type="mesh" mesh="none" group="2"/><site name="knee" pos="0 0 -0.4"/><site name="hip"/>
+<body name="foot" pos="0 0 -0.4"><joint name="ball" type="ball" pos="0 0 0.01" range="0 2"/>
+<joint name="slide" type="slide" axis="1 0 0" ref="0.1"/>
+<geom type="capsule" size="0.03" fromto="0 0 0 0.2 0 0" material="paint"/>
+<geom type="mesh" mesh="box"/></body></body>
+<replicate count="2" offset="0.1 0 0" euler="0 0 1"><frame pos="0 0.1 0"><body name="arm">
+<joint/><geom type="box" size="0.1 0.02 0.03"/></body></frame></replicate></body></worldbody>
+<equality><connect body1="arm0" body2="arm1" anchor="0 0 0"/></equality>
+<tendon><spatial><site site="knee"/><site site="hip"/></spatial></tendon>
+<actuator><motor joint="slide" gear="3" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def mjcf_models() -> list[Path]:
+    """Return models of gymnasium."""
+    package = importlib.util.find_spec("gymnasium")
+    assert package is not None
+    assert package.origin is not None
+    folder = Path(package.origin).parent / "envs" / "mujoco" / "assets"
+    return [folder / name for name in ("hopper.xml", "ant.xml", "half_cheetah.xml")]
 
 
 def scenes() -> list[Path]:
@@ -207,29 +246,53 @@ def command(draw: random.Random) -> list[str]:
 
 def run(kind: str, what: str, folder: Path) -> None:
     """Feed one input; anything but an answer or a refusal is an exception here."""
-    {"urdf": run_urdf, "mesh": run_mesh, "scene": run_scene, "cli": run_cli}[kind](what, folder)
+    {"urdf": run_urdf, "mjcf": run_mjcf, "mesh": run_mesh, "scene": run_scene, "cli": run_cli}[
+        kind
+    ](what, folder)
 
 
 def run_urdf(text: str, folder: Path) -> None:
     """Load a robot, and kick with it."""
-    import numpy as np
-
     import kickdyn as kd
 
     file = folder / "robot.urdf"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    kicked(lambda: kd.Leg.from_urdf(file))
+
+
+def run_mjcf(text: str, folder: Path) -> None:
+    """Load the last body of a model, kick with it, and ask for its shapes."""
+    import kickdyn as kd
+
+    file = folder / "robot.xml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    names = re.findall(r'<body[^>]* name="([^"]*)"', text)
+    base = "floating" if len(text) % 2 else "fixed"
+    leg = kicked(lambda: kd.Leg.from_mjcf(file, names[-1] if names else "toe", base=base))
+    if leg is not None:
+        leg.file.visuals()
+
+
+def kicked(load: Callable[[], Leg]) -> Leg | None:
+    """Return a leg that was loaded and kicked; None if it is refused."""
+    import numpy as np
+
+    import kickdyn as kd
+
     try:
-        leg = kd.Leg.from_urdf(file)
-        posture = leg.posture(leg.configuration())
+        leg = load()
+        posture = leg.posture(leg.close_loops(leg.configuration()))
         contact = kd.Contact((2, 0.3, 1), restitution=0.8, friction=0.4)
-        hit = kd.strike(posture, np.ones(leg.nv), kd.Ball(), contact)
+        v = posture.admissible(np.ones(leg.nv))
+        hit = kd.strike(posture, v, kd.Ball(), contact)
     except kd.KickdynError as refusal:
         said = str(refusal)
         assert said, "a refusal says why"
         assert "\n" not in said, f"a refusal is one line: {said!r}"
-        return
+        return None
     assert np.isfinite(hit.impulse).all(), "an answer is finite"
     assert np.isfinite(hit.joint_impulses).all(), "an answer is finite"
+    return leg
 
 
 def run_mesh(text: str, folder: Path) -> None:
@@ -358,7 +421,7 @@ class Child:
 def inputs(seed: int, kinds: list[str]):  # type: ignore[no-untyped-def]
     """Yield inputs without end, the same for the same seed."""
     draw = random.Random(seed)
-    texts = {kind: seeds(kind) for kind in ("urdf", "mesh", "scene") if kind in kinds}
+    texts = {kind: seeds(kind) for kind in ("urdf", "mjcf", "mesh", "scene") if kind in kinds}
     while True:
         kind = draw.choice(kinds)
         yield kind, "\x01".join(command(draw)) if kind == "cli" else broken(draw, texts[kind])
@@ -370,7 +433,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=600)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
-        "--kinds", nargs="+", default=["urdf", "urdf", "mesh", "scene", "scene", "cli"]
+        "--kinds",
+        nargs="+",
+        default=["urdf", "urdf", "mjcf", "mjcf", "mesh", "scene", "scene", "cli"],
     )
     asked = parser.parse_args()
     child, faults, sizes, fed = Child(), {}, [], 0

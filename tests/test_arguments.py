@@ -29,6 +29,8 @@ IMPACT = kd.strike(POSTURE, V, BALL, CONTACT)
 GOAL = kd.Goal((10.0, 0.0, 0.0), time=1.0)
 SCENE = kd.Scene(LEG, Q, V, BALL, CONTACT)
 PLAN = kd.plan_kick(LEG, GOAL, BALL)
+AIR = kd.Air(drag="goff-carre")
+INFERRED = [kd.infer_impact(POSTURE, V, BALL, IMPACT.ball_before, IMPACT.ball_after)] * 2
 TRACK = kd.Track(np.arange(5) / 50, np.linspace((0, 0, 1), (1, 0, 1), 5))
 
 GOOD = {
@@ -44,7 +46,8 @@ GOOD = {
     "unit": (1.0, 0.0, 0.0), "wish": (1.0, 0.0, 0.0), "joint_impulse": V, "offset": (0.0, 0.0, 0.0),
     "path": "no/such/file", "subject": kd.fly(IMPACT.ball_after, BALL),
     "track": TRACK, "times": TRACK.times, "positions": TRACK.positions, "file": "no/such/file",
-    "ball_before": IMPACT.ball_before, "ball_after": IMPACT.ball_after, "landing": (10.0, 0.0),
+    "ball_before": IMPACT.ball_before, "ball_after": IMPACT.ball_after, "seen": (10.0, 0.0),
+    "air": AIR, "impacts": INFERRED, "speed": 5.0,
     "states": kd.BallState(velocity=[IMPACT.ball_after.velocity] * 2),
 }  # fmt: skip
 """A valid argument for every required parameter, by its name."""
@@ -68,7 +71,8 @@ INSTANCES = {
     "Course": kd.follow(IMPACT.ball_after, BALL, None, kd.Ground(-5.0, "turf")),
     "Swing": kd.Swing("met", *STILL),
     "Uncertainty": IMPACT.uncertainty(q=0.1),
-    "Learner": kd.Learner(GOAL, BALL),
+    "Learner": kd.Learner(GOAL, BALL, AIR),
+    "RestitutionFit": kd.fit_restitution(INFERRED, knots=1),
 }
 """One of each class that has methods with arguments."""
 
@@ -78,6 +82,7 @@ RESULTS = {
         "KickPlan",
         "Launch",
         "Pass",
+        "RestitutionFit",
         "Segments",
         "Sensitivity",
         "Simulation",

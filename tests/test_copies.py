@@ -1,4 +1,4 @@
-"""Answers can be pickled and copied; a deep copy is its owner's, and shares nothing."""
+"""Answers can be pickled and copied; a deep copy shares nothing, its arrays are read-only, too."""
 
 import copy
 import pickle
@@ -44,6 +44,8 @@ def parts():
         ),
         "sensitivity": hit.sensitivity(),
         "uncertainty": hit.uncertainty(q=0.1, normal=0.02),
+        "goal": kd.Goal((20, 1, 0), time=1.5),
+        "launch": kd.plan_launch(kd.Goal((20, 1, 0), time=1.5), kd.Ball(), kd.Air()),
         "unilateral": kd.unilateral_strike(hit.posture, hit.v_before, kd.Ball(), hit.contact),
     }
 
@@ -77,9 +79,11 @@ def test_copies_are_the_same(name, way):
         assert way == "copy" or not np.shares_memory(one, other)
 
 
+@pytest.mark.parametrize("way", ["as it is", *COPIES])
 @pytest.mark.parametrize("name", PARTS)
-def test_public_arrays_cannot_be_written_to(name):
-    public = {key: value for key, value in vars(PARTS[name]).items() if key[0] != "_"}
+def test_public_arrays_cannot_be_written_to(name, way):
+    one = COPIES.get(way, lambda one: one)(PARTS[name])
+    public = {key: value for key, value in vars(one).items() if key[0] != "_"}
     for key, value in public.items():
         for array in arrays(value):
             assert not array.flags.writeable, key

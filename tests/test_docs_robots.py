@@ -1,7 +1,12 @@
-"""The table of docs/robots.md is the output of its script."""
+"""The tables of docs/robots.md are the outputs of their scripts."""
 
 import runpy
 from pathlib import Path
+
+import pytest
+
+import kickdyn as kd
+from kickdyn.robot.catalog import robots_folder
 
 ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
@@ -10,3 +15,42 @@ TEXT = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
 def test_table_is_the_output_of_the_script():
     script = runpy.run_path(str(ROOT / "benchmarks" / "robots_table.py"))
     assert script["table"]() in TEXT
+
+
+@pytest.fixture(scope="module")
+def urdf_files():
+    return runpy.run_path(str(ROOT / "benchmarks" / "urdf_files.py"))
+
+
+@pytest.fixture(scope="module")
+def readings(urdf_files):
+    return list(urdf_files["readings"]())
+
+
+def test_as_many_urdf_files_load_as_the_page_says(urdf_files, readings):
+    assert urdf_files["summary"](readings) == "62 of 66 files load"
+    assert "reads 62 of the 66 URDF files" in TEXT
+    assert "reads 62 of the 66 files" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert urdf_files["refused_table"](readings) in TEXT
+
+
+def test_what_is_loaded_has_a_well_conditioned_posture(readings):
+    """Slightly bent: with a straight neck, the mass matrix of iCub is singular."""
+    for reading in readings:
+        if reading.leg is not None:
+            driven = {mimic.joint for mimic in reading.leg.mimics}
+            bent = [name for name in reading.leg.single_joints if name not in driven]
+            angles = {name: 0.1 + 0.01 * i for i, name in enumerate(bent)}
+            assert reading.leg.posture(reading.leg.configuration(angles)).condition < 1e7
+
+
+@pytest.mark.parametrize(
+    ("file", "frame"), [("alex_psyonic_hands.urdf", "Torso"), ("romeo.urdf", "r_sole")]
+)
+def test_refused_files_load_with_the_joints_locked_that_the_reason_names(readings, file, frame):
+    (found,) = [reading for reading in readings if reading.file.endswith("/" + file)]
+    named = [part.partition("'")[0] for part in found.reason.split("joint '")[1:]]
+    named += found.reason.partition(", as do ")[2].partition(":")[0].split(", ")
+    locked = dict.fromkeys(filter(None, named), 0.0)
+    leg = kd.Leg.from_urdf(robots_folder() / found.file, frame, locked=locked)
+    assert leg.posture(leg.configuration()).condition < 1e7

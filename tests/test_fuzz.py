@@ -24,7 +24,7 @@ def test_what_was_found_stays_mended(file, tmp_path):
 def test_broken_input_is_refused(seed, tmp_path):
     child = fuzz.Child()
     try:
-        for kind, what in islice(fuzz.inputs(1000 + seed, ["urdf", "urdf", "scene", "cli"]), 25):
+        for kind, what in islice(fuzz.inputs(1000 + seed, ["urdf", "mjcf", "scene", "cli"]), 25):
             fault, _ = child.feed(kind, what)
             assert fault == "", f"{kind}: {what!r}"
     finally:

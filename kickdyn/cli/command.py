@@ -2,13 +2,13 @@
 
 import io
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
 import click
 
-from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
+from kickdyn.errors import FaultyFile, InvalidInput, KickdynError, NoImpact, SceneError, printable
 
 
 @contextmanager
@@ -21,6 +21,12 @@ def busy(activity: str) -> Iterator[Callable[[str], None]]:
 
     with Console(stderr=True).status(activity) as status:
         yield status.update
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """Write warnings to standard error, a line each."""
+    for warning in warnings:
+        click.echo(f"warning: {printable(warning)}", err=True)
 
 
 def run(command: click.Command) -> NoReturn:
@@ -43,7 +49,11 @@ def run(command: click.Command) -> NoReturn:
         _fail(name, 2, error.format_message())
     except SceneError as error:
         _fail(name, 2, *(f"{error.source}: {fault}" for fault in error.faults))
-    except (InvalidInput, NoImpact) as error:
+    except FaultyFile as error:
+        _fail(name, 2, str(error))
+    except InvalidInput as error:
+        _fail(name, 2, *error.faults)
+    except NoImpact as error:
         _fail(name, 2, str(error))
     except KickdynError as error:
         _fail(name, 1, str(error))

@@ -10,8 +10,8 @@ import numpy as np
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.command import busy
-from kickdyn.cli.named_legs import load_leg
+from kickdyn.cli.command import busy, warn
+from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -88,10 +88,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
               help="Play the ball along the ground in --time, on turf, carpet...")  # fmt: skip
 @click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
               help="Which, where two launches meet the goal.")  # fmt: skip
-@click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-              show_default=True, help="A leg of kickdyn, a URDF file, or a robot by name, such "
-              "as g1: its right leg, on a fixed base.")  # fmt: skip
-@click.option("--frame", metavar="NAME", help="Link or joint whose origin strikes the ball.")
+@leg_options
 @click.option(
     "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
 )
@@ -139,8 +136,7 @@ def plan(
     goal_mouth: bool,
     surface: str | None,
     arc: str,
-    leg_name: str,
-    frame: str | None,
+    leg_options: LegOptions,
     offset: list[float] | None,
     ball_height: float | None,
     ball_at: list[float] | None,
@@ -162,11 +158,22 @@ def plan(
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
-    validation.number("distance", distance, above=0, unit="m")
+    for name, value in {"distance": distance, "height": height, "left": left}.items():
+        least = 0.0 if name == "distance" else -math.inf
+        validation.number(name, value, above=least, unit="m")
     if wall is not None:
         wall.check_before(math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
             over = [wall.distance, wall.height + OVER]
+    named = {"time": time, "apex": apex, "launch-speed": launch_speed, "over": over}
+    given = [name for name, value in named.items() if value is not None]
+    if len(given) != 1:
+        raise InvalidInput(
+            f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} named beside the "
+            f"target: name one of {', '.join(named)}"
+        )
+    if launch_speed is not None:
+        validation.number("launch-speed", launch_speed, above=0, at_most=1e6, unit="m/s")
     goal = Goal(
         (distance, left, height),
         time=time,
@@ -175,7 +182,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
-    leg = load_leg(leg_name, frame)
+    leg = leg_options.load()
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
@@ -245,6 +252,14 @@ def _windy(air: Air | None, wind: list[float] | None) -> Air | None:
 def _write(report: PlanReport, json_file: str | None, view: str | None, plot: str | None) -> None:
     """Write a report to the files that are named, and to the screen."""
     sentences = report.sentences()
+    if json_file is not None:
+        write_json(json_file, report.to_json())
+    if json_file != "-":
+        from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
+
+        width = screen_width()
+        click.echo("\n".join(wrapped(line, width) for line in sentences))
+        click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
     if plot is not None and report.swing is not None:
         from kickdyn.core.plot_style import save_figure
         from kickdyn.view.swing_plot import swing_figure
@@ -252,15 +267,8 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
         save_figure(swing_figure(report.swing), plot)
     if view is not None:
         _write_page(report, view, " ".join(sentences))
-    if json_file is not None:
-        write_json(json_file, report.to_json())
-        if json_file == "-":
-            return
-    from kickdyn.core.console import screen_width, wrapped  # a tenth of a second
-
-    width = screen_width()
-    click.echo("\n".join(wrapped(line, width) for line in sentences))
-    click.echo("\n".join(wrapped(line, width, indent=8) for line in report.table()))
+    if json_file == "-":
+        return
     for file in (json_file, view, plot):
         if file is not None:
             click.echo(f"wrote {file}")
@@ -276,4 +284,6 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
     boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *report.wall)
     boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
     shown = swing if swing is not None and swing.status == "met" else plan
-    page(shown, caption=caption, scenery=boxes).save(file)
+    made_page = page(shown, caption=caption, scenery=boxes)
+    made_page.save(file)
+    warn(made_page.warnings)

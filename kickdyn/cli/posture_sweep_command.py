@@ -15,7 +15,9 @@ import xarray as xr
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
-from kickdyn.cli.named_legs import SHIPPED, load_leg
+from kickdyn.cli.command import warn
+from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.named_legs import SHIPPED
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -38,12 +40,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 
 
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
-              show_default=True,
-              help="A leg of kickdyn, a URDF file, or the leg of a robot of kickdyn[robots] on "
-              "its fixed base (g1, talos, ...).")  # fmt: skip
-@click.option("--frame", help="Link or joint whose origin strikes the ball.  [default: toe; of a "
-              "robot, its right foot]")  # fmt: skip
+@leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
               help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
               "Default of human and testbed: a range of hip, knee and ankle, "
@@ -84,8 +81,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the best kick.")
 @click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
 def posture_sweep(
-    leg_name: str,
-    frame: str | None,
+    leg_options: LegOptions,
     joints: tuple[str, ...],
     speed: float,
     attack: float,
@@ -110,14 +106,15 @@ def posture_sweep(
     Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
-    leg = load_leg(leg_name, frame)
+    leg = leg_options.load()
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
         ball=ball, air=AIRS[air],
     )  # fmt: skip
-    postures = read_postures(leg, joints or (KICKING if leg_name in SHIPPED else ()))
+    kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
+    postures = read_postures(leg, joints or (kicking if leg_options.leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)
     store = out if out is not None and Path(out).suffix == ".zarr" else None
     file = out if store is None else None
@@ -149,24 +146,27 @@ def posture_sweep(
         for block in found:
             summary.add(block)
 
-    lines = extreme_lines(leg, grid, kick, summary)
-    made_page = _page(lines, kick) if live or view is not None else None
-    if leg_name == "human":
-        lines = [*paper_lines(leg, kick), *lines]
-    if plot is not None:
-        save_figure(sweep_figure(summary, lines), plot)
-    if made_page is None and (live or view is not None):
-        reason = "" if where is None else f" where {where}"
-        click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
-        view = None
-    elif made_page is not None and view is not None:
-        made_page.save(view)
+    best = extreme_lines(leg, grid, kick, summary)
+    whole = leg_options.leg_name == "human" and not leg_options.locked
+    lines = [*paper_lines(leg, kick), *best] if whole else best
     if file is not None and data is not None:
         save_netcdf(data, file)
     if json_file is not None:
         write_json(json_file, as_json(leg, kick, summary, lines))
     if json_file != "-":
         show(leg, kick, summary, lines)
+    if plot is not None:  # the results are written: a picture that fails costs none of them
+        save_figure(sweep_figure(summary, lines), plot)
+    made_page = _page(best, kick) if live or view is not None else None
+    if made_page is None and (live or view is not None):
+        reason = "" if where is None else f" where {where}"
+        click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
+        view = None
+    elif made_page is not None:
+        if view is not None:
+            made_page.save(view)
+        warn(made_page.warnings)
+    if json_file != "-":
         for name in (out, plot, view, json_file):
             if name is not None:
                 click.echo(f"wrote {name}")

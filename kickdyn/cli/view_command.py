@@ -5,7 +5,7 @@ from typing import Any
 import click
 import numpy as np
 
-from kickdyn.cli.command import busy
+from kickdyn.cli.command import busy, warn
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, finite, write_json
 from kickdyn.errors import InvalidInput
@@ -48,17 +48,21 @@ def view(
     from kickdyn.view.page import page
 
     scene = load_scene(scene_file)
-    with busy("simulating") as show:
+    with busy("simulating"):
         simulation = simulate_as_instant(scene)
-        for file in pages:
-            show(f"drawing {file}")
-            page(simulation).save(file, at)
     if json_file is not None:
         write_json(json_file, _document(simulation))
-        if json_file == "-":
-            return
-    width = screen_width()
-    click.echo("\n".join(wrapped(line, width, indent=8) for line in str(simulation).splitlines()))
+    if json_file != "-":
+        lines, width = str(simulation).splitlines(), screen_width()
+        click.echo("\n".join(wrapped(line, width, indent=8) for line in lines))
+    if pages:
+        with busy("drawing"):
+            made_page = page(simulation)
+            for file in pages:
+                made_page.save(file, at)
+        warn(made_page.warnings)
+    if json_file == "-":
+        return
     for file in filter(None, (*pages, json_file)):
         click.echo(f"wrote {file}")
 

@@ -60,6 +60,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         file = Path(path).resolve()
         if file.is_symlink():  # resolved, and still a link: they lead in a circle
             raise InvalidInput(f"{path} cannot be written (its links lead in a circle)")
+        if not os.fspath(path):
+            raise InvalidInput("the name of a file is empty")
         if file.is_dir():
             raise InvalidInput(f"{path} is a folder: name a file in it")
         if file.exists() and not file.is_file():  # replacing a device would remove it

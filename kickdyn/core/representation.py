@@ -1,6 +1,6 @@
-"""Representation of results in a terminal and in Jupyter, and equality by value."""
+"""Representation of results in a terminal and in Jupyter, equality by value, read-only arrays."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
 from typing import Any
@@ -21,7 +21,28 @@ ROUNDING = 1e-12
 """Share of a vector's largest entry below which an entry is shown as 0."""
 
 
-class ReprMixin:
+def freeze_arrays(value: object) -> None:
+    """Make arrays read-only: a value, or what mappings and tuples of any depth hold."""
+    if isinstance(value, np.ndarray):
+        value.setflags(write=False)
+    elif isinstance(value, Mapping):
+        for part in value.values():
+            freeze_arrays(part)
+    elif isinstance(value, tuple):
+        for part in value:
+            freeze_arrays(part)
+
+
+class ReadOnlyArrays:
+    """Keeps the arrays of a pickled or copied object read-only, which numpy forgets."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore the attributes."""
+        freeze_arrays(state)
+        self.__dict__.update(state)
+
+
+class ReprMixin(ReadOnlyArrays):
     """Represents an object by its `_rows`, numbers rounded to 4 digits."""
 
     def _rows(self) -> Iterable[Row]:
@@ -60,7 +81,7 @@ def warned(lines: Sequence[str]) -> Iterable[Row]:
         yield "warning", f"and {len(lines) - WARNED} more", ""
 
 
-class Printed:
+class Printed(ReadOnlyArrays):
     """Represents an object by its `str`, which is a table already."""
 
     def __repr__(self) -> str:
@@ -72,7 +93,7 @@ class Printed:
         return f"<pre>{escape(str(self))}</pre>"
 
 
-class ValueEquality:
+class ValueEquality(ReadOnlyArrays):
     """Compares and hashes a frozen dataclass, declared with `eq=False`, by the values it has."""
 
     def __eq__(self, other: object) -> bool:
@@ -82,13 +103,6 @@ class ValueEquality:
 
     def __hash__(self) -> int:
         return hash(self._values())
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore what was pickled; numpy forgets that its arrays are read-only."""
-        for value in state.values():
-            if isinstance(value, np.ndarray):
-                value.setflags(write=False)
-        self.__dict__.update(state)
 
     def _values(self) -> tuple[Any, ...]:
         """Return the fields, arrays as tuples of shape and entries."""

@@ -62,8 +62,9 @@ def fly(
 
     Raises:
         InvalidInput: an array of states, a ball that starts inside the ground, beyond the plane or
-            faster than `MAX_SPEED`, a bad tolerance, or a coefficient outside its range whose model
-            refuses that; others give one of `Flight.warnings`.
+            faster than `MAX_SPEED`, a position beyond the range of float64, a bad tolerance, or a
+            coefficient outside its range whose model refuses that; others give one of
+            `Flight.warnings`.
         KickdynError: the integrator gave up.
     """
     check_single(state)
@@ -154,7 +155,12 @@ def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends:
     end = min(fall, reach, ends.time_limit)
     status = FlightStatus.AT_PLANE if end == reach else FlightStatus.ALOFT
     top = min(max(rise / g, 0.0), end)
-    start, apex, last = ballistic(state.velocity, g, np.array([0.0, top, end]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        start, apex, last = ballistic(state.velocity, g, np.array([0.0, top, end]))
+    if not np.isfinite(last).all():
+        raise InvalidInput(
+            f"the ball flies for {end:g} s: after that its position is beyond the range of float64"
+        )
     if end == fall:
         status = FlightStatus.LANDED
         last[2] = -ends.drop  # by definition; the formula says so but for rounding

@@ -5,19 +5,19 @@ The ball alone gives the impulse, without a coefficient of restitution or fricti
 .. math:: p = m (v_b^+ - v_b), \qquad L = I_b (\omega_b^+ - \omega_b).
 
 If it acted at one point of the ball's surface, with the normal n from that point to the centre,
-then :math:`L = -r\, n \times p`, so that
+then :math:`L = -r\, n \times p`. The foot can only push, :math:`n \cdot p > 0`, so that
 
 .. math::
 
-    n = \sqrt{1 - \frac{|a|^2}{|p|^2}}\, \frac{p}{|p|} + \frac{p \times a}{|p|^2},
-    \qquad a = -\frac{L - (L \cdot \hat p)\, \hat p}{r} .
+    n = \sqrt{1 - |a|^2}\, \hat p + \hat p \times a,
+    \qquad a = -\frac{L - (L \cdot \hat p)\, \hat p}{r |p|}, \qquad \hat p = \frac{p}{|p|} .
 
-A part of L along p, or one longer than r |p|, cannot come from one point: it is the residual.
+The part of L along p cannot come from one point: it is the residual.
 """
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,8 +32,12 @@ from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.robot.leg import Posture
 
 EXPLAINED = 0.05
-"""Residual, relative to radius times impulse, up to which a point contact explains an impact; a
-larger one is warned of."""
+"""Residual, relative to radius times impulse, up to which a point contact explains an impact whose
+velocities have no deviations; a larger one is warned of."""
+
+APART = 0.25
+"""Distance of the two contact points, those of ball and posture, in radii of the ball, that is
+warned of."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,13 +48,14 @@ class InferredImpact(ReprMixin):
         posture: of the leg; its contact point is where the leg takes the impulse.
         v_before: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: mass, radius and inertia.
-        ball_before, ball_after: motion of the ball just before and after.
+        ball_before: motion of the ball just before.
+        ball_after: motion of the ball just after.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         normal: unit vector from the contact point to the ball's centre, shape `(3,)`.
-        residual: part of the change of spin that no impulse at one point explains, relative to
-            radius times impulse.
-        deviations: standard deviations of `restitution`, `friction`, `normal` (as an angle [rad])
-            and `residual` that follow from those of the measured velocities; empty without them.
+        residual: the part of the ball's change of angular momentum along the impulse, which no
+            impulse at one point explains, relative to radius times impulse; 0 or more.
+        deviations: standard deviations of `restitution`, `friction`, `normal` (an angle [rad]) and
+            `residual` that follow from those of the measured velocities; empty without them.
     """
 
     posture: Posture
@@ -65,14 +70,14 @@ class InferredImpact(ReprMixin):
 
     @cached_property
     def leg_response(self) -> LegResponse:
-        """What the impulse does to the leg."""
+        """What the impulse, at the posture's contact point, does to the leg."""
         return leg_response(self.posture, self.v_before, self.impulse)
 
     @property
     def joint_impulses(self) -> Array:
         """Impulse of each joint's parent on its child, shape `(njoints, 6)` [N s, N m s].
 
-        As `Impact.joint_impulses`.
+        As `Impact.joint_impulses`: linear then angular, in each joint's frame.
         """
         return self.leg_response.joint_impulses
 
@@ -83,35 +88,62 @@ class InferredImpact(ReprMixin):
 
     @property
     def contact_point(self) -> Array:
-        """Where on the ball the impulse acted, shape `(3,)` [m, world frame]."""
+        """Where on the ball the impulse acted, shape `(3,)` [m, world frame].
+
+        It follows from the measured position of the ball's centre, :math:`c - r n`.
+        """
         return np.asarray(self.ball_before.position - self.ball.radius * self.normal)
+
+    @property
+    def contact_distance(self) -> float:
+        """Distance of `contact_point` from the contact point of the posture [m].
+
+        It says how well the measured positions of leg and ball go together.
+        """
+        return float(np.linalg.norm(self.contact_point - self.posture.contact_point))
+
+    @property
+    def approach_speed(self) -> float:
+        """Speed of the foot towards the ball along the normal [m/s], as `Impact.approach_speed`."""
+        return -float(self.normal @ self._sliding(self.v_before, self.ball_before))
 
     @property
     def restitution(self) -> float:
         r"""Ratio :math:`-u_n^+ / u_n^-` of the contact points' relative velocities along n."""
-        before = float(self.normal @ self._sliding(self.v_before, self.ball_before))
-        return -float(self.normal @ self._sliding(self.v_after, self.ball_after)) / before
+        after = float(self.normal @ self._sliding(self.v_after, self.ball_after))
+        return after / self.approach_speed
 
     @property
     def friction(self) -> float:
-        """Impulse across the normal over that along it: the least coefficient that allows it."""
+        r"""Impulse across the normal over that along it, :math:`|a| / \sqrt{1 - |a|^2}`.
+
+        It is the least coefficient of friction that allows the impulse; where the contact points
+        slid throughout, it is the coefficient.
+        """
         along = float(self.normal @ self.impulse)
         return float(np.linalg.norm(self.impulse - along * self.normal)) / along
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before using the numbers."""
+        """What to know before using the numbers; empty if there is nothing."""
         lines = []
-        limit = max(EXPLAINED, 3.0 * self.deviations.get("residual", 0.0))
-        if self.residual > limit:
+        deviation = self.deviations.get("residual", 0.0)
+        if self.residual > (3.0 * deviation or EXPLAINED):
+            spread = f" +- {100 * deviation:.2g}" if deviation else ""
             lines.append(
-                f"{100 * self.residual:.1f} % of the ball's change of spin cannot come from an "
-                "impulse at one point: the contact was an area, or a velocity is wrong"
+                f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
+                "impulse at one point does not explain the change of spin"
             )
-        if not 0.0 <= self.restitution <= 1.0:
+        margin = 1e-9 + 3.0 * self.deviations.get("restitution", 0.0)
+        if not -margin <= self.restitution <= 1.0 + margin:
             lines.append(
                 f"restitution is {self.restitution:.3g}, outside 0 to 1: posture, joint velocity "
-                "and ball do not go together"
+                "and ball do not go together, or the sliding changed during the contact"
+            )
+        if self.contact_distance > APART * self.ball.radius:
+            lines.append(
+                f"the contact point on the ball is {self.contact_distance:.2g} m from that of the "
+                "posture, where the leg takes the impulse"
             )
         return (*lines, *self.posture.warnings)
 
@@ -121,16 +153,17 @@ class InferredImpact(ReprMixin):
         return np.asarray(surface - self.posture.point_velocity(v))
 
     def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
         yield "impulse on the ball", self.impulse, "N s"
         yield "normal", self.normal, ""
         yield "contact point", self.contact_point, "m"
-        for name in ("restitution", "friction"):
+        yield "approach speed", self.approach_speed, "m/s"
+        for name in ("restitution", "friction", "residual"):
             spread = f" +- {self.deviations[name]:.2g}" if name in self.deviations else ""
             yield name, f"{getattr(self, name):.4g}{spread}", ""
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
-        yield f"worst joint, {self.posture.leg.joint_names[worst]}", float(sizes[worst]), "N s"
-        yield "residual", self.residual, ""
+        yield f"largest, {self.posture.leg.joint_names[worst]}", float(sizes[worst]), "N s"
         yield from warned(self.warnings)
 
 
@@ -141,97 +174,226 @@ def infer_impact(
     ball_before: BallState,
     ball_after: BallState,
     *,
-    velocity_deviation: float = 0.0,
-    spin_deviation: float = 0.0,
+    velocity_deviation: ArrayLike = 0.0,
+    spin_deviation: ArrayLike = 0.0,
+    joint_deviation: ArrayLike = 0.0,
 ) -> InferredImpact:
-    """Return the impulse of a kick, and the contact that explains it, from the ball's motion.
+    r"""Return the impulse of a kick, and the contact that explains it, from the ball's motion.
+
+    The impulse is :math:`p = m (v_b^+ - v_b)`; no coefficient of restitution or friction is
+    assumed. The normal is the one for which p, at one point of the ball's surface, turns the ball
+    as measured: :math:`I_b (\omega_b^+ - \omega_b) = -r\, n \times p`. The leg takes -p at the
+    contact point of the posture. Deviations are carried through by differences of one standard
+    deviation, all components independent.
 
     Args:
         posture: of the leg in the impact; its contact point touched the ball.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: mass, radius and inertia.
-        ball_before: measured motion just before; its position is that of the centre.
+        ball_before: measured motion just before; its position is that of the centre [world frame].
         ball_after: measured motion just after.
-        velocity_deviation: standard deviation of each component of both velocities [m/s].
-        spin_deviation: of each component of both spins [rad/s].
+        velocity_deviation: standard deviation of each component of the ball's velocity [m/s]: a
+            number, or shape `(2,)`, before and after.
+        spin_deviation: of each component of its spin [rad/s], likewise.
+        joint_deviation: of the joint velocity, a number or shape `(nv,)` [rad/s; m/s].
 
     Raises:
         NoImpact: the ball's velocity did not change, or foot and ball do not approach each other.
-        InvalidInput: a wrong argument.
+        InvalidInput: a change of spin that is too large for the impulse, or a wrong argument.
     """
     validation.check_type(Posture, posture=posture)
     validation.check_type(Ball, ball=ball)
     validation.check_type(BallState, ball_before=ball_before, ball_after=ball_after)
+    ball.check_movable("an inferred impact")
+    if not math.isfinite(ball.inertia):
+        raise InvalidInput(
+            "inertia factor is inf: the normal follows from how the ball turns, which needs a "
+            "finite inertia"
+        )
     for name, state in (("ball_before", ball_before), ("ball_after", ball_after)):
         if state.position.shape != (3,):
             raise InvalidInput(f"{name} has shape {state.position.shape}: it must be one state")
-    speed = validation.vector("v", v, posture.leg.model.nv, unit="rad/s or m/s")
-    noise = np.repeat(
+    count = posture.leg.nv
+    speed = validation.read_only(validation.vector("v", v, count, unit="rad/s or m/s"))
+    posture.check_velocity(speed)
+    noise = np.concatenate(
         [
-            validation.number("velocity deviation", velocity_deviation, at_least=0, unit="m/s"),
-            validation.number("spin deviation", spin_deviation, at_least=0, unit="rad/s"),
-        ],
-        3,
+            np.repeat(_deviations("velocity deviation", velocity_deviation, 2), 3),
+            np.repeat(_deviations("spin deviation", spin_deviation, 2), 3),
+            _deviations("joint deviation", joint_deviation, count),
+        ]
     )
-
-    def inferred(nudge: Array) -> InferredImpact:
-        after = BallState(
-            ball_after.position, ball_after.velocity + nudge[:3], ball_after.spin + nudge[3:]
-        )
-        change = after.velocity - ball_before.velocity
-        impulse = ball.mass * change
-        normal, residual = _point_contact(
-            impulse, ball.inertia * (after.spin - ball_before.spin), ball.radius
-        )
-        return InferredImpact(
-            posture, speed, ball, ball_before, after, impulse, normal, residual, {}
-        )
-
-    if np.array_equal(ball_after.velocity, ball_before.velocity):
-        raise NoImpact("the ball's velocity is the same before and after: there was no impulse")
-    found = inferred(np.zeros(6))
-    closing = -float(found.normal @ found._sliding(speed, ball_before))
-    if closing <= 0.0:
+    measured = np.concatenate(
+        [ball_before.velocity, ball_after.velocity, ball_before.spin, ball_after.spin, speed]
+    )
+    found, _ = _inferred(posture, ball, ball_before.position, ball_after.position, measured)
+    if found.approach_speed <= 0.0:
         raise NoImpact(
-            f"foot and ball separate at {-closing:.3g} m/s along the normal that the impulse asks "
-            "for: before an impact they approach each other"
+            f"foot and ball separate at {-found.approach_speed:.3g} m/s along the normal "
+            f"{found.normal.round(4).tolist()} of this impulse: before an impact they approach "
+            "each other"
         )
     if not noise.any():
         return found
-    # both velocities are measured, hence the root of two
-    steps = np.sqrt(2.0) * np.diag(noise)
-    shifted = [(inferred(step), inferred(-step)) for step in steps[noise > 0.0]]
+
+    def values(nudge: Array) -> Array:
+        """Return what has deviations, for measured values that are changed."""
+        one, along = _inferred(
+            posture, ball, ball_before.position, ball_after.position, measured + nudge
+        )
+        return np.array([one.restitution, one.friction, along, *one.normal])
+
+    steps = np.diag(noise)[noise > 0.0]
+    slopes = np.array([0.5 * (values(step) - values(-step)) for step in steps])
+    sizes = np.linalg.norm(slopes, axis=0)
     deviations = {
-        name: math.hypot(*(0.5 * (getattr(a, name) - getattr(b, name)) for a, b in shifted))
-        for name in ("restitution", "friction", "residual")
+        "restitution": float(sizes[0]),
+        "friction": float(sizes[1]),
+        "normal": float(np.linalg.norm(sizes[3:])),
+        "residual": float(sizes[2]),
     }
-    deviations["normal"] = math.hypot(
-        *(0.5 * float(np.linalg.norm(a.normal - b.normal)) for a, b in shifted)
-    )
-    return InferredImpact(
-        posture, speed, ball, ball_before, ball_after, found.impulse, found.normal,
-        found.residual, deviations,
-    )  # fmt: skip
+    return replace(found, deviations=deviations)
 
 
-def _point_contact(impulse: Array, turning: Array, radius: float) -> tuple[Array, float]:
-    """Return the normal of a point contact, and what of the change of spin it leaves unexplained.
+def _inferred(
+    posture: Posture, ball: Ball, before: Array, after: Array, measured: Array
+) -> tuple[InferredImpact, float]:
+    """Return the impact of measured velocities, and the residual with its sign.
 
     Args:
-        impulse: on the ball, shape `(3,)` [N s].
-        turning: change of the ball's angular momentum, shape `(3,)` [N m s].
-        radius: of the ball [m].
+        posture: of the leg.
+        ball: that was struck.
+        before: position of its centre just before, shape `(3,)` [m].
+        after: just after.
+        measured: velocity before, velocity after, spin before, spin after, joint velocity; shape
+            `(12 + nv,)` [m/s, rad/s].
     """
-    size = float(np.linalg.norm(impulse))
+    states = (
+        BallState(before, measured[:3], measured[6:9]),
+        BallState(after, measured[3:6], measured[9:12]),
+    )
+    impulse = ball.mass * (measured[3:6] - measured[:3])
+    size = float(validation.length(impulse))
+    if size == 0.0:
+        raise NoImpact("the ball's velocity is the same before and after: there was no impulse")
     along = impulse / size
-    if not math.isfinite(radius * size):
-        raise InvalidInput(f"the impulse is {size:g} N s: it must be finite")
-    arm = -turning / (radius * size)  # n x p / |p|
+    turned = measured[9:12] - measured[6:9]
+    largest = ball.radius * size / ball.inertia  # change of spin of an impulse across the normal
+    arm = -turned / largest
     twist = float(arm @ along)
     arm = arm - twist * along
-    longest = float(np.linalg.norm(arm))
-    excess = max(longest - 1.0, 0.0)
-    if excess:
-        arm = arm / longest
-    normal = math.sqrt(max(1.0 - float(arm @ arm), 0.0)) * along + np.cross(along, arm)
-    return normal, math.hypot(twist, excess)
+    share = float(arm @ arm)
+    if not share < 1.0:
+        raise InvalidInput(
+            f"the spin changes by {validation.length(turned):.4g} rad/s (with its deviation, where "
+            f"one is given): an impulse of {size:.4g} N s at a point of the ball changes it by "
+            f"less than {largest:.4g} rad/s"
+        )
+    normal = math.sqrt(1.0 - share) * along + np.cross(along, arm)
+    found = InferredImpact(
+        posture, measured[12:], ball, *states, impulse, normal, abs(twist), {}
+    )  # fmt: skip
+    return found, twist
+
+
+def _deviations(name: str, value: ArrayLike, count: int) -> Array:
+    """Return standard deviations of shape `(count,)`, of which a number makes all."""
+    array = validation.floats(name, value)
+    if array.shape not in ((), (count,)):
+        raise InvalidInput(f"{name} has shape {array.shape}: it must be a number or ({count},)")
+    if (array < 0.0).any():
+        raise InvalidInput(f"{name} is {array.tolist()}: it must not be below 0")
+    return np.array(np.broadcast_to(array, (count,)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RestitutionFit(ReprMixin):
+    """Restitution over approach speed, from several kicks.
+
+    Attributes:
+        speeds: approach speed along the normal of each kick, shape `(n,)` [m/s].
+        restitutions: of each kick, shape `(n,)`.
+        table: rows (approach speed [m/s], restitution), speeds increasing, shape `(k, 2)`. Between
+            its rows the restitution is linear, outside it is that of the nearest row.
+        deviations: standard deviation of each restitution of the table, shape `(k,)`.
+        scatter: standard deviation of the restitution of a kick from the table.
+    """
+
+    speeds: Array
+    restitutions: Array
+    table: Array
+    deviations: Array
+    scatter: float
+
+    def at(self, speed: ArrayLike) -> Array:
+        """Return the table's restitution at approach speeds [m/s], in the shape of `speed`."""
+        wanted = validation.floats("speed", speed, unit="m/s")
+        return np.asarray(np.interp(wanted, *self.table.T))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before using the table; empty if there is nothing."""
+        return tuple(
+            f"restitution is {e:.3g} at {speed:.3g} m/s, outside 0 to 1: a contact refuses it"
+            for speed, e in self.table.tolist()
+            if not 0.0 <= e <= 1.0
+        )
+
+    def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
+        yield "kicks", len(self.speeds), ""
+        for (speed, e), deviation in zip(self.table.tolist(), self.deviations, strict=True):
+            yield f"at {speed:.4g} m/s", f"{e:.4g} +- {deviation:.2g}", ""
+        yield "scatter of a kick", self.scatter, ""
+        yield from warned(self.warnings)
+
+
+def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> RestitutionFit:
+    r"""Return restitution over approach speed as a table, fitted to several kicks.
+
+    The table is the piecewise linear function of the approach speed that is nearest to the kicks'
+    restitutions in the sense of least squares, each kick counting the same; its knots are at
+    quantiles of their speeds, from the lowest to the highest. With n kicks, k knots and the
+    residuals :math:`\rho`, the scatter is :math:`\sqrt{\sum \rho^2 / (n - k)}`.
+
+    Args:
+        impacts: of several kicks, by `infer_impact`.
+        knots: rows of the table: 1 is a constant, 2 a straight line.
+
+    Raises:
+        InvalidInput: a wrong argument, fewer than `knots + 1` kicks, or speeds that are too much
+            alike for so many knots.
+    """
+    if not isinstance(impacts, Sequence) or not impacts:
+        raise InvalidInput(
+            f"impacts is {validation.brief(impacts)}: it must be a list of kickdyn.InferredImpact"
+        )
+    for i, one in enumerate(impacts):
+        validation.check_type(InferredImpact, **{f"impact {i}": one})
+    if isinstance(knots, bool) or not isinstance(knots, int) or knots < 1:
+        raise InvalidInput(f"knots is {validation.brief(knots)}: it must be an integer, 1 or more")
+    if len(impacts) <= knots:
+        raise InvalidInput(
+            f"knots is {validation.brief(knots)} and there are {len(impacts)} kicks: a table needs "
+            "more kicks than it has rows"
+        )
+    speeds = np.array([one.approach_speed for one in impacts])
+    restitutions = np.array([one.restitution for one in impacts])
+    places = np.quantile(speeds, np.linspace(0.0, 1.0, knots)) if knots > 1 else [speeds.mean()]
+    if knots > 1 and not (np.diff(places) > 1e-6 * speeds.max()).all():
+        raise InvalidInput(
+            f"knots is {knots}, but approach speeds are {speeds.min():.4g} to {speeds.max():.4g} "
+            "m/s with many alike: take fewer knots"
+        )
+    shares = np.column_stack([np.interp(speeds, places, unit) for unit in np.eye(knots)])
+    inverse = np.linalg.pinv(shares)
+    fitted = inverse @ restitutions
+    rest = shares @ fitted - restitutions
+    scatter = math.sqrt(float(rest @ rest) / (len(impacts) - knots))
+    return RestitutionFit(
+        validation.read_only(speeds),
+        validation.read_only(restitutions),
+        validation.read_only(np.column_stack([places, fitted])),
+        validation.read_only(scatter * np.linalg.norm(inverse, axis=1)),
+        scatter,
+    )

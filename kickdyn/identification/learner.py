@@ -1,263 +1,507 @@
-r"""`Learner`: kick, observe where the ball came down, correct the model, kick again.
+r"""`Learner`: kick, observe the ball, correct the model, kick again.
 
-The unknown differences between model and reality are
+What the model does not know is
 
-.. math:: \theta = (\ln c_D, w_x, w_y, \ln g, \alpha, \beta):
+.. math:: \theta = (\ln s, w_x, w_y, \ln \tfrac{e}{1 - e}, \alpha, \beta):
 
-a factor of the drag, the wind, a factor of the launch speed (as from a wrong restitution), and
-errors of aim up and to the left. Before any kick they are zero with the standard deviations
-`PRIOR`. After each kick the estimate is the most probable one given all landings so far, each with
-the scatter that the execution of a kick has,
+a scale s of the drag model, the wind, the restitution e of the foot's contact, and errors of aim,
+upwards and to the left. Kick k has, beside, an error :math:`\epsilon_k` of its own, of the speed
+and of the two angles. The estimate after n kicks is the most probable one,
 
-.. math:: \min_\theta \; \theta^T P_0^{-1} \theta
-    + \sum_k (x_k(\theta) - y_k)^T R_k^{-1} (x_k(\theta) - y_k)
+.. math:: \min_{\theta, \epsilon} \; (\theta - \theta_0)^T P_0^{-1} (\theta - \theta_0)
+    + \sum_k \frac{|\epsilon_k|^2}{\sigma^2} + \sum_k \frac{|x_k(\theta, \epsilon_k) - y_k|^2}{R}
 
-with the landing :math:`y_k` that was observed and :math:`x_k(\theta)` that of the model.
+with what was observed, :math:`y_k`, what the model says of it, :math:`x_k`, the scatter
+:math:`\sigma` from kick to kick, and the variance R of an observation. The covariance of
+:math:`\theta` is its part of the inverse of :math:`J^T J`, with the derivatives J of the residuals
+whose squares are summed.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
+from scipy.special import expit, logit
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.gravity import GRAVITY
+from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.fly import fly
+from kickdyn.identification.flight_lanes import Lane, fly_lanes
 from kickdyn.identification.identify import replaced, scaled
+from kickdyn.identification.track import Track
+from kickdyn.impact.strike import strike
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.launch import Launch, plan_launch
+from kickdyn.planning.kick import KickPlan, plan_kick
+from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
+from kickdyn.robot.leg import Leg
 
 PRIOR = {
-    "drag": 0.3,
+    "drag_scale": 0.3,
     "wind_x": 2.0,
     "wind_y": 2.0,
-    "speed": 0.15,
+    "restitution": 0.1,
     "elevation": 0.05,
     "azimuth": 0.05,
 }
-"""Standard deviations of what is unknown before the first kick: relative, m/s, relative, rad."""
+"""Standard deviations before the first kick: relative, m/s, m/s, 1, rad, rad."""
+
+UNITS = {"wind_x": "m/s", "wind_y": "m/s", "elevation": "rad", "azimuth": "rad"}
+"""Units of the unknowns; the scale and the restitution have none."""
 
 SCATTER = 0.03
 """Relative scatter of launch speed, and scatter of direction [rad], from kick to kick."""
 
+LEARNT = 1.0 / 3.0
+"""Share of the scatter's variance below which what is not known does not count any more: it then
+widens the scatter by 15 %."""
+
+UNLIKELY = 5.99
+"""Square of a distance, in standard deviations, that 5 % of random points in a plane exceed: the
+95 % quantile of the chi-square distribution with 2 degrees of freedom."""
+
+TOL = 1e-8
+"""Relative tolerance of the flights."""
+
+STEP = 1e-5
+"""Change of the first four unknowns, of the logarithm of the launch speed and of both angles, of
+which derivatives are differences."""
+
+COLUMNS = (0, 1, 2, 3, 5, 6, 4, 5, 6)
+"""Of those seven, the ones that the six unknowns and the three errors of a kick are."""
+
 
 class Shot(NamedTuple):
-    """A kick and what was seen of it.
+    """A kick and what was observed of it.
 
     Attributes:
-        velocity: commanded launch velocity, shape `(3,)` [m/s].
-        landing: observed, shape `(2,)` [m, from the launch].
+        command: the launch, or the kick, that was asked for.
+        landing: where the ball came down, shape `(2,)` [m, from the launch]; None beside a track.
         time: observed, of the flight [s]; None if it was not.
+        track: positions in flight [m, from the launch] over the time since the kick [s], or None.
     """
 
-    velocity: Array
-    landing: Array
+    command: BallState | KickPlan
+    landing: Array | None
     time: float | None
+    track: Track | None
 
 
 class Learner(ReprMixin):
-    """Finds the launch that meets a goal in a world that the model knows only roughly.
+    r"""Finds the launch, or the kick, that meets a goal where the model holds only roughly.
 
-    `learner.command` is the next launch; kick it, and pass the landing to `learner.observe`.
+    `command` is the next one: carry it out, and pass what the ball did to `observe`, until
+    `is_done`. A command without a leg is a launch :math:`v` to somebody who takes the restitution
+    for :math:`e_0`, so that the ball leaves with :math:`v (1 + e) / (1 + e_0)`. With a leg, the
+    command is a kick of the restitution that is known by then.
 
     Args:
-        goal: on level ground: a distance with a time, an apex or a speed.
+        goal: a target as high as the launch, and a condition such as the time.
         ball: mass and radius.
-        air: the model to begin with; None is `Air()`.
-        scatter: how far kicks of one command differ: relative in speed, and in direction [rad].
-        deviation: standard deviation of an observed landing [m].
+        air: the model to begin with, with a drag model and a constant wind.
+        leg: if given, commands are kicks by `plan_kick`.
+        restitution: :math:`e_0`, the best guess before the first kick.
+        friction: of the leg's contact.
+        ball_height: of the ball's centre before the kick of a leg [m, world frame]; None leaves it
+            free, as in `plan_kick`.
+        scatter: standard deviation from kick to kick of one command: relative of the launch speed,
+            and of either angle of the direction [rad].
+        deviation: standard deviation of an observed coordinate of a landing or a track [m].
         time_deviation: of an observed time of flight [s].
-        prior: standard deviations by the names of `PRIOR`; those left out keep theirs.
+        prior: standard deviations of the unknowns before the first kick; those left out are
+            `drag_scale` 0.3 (relative), `wind_x` and `wind_y` 2 m/s, `restitution` 0.1,
+            `elevation` and `azimuth` 0.05 rad.
 
     Raises:
-        InvalidInput: a wrong argument, or an air without drag or with a wind that is a function.
+        InvalidInput: a wrong argument; a goal above or below the launch; an air without drag, or
+            with a wind that is a function; a leg that cannot kick to the goal.
     """
 
     def __init__(
         self,
         goal: Goal,
         ball: Ball,
-        air: Air | None = None,
+        air: Air,
+        leg: Leg | None = None,
         *,
+        restitution: float = 0.8,
+        friction: float = 0.4,
+        ball_height: float | None = None,
         scatter: float = SCATTER,
         deviation: float = 0.05,
         time_deviation: float = 0.02,
-        prior: dict[str, float] | None = None,
+        prior: Mapping[str, float] | None = None,
     ) -> None:
         validation.check_type(Goal, goal=goal)
         validation.check_type(Ball, ball=ball)
-        validation.check_type(Air, type(None), air=air)
-        validation.check_type(dict, type(None), prior=prior)
-        self.goal, self.ball, self.model = goal, ball, Air() if air is None else air
-        if self.model.drag is None or callable(self.model.wind):
+        validation.check_type(Air, air=air)
+        validation.check_type(Leg, type(None), leg=leg)
+        ball.check_movable("a kick")
+        self.goal, self.ball, self.leg, self._model = goal, ball, leg, air
+        if air.drag is None or callable(air.wind):
             raise InvalidInput(
                 "air has no drag, or a wind that is a function of height: the learner corrects "
                 "a drag model and a constant wind"
             )
-        if abs(float(goal.target[2])) > 0.0:
+        if float(goal.target[2]) != 0.0:
             raise InvalidInput(
                 f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
                 "landings at the height of the launch"
             )
-        self.scatter = validation.number("scatter", scatter, at_least=0, at_most=1)
-        self.deviation = validation.number("deviation", deviation, above=0, unit="m")
-        self.time_deviation = validation.number("time deviation", time_deviation, above=0, unit="s")
-        unknown = set(prior or {}) - set(PRIOR)
+        first = validation.number("restitution", restitution, at_least=0.01, at_most=0.99)
+        self._first_restitution = first
+        self._friction = validation.number("friction", friction, at_least=0)
+        self._ball_height = ball_height
+        self._scatter = validation.number("scatter", scatter, above=0, at_most=1)
+        self._deviation = validation.number("deviation", deviation, above=0, unit="m")
+        self._time_deviation = validation.number(
+            "time deviation", time_deviation, above=0, unit="s"
+        )
+        spread = validation.mapping("prior", prior)
+        unknown = set(spread) - set(PRIOR)
         if unknown:
             raise InvalidInput(f"prior has {sorted(unknown)}: its names are {', '.join(PRIOR)}")
-        self._prior = np.array(
-            [
-                validation.number(f"prior {name}", value, above=0)
-                for name, value in {**PRIOR, **(prior or {})}.items()
-            ]
-        )
-        self.shots: tuple[Shot, ...] = ()
-        self._theta = np.zeros(len(PRIOR))
-        self._covariance = np.diag(self._prior**2)
+        sizes = {
+            name: validation.number(f"prior {name}", value, above=0, unit=UNITS.get(name, ""))
+            for name, value in {**PRIOR, **spread}.items()
+        }
+        sizes["restitution"] /= first * (1.0 - first)
+        self._prior = np.array(list(sizes.values()))
+        self._shots: tuple[Shot, ...] = ()
+        self._theta0 = np.array([0.0, 0.0, 0.0, float(logit(first)), 0.0, 0.0])
+        self._theta, self._covariance = self._theta0, np.diag(self._prior**2)
+        self._errors = np.zeros((0, 3))
+        self._last_landing = np.zeros(2)
         self._plan()
 
     @property
-    def estimates(self) -> dict[str, float]:
-        """Estimates by name: factors of drag and speed less 1, wind [m/s], errors of aim [rad]."""
-        return dict(zip(PRIOR, self._theta.tolist(), strict=True))
+    def command(self) -> BallState | KickPlan:
+        """The next launch at the origin, or with a leg the next kick.
+
+        A kick is planned for the launch velocity that errors of aim turn into the wanted one; its
+        `path` is the flight that is then expected.
+        """
+        return self._command
 
     @property
-    def deviations(self) -> dict[str, float]:
-        """Standard deviations of the estimates."""
-        return dict(zip(PRIOR, np.sqrt(np.diag(self._covariance)).tolist(), strict=True))
+    def launch(self) -> Launch:
+        """The flight to the goal, in the air as it is known, that the command is to bring about."""
+        return self._launch
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """The kicks so far."""
+        return self._shots
 
     @property
     def air(self) -> Air:
-        """The air with the drag and the wind that were learned, for planning."""
+        """The air with drag and wind as they are known."""
         return self._air(self._theta)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimates by name.
+
+        `drag_scale`, a factor of the drag model; `wind_x` and `wind_y` [m/s]; `restitution`;
+        `elevation` and `azimuth`, how far the ball leaves above and to the left of what was
+        commanded [rad].
+        """
+        values = dict(zip(PRIOR, self._theta.tolist(), strict=True))
+        wind = np.asarray(self._model.wind)
+        return {
+            **values,
+            "drag_scale": math.exp(values["drag_scale"]),
+            "wind_x": float(wind[0]) + values["wind_x"],
+            "wind_y": float(wind[1]) + values["wind_y"],
+            "restitution": float(expit(values["restitution"])),
+        }
+
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the estimates, by name and in the same units."""
+        sizes = np.sqrt(np.diag(self._covariance))
+        sizes[0] *= math.exp(self._theta[0])
+        e = float(expit(self._theta[3]))
+        sizes[3] *= e * (1.0 - e)
+        return dict(zip(PRIOR, sizes.tolist(), strict=True))
+
+    @property
+    def landing_scatter(self) -> Array:
+        """Covariance of landings of the command by scatter and observation, `(2, 2)` [m2]."""
+        aim = self._landing_slopes[:, 6:]
+        own = self._scatter**2 * aim @ aim.T
+        return np.asarray(own + self._deviation**2 * np.eye(2))
+
+    @property
+    def landing_uncertainty(self) -> Array:
+        """Covariance of the mean landing of the command, by what is not known, `(2, 2)` [m2]."""
+        slopes = self._landing_slopes[:, :6]
+        return np.asarray(slopes @ self._covariance @ slopes.T)
 
     @property
     def is_done(self) -> bool:
         """Whether what is left is noise.
 
-        The last two landings missed by less than twice their scatter, or the correction that the
-        next kick would test is smaller than half the scatter.
+        That is where the last kick missed the goal by no more than scatter and uncertainty allow
+        in 95 % of kicks, and where the uncertainty has at most a third of the scatter's variance
+        (traces of the covariances), so that knowing more would hardly bring the ball nearer.
         """
-        if not self.shots:
+        if not self._shots:
             return False
-        slope = self._slopes(self._theta, self.command)[1]
-        learnt = slope[:2] @ self._covariance @ slope[:2].T
-        noise = self._noise(self.command)[:2, :2]
-        last = self.shots[-1].landing - self.goal.target[:2]
-        within = float(last @ np.linalg.solve(noise + learnt, last)) < 4.0 * 2.0
-        return within and float(np.trace(learnt)) < 0.25 * float(np.trace(noise))
+        scatter, uncertainty = self.landing_scatter, self.landing_uncertainty
+        missed = self._last_landing - self.goal.target[:2]
+        expected = scatter + uncertainty
+        return bool(
+            np.trace(uncertainty) <= LEARNT * np.trace(scatter)
+            and missed @ np.linalg.solve(expected, missed) <= UNLIKELY
+        )
 
-    def observe(self, landing: ArrayLike, time: float | None = None) -> None:
-        """Learn from where the commanded kick came down.
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What to know before the next kick; empty if there is nothing."""
+        lines = [] if self._launch.limit is None else [f"the goal is {self._launch.summary}"]
+        command = self._command
+        if isinstance(command, KickPlan) and command.share < 1.0:
+            lines.append(
+                f"the goal is beyond the limits of the leg: the kick has {command.share:.0%} of "
+                "the launch speed"
+            )
+        e = self.estimates["restitution"]
+        if not 0.02 < e < 0.98:
+            lines.append(
+                f"restitution is {e:.3g}, near the end of its range: something else may change the "
+                "launch speed"
+            )
+        return (*lines, *self._launch.flight.warnings)
+
+    def observe(self, seen: ArrayLike | Track, time: float | None = None) -> None:
+        """Learn from what the ball did after the command, and find the next one.
 
         Args:
-            landing: at the height of the launch, shape `(2,)` or `(3,)` [m, from the launch].
-            time: of the flight [s], if it was measured.
+            seen: the landing, at the height of the launch, shape `(2,)` or `(3,)` [m, from the
+                launch]; or the ball's track in flight, its positions from the launch [m, world
+                axes] and its times since the kick [s].
+            time: of the flight [s], if it was measured; not beside a track.
 
         Raises:
-            InvalidInput: a wrong shape or a number that is not finite.
+            InvalidInput: a wrong shape, a number that is not finite, a track that begins before
+                the kick, or a time beside a track.
+            KickdynError: no flight of the model comes near to what was observed.
         """
-        where = validation.floats("landing", landing, unit="m")
-        if where.shape not in ((2,), (3,)):
-            raise InvalidInput(f"landing has shape {where.shape}: it must be (2,) or (3,)")
-        if time is not None:
-            time = validation.number("time", time, above=0, unit="s")
-        self.shots = (*self.shots, Shot(self.command, where[:2], time))
-        self._estimate()
-        self._plan()
-
-    def _plan(self) -> None:
-        """Plan the next launch with what is known, and command it with the errors taken off."""
-        self.launch: Launch = plan_launch(self.goal, self.ball, self.air)
-        """The flight that is wanted next."""
-        self.command: Array = _aimed(self.launch.velocity, -self._theta[3:])
-        """The launch velocity to ask for, shape `(3,)` [m/s]."""
+        if isinstance(seen, Track):
+            if time is not None:
+                raise InvalidInput("time is given beside a track, which has its own times")
+            if seen.times[0] < 0.0:
+                raise InvalidInput(
+                    f"the track begins at {seen.times[0]:g} s: its times must be those since the "
+                    "kick"
+                )
+            shot = Shot(self._command, None, None, seen)
+        else:
+            where = validation.floats("landing", seen, unit="m")
+            if where.shape not in ((2,), (3,)):
+                raise InvalidInput(f"landing has shape {where.shape}: it must be (2,) or (3,)")
+            if time is not None:
+                time = validation.number("time", time, above=0, unit="s")
+            shot = Shot(self._command, validation.read_only(where[:2]), time, None)
+        before = self._shots, self._theta, self._covariance, self._errors
+        try:
+            self._shots = (*self._shots, shot)
+            self._estimate()
+            self._plan()
+        except KickdynError:
+            self._shots, self._theta, self._covariance, self._errors = before
+            raise
 
     def _air(self, theta: Array) -> Air:
         """Return the air for given unknowns."""
         return replaced(
-            self.model,
-            drag=scaled(self.model.drag, math.exp(theta[0])),
-            wind=np.asarray(self.model.wind) + np.array([theta[1], theta[2], 0.0]),
+            self._model,
+            drag=scaled(self._model.drag, math.exp(theta[0])),
+            wind=np.asarray(self._model.wind) + np.array([theta[1], theta[2], 0.0]),
         )
 
-    def _landing(self, theta: Array, command: Array) -> Array:
-        """Return where and when a commanded launch comes down, shape `(3,)` [m, m, s]."""
-        state = BallState(velocity=_aimed(command, theta[3:]), spin=self.launch_spin)
-        path = fly(state, self.ball, self._air(theta), tol=1e-8)
-        return np.array([*path.landing.position[:2], path.duration])
+    def _plan(self) -> None:
+        """Plan the next flight with what is known, and the command that brings it about."""
+        air, theta = self.air, self._theta
+        self._launch = plan_launch(self.goal, self.ball, air)
+        wanted, spin = self._launch.velocity, self._launch.spin
+        if self.leg is None:
+            velocity = _aimed(wanted, -np.array([self._gain(theta), theta[4], theta[5]]))
+            self._command: BallState | KickPlan = BallState(velocity=velocity, spin=spin)
+        else:
+            self._command = self._planned_kick(_aimed(wanted, [0.0, -theta[4], -theta[5]]), air)
+        self._landing_slopes = self._landing(theta, self._command)[1][:2]
 
-    @property
-    def launch_spin(self) -> Array:
-        """Spin of the planned launches, shape `(3,)` [rad/s]: none."""
-        return np.zeros(3)
+    def _planned_kick(self, velocity: Array, air: Air) -> KickPlan:
+        """Return the kick for a launch velocity [m/s]: the goal of that velocity in the vacuum."""
+        assert self.leg is not None
+        time = 2.0 * float(velocity[2]) / GRAVITY
+        goal = Goal([velocity[0] * time, velocity[1] * time, 0.0], time=time)
+        plan = plan_kick(
+            self.leg, goal, self.ball, None, restitution=self.estimates["restitution"],
+            friction=self._friction, spin=self._launch.spin, ball_height=self._ball_height,
+        )  # fmt: skip
+        after = plan.impact.ball_after
+        turned = _aimed(after.velocity, [0.0, self._theta[4], self._theta[5]])
+        expected = BallState(after.position, turned, after.spin)
+        when = self._launch.time if plan.share == 1.0 else None
+        path = fly_to_target(expected, self._launch.reached, self.ball, air, when)
+        return replace(plan, goal=self.goal, launch=self._launch, path=path)
 
-    def _slopes(self, theta: Array, command: Array) -> tuple[Array, Array]:
-        """Return landing and time, and their derivatives by the unknowns, shape `(3, 6)`."""
-        middle = self._landing(theta, command)
-        steps = 1e-4 * np.eye(len(theta))
-        ahead = [self._landing(theta + step, command) for step in steps]
-        return middle, (np.array(ahead) - middle).T / 1e-4
+    def _gain(self, theta: Array) -> float:
+        """Return the logarithm of the launch speed over that of a command without a leg."""
+        return math.log((1.0 + float(expit(theta[3]))) / (1.0 + self._first_restitution))
 
-    def _noise(self, command: Array) -> Array:
-        """Return the covariance of landing and time of one kick, shape `(3, 3)`."""
-        aim = self._slopes(self._theta, command)[1][:, 3:] * self.scatter
-        measured = np.diag([self.deviation**2, self.deviation**2, self.time_deviation**2])
-        return np.asarray(aim @ aim.T + measured)
+    def _launched(self, theta: Array, error: Array, command: BallState | KickPlan) -> BallState:
+        """Return the launch that a command becomes, at the origin.
+
+        Args:
+            theta: the unknowns.
+            error: of the kick: of the logarithm of the speed, and of the angles [rad].
+            command: that was carried out.
+        """
+        if isinstance(command, KickPlan):
+            contact = replace(command.impact.contact, restitution=float(expit(theta[3])))
+            impact = strike(command.impact.posture, command.v, self.ball, contact)
+            state, gain = impact.ball_after, 0.0
+        else:
+            state, gain = command, self._gain(theta)
+        velocity = _aimed(state.velocity, error + np.array([gain, theta[4], theta[5]]))
+        return BallState(velocity=velocity, spin=state.spin)
+
+    def _landing(
+        self, theta: Array, command: BallState | KickPlan, error: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> tuple[Array, Array]:
+        """Return where and when a command comes down, and the derivatives.
+
+        The first has shape `(3,)` [m, m, s], the second `(3, 9)`: by the unknowns and by the error
+        of the kick.
+        """
+        state = self._launched(theta, np.asarray(error), command)
+        path = fly(state, self.ball, self._air(theta), tol=TOL)
+        end, duration = path.landing, path.duration
+        if path.status != "landed" or not duration > 1e-6:
+            return np.zeros(3), np.zeros((3, 9))  # a launch into the ground: no step goes there
+        moved = self._moved(theta, np.asarray(error), command, np.array([0.0, duration]))
+        shift = (moved[1:, 1] - moved[0, 1]) / STEP
+        later = -shift[:, 2:] / end.velocity[2]
+        slopes = np.hstack([shift[:, :2] + later * end.velocity[:2], later]).T
+        return np.array([*end.position[:2], duration]), slopes[:, COLUMNS]
+
+    def _path(self, theta: Array, shot: Shot, track: Track, error: Array) -> tuple[Array, Array]:
+        """Return positions of a kick at the times of its track, and the derivatives.
+
+        The first has shape `(3 n,)` [m], the second `(3 n, 9)`, as by `_landing`.
+        """
+        times = np.concatenate([[0.0], track.times[track.times > 0.0]])
+        moved = self._moved(theta, error, shot.command, times)[:, -len(track) :]
+        slopes = (moved[1:] - moved[0]) / STEP
+        return moved[0].ravel(), slopes.reshape(len(slopes), -1).T[:, COLUMNS]
+
+    def _moved(
+        self, theta: Array, error: Array, command: BallState | KickPlan, times: Array
+    ) -> Array:
+        """Return positions of a kick, and of those with one value changed by `STEP`.
+
+        The values are the first four unknowns and the three errors of a kick; times are those since
+        the kick, from 0 on; shape `(8, n, 3)` [m, from the launch].
+        """
+        lanes = []
+        for step in STEP * np.vstack([np.zeros(7), np.eye(7)]):
+            changed = theta + np.array([*step[:4], 0.0, 0.0])
+            state = self._launched(changed, error + step[4:], command)
+            lanes.append(Lane(state.velocity, state.spin, self._air(changed)))
+        moved = fly_lanes(lanes, self.ball, 0.0, times, TOL)
+        if moved is None:
+            raise KickdynError("the flight of a kick could not be integrated")
+        return moved
 
     def _estimate(self) -> None:
         """Find the most probable unknowns given all shots, and their covariance."""
-        roots = [np.linalg.inv(np.linalg.cholesky(self._noise(s.velocity))) for s in self.shots]
+        spread = np.concatenate([self._prior, np.full(3 * len(self._shots), self._scatter)])
+        middle = np.concatenate([self._theta0, np.zeros(3 * len(self._shots))])
+        last: dict[bytes, tuple[Array, Array]] = {}
 
-        def rows(values: Array, root: Array, shot: Shot) -> Array:
-            if shot.time is None:  # the landing alone: the first two rows of a lower triangle
-                return np.asarray(root[:2, :2] @ values[:2])
-            return np.asarray(root @ values)
+        def both(values: Array) -> tuple[Array, Array]:
+            """Return residuals in standard deviations, and their derivatives; kept once."""
+            key = values.tobytes()
+            if key not in last:
+                last.clear()
+                theta, errors = values[:6], values[6:].reshape(-1, 3)
+                residuals, slopes = [(values - middle) / spread], [np.diag(1.0 / spread)]
+                for k, (shot, error) in enumerate(zip(self._shots, errors, strict=True)):
+                    rest, slope = self._residuals(theta, shot, error)
+                    block = np.zeros((len(rest), len(values)))
+                    block[:, :6] = slope[:, :6]
+                    block[:, 6 + 3 * k : 9 + 3 * k] = slope[:, 6:]
+                    residuals.append(rest)
+                    slopes.append(block)
+                last[key] = np.concatenate(residuals), np.vstack(slopes)
+            return last[key]
 
-        def both(theta: Array) -> tuple[Array, Array]:
-            residuals, slopes = [theta / self._prior], [np.diag(1.0 / self._prior)]
-            for shot, root in zip(self.shots, roots, strict=True):
-                landing, slope = self._slopes(theta, shot.velocity)
-                seen = np.array([*shot.landing, 0.0 if shot.time is None else shot.time])
-                residuals.append(rows(landing - seen, root, shot))
-                slopes.append(rows(slope, root, shot))
-            return np.concatenate(residuals), np.vstack(slopes)
-
+        start = np.concatenate([self._theta, *self._errors, np.zeros(3)])
         found = least_squares(
-            lambda theta: both(theta)[0], self._theta, jac=lambda theta: both(theta)[1],
-            xtol=1e-6, ftol=1e-6, max_nfev=20,
+            lambda values: both(values)[0], start, jac=lambda values: both(values)[1],
+            method="lm", x_scale=spread, xtol=1e-6, ftol=1e-6, max_nfev=50,
         )  # fmt: skip
-        self._theta = found.x
-        slopes = found.jac
-        self._covariance = np.linalg.inv(slopes.T @ slopes)
+        self._theta, self._errors = found.x[:6], found.x[6:].reshape(-1, 3)
+        slopes = both(found.x)[1]
+        self._covariance = np.linalg.inv(slopes.T @ slopes)[:6, :6]
+        shot = self._shots[-1]
+        if shot.landing is None:
+            end = self._landing(self._theta, shot.command, self._errors[-1])[0]
+            self._last_landing = end[:2]
+        else:
+            self._last_landing = shot.landing
+
+    def _residuals(self, theta: Array, shot: Shot, error: Array) -> tuple[Array, Array]:
+        """Return how far a shot is from the model, in standard deviations, and the derivatives."""
+        if shot.track is not None:
+            path, slopes = self._path(theta, shot, shot.track, error)
+            return (path - shot.track.positions.ravel()) / self._deviation, slopes / self._deviation
+        landing, slopes = self._landing(theta, shot.command, error)
+        assert shot.landing is not None
+        seen = [*shot.landing] if shot.time is None else [*shot.landing, shot.time]
+        count = len(seen)
+        weights = 1.0 / np.array([self._deviation, self._deviation, self._time_deviation])[:count]
+        return (landing[:count] - seen) * weights, slopes[:count] * weights[:, None]
 
     def _rows(self) -> Iterable[Row]:
-        yield "kicks", len(self.shots), ""
-        yield "next launch", self.command, "m/s"
+        """Return the lines that are shown."""
+        yield "kicks", len(self._shots), ""
+        if isinstance(self._command, KickPlan):
+            yield "next kick, posture", self._command.q, "rad"
+            yield "next kick, joint velocity", self._command.v, "rad/s"
+        else:
+            yield "next launch", self._command.velocity, "m/s"
         for name, value in self.estimates.items():
-            unit = (
-                "m/s"
-                if name.startswith("wind")
-                else "rad"
-                if name in ("elevation", "azimuth")
-                else ""
-            )
-            yield name, f"{value:.3g} +- {self.deviations[name]:.2g}", unit
+            yield name, f"{value:.3g} +- {self.deviations[name]:.2g}", UNITS.get(name, "")
+        for name in ("scatter", "uncertainty"):
+            size = math.sqrt(float(np.trace(getattr(self, f"landing_{name}"))))
+            yield f"landing {name}", size, "m"
         yield "done", self.is_done, ""
+        yield from warned(self.warnings)
+
+    def _picture(self) -> str:
+        """Return a drawing of the path to the goal as an SVG."""
+        return self._launch._picture()
 
 
-def _aimed(velocity: Array, errors: Array) -> Array:
-    """Return a velocity with errors of log speed, elevation and azimuth [rad] added to it."""
-    speed = math.hypot(*velocity) * math.exp(errors[0])
-    elevation = math.atan2(velocity[2], math.hypot(velocity[0], velocity[1])) + errors[1]
-    azimuth = math.atan2(velocity[1], velocity[0]) + errors[2]
+def _aimed(velocity: Array, errors: ArrayLike) -> Array:
+    """Return a velocity with errors of its log speed, elevation and azimuth [rad] added to it."""
+    gain, up, left = np.asarray(errors).tolist()
+    speed = math.hypot(*velocity) * math.exp(gain)
+    elevation = math.atan2(velocity[2], math.hypot(velocity[0], velocity[1])) + up
+    azimuth = math.atan2(velocity[1], velocity[0]) + left
     level = speed * math.cos(elevation)
     return np.array(
         [level * math.cos(azimuth), level * math.sin(azimuth), speed * math.sin(elevation)]

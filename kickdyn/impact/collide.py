@@ -20,7 +20,6 @@ from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, Torque
-from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.hertz import (
     SHORTEST_CONTACT,
     HertzContact,
@@ -109,9 +108,12 @@ class Collision(ReprMixin):
         yield "spin after", self.ball_after.spin, "rad/s"
         yield "energy lost", self.energy_lost, "J"
         yield "energy residual", self.energy_residual, ""
-        yield from warned(
-            [*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before)]
-        )
+        yield from warned(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each joint outside its range, or faster before the impact than its limit."""
+        return (*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before))
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -162,7 +164,8 @@ def collide(
 ) -> Collision:
     """Strike a ball through a Hertz contact, to the first separation.
 
-    The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces. The foot
+    The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
+    stay at rest and loops closed, whatever forces that takes of ground and pins. The foot
     is a plane through its contact point that rotates with it, the ball a rigid body behind a
     spring; the force of `HertzContact` acts along the plane's normal through the ball's centre, and
     Coulomb's friction across it, against the sliding. For growing stiffness the result tends to
@@ -189,11 +192,10 @@ def collide(
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
         InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness,
-            or a leg with supports or loops.
+            or a velocity that moves a support or opens a loop.
         KickdynError: foot and ball do not separate, or the integrator failed.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
-    check_unconstrained(posture.leg, "a contact that takes time is")
     torque = _checked_torque(torque, posture.leg.nv)
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     ball.check_movable("a contact that takes time")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from scipy.linalg import blas
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
@@ -14,7 +15,9 @@ from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
 from kickdyn.impact.hertz import HertzContact
+from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
+from kickdyn.robot.model_validation import cholesky_with_condition
 
 Torque = Callable[[float, Array, Array], ArrayLike]
 """Joint torques as a function of time since first contact, q and v."""
@@ -23,6 +26,9 @@ CREEP = 1e-3
 """Share of the approach speed at which friction is 1/sqrt(2) of Coulomb's: an integrator needs it
 smooth, so sticking points creep about that fast. For mu above 1 it is mu times as much: sticking
 needs a smaller part of the friction then, so that the creep is the same."""
+
+STABILIZED = 10.0
+"""Rate at which errors of supports and loops decay, over the expected contact time."""
 
 MAX_EVALUATIONS = 60_000
 """Evaluations of the equations of motion, each some 60 us; ordinary contacts take a few thousand,
@@ -186,6 +192,9 @@ class CompliantContact:
             power -= float(moment_on_ball @ state.spin)
         external = self._space.external
         acceleration = pin.aba(self.model, self.data, state.q, state.v, torque, external)
+        if self.leg.constraints is not None:
+            change, absorbed = self._constrain(state, acceleration)
+            acceleration, power = acceleration + change, power + absorbed
         displacement_rate = state.v
         if self.leg.nq != self.leg.nv:  # of the displacement in the tangent space at q
             slope = pin.dDifference(self.model, self.q, state.q, pin.ArgumentPosition.ARG1)
@@ -193,6 +202,31 @@ class CompliantContact:
         of_leg = [displacement_rate, acceleration]
         of_ball = [state.velocity, force / ball.mass + self.gravity, moment_on_ball / ball.inertia]
         return np.concatenate([*of_leg, *of_ball, [lost, power]])
+
+    def _constrain(self, state: State, acceleration: Array) -> tuple[Array, float]:
+        r"""Return what the constraints add to an acceleration a, and their power [W].
+
+        With :math:`M = L L^T`, it is the least change :math:`L^{-T} c` in kinetic energy after
+        which :math:`A a + \dot A v = -2 \alpha A v - \alpha^2 g`: the terms with
+        :math:`\alpha = 10 / T`, of the contact time T that is expected, let the integrator's errors
+        of velocity and of the loops' gaps g decay (Baumgarte, Computer Methods in Applied Mechanics
+        and Engineering 1, 1972).
+        """
+        constraints, model, data = self.leg.constraints, self.model, self.data
+        assert constraints is not None
+        bias = constraints.bias(model, data, state.q, state.v)
+        rows, blocks = constraints.rows(model, data, state.q)
+        inertia = pin.crba(model, data, state.q, pin.Convention.LOCAL)
+        factor, _ = cholesky_with_condition(inertia)
+        whitened = blas.dtrsm(1.0, factor, rows.T, lower=1)
+        projector = ConstraintProjector(constraints, rows, blocks, whitened, self.approach.posture)
+        rate = STABILIZED / self.expected
+        moving = rows.dot(state.v)
+        moving[constraints.stiff_rows] -= self.approach.v[constraints.stiff_joints]
+        missing = rows.dot(acceleration) + bias + 2.0 * rate * moving
+        missing[constraints.loop_rows] += rate * rate * constraints.gaps(model, data).ravel()
+        change = blas.dtrsv(factor, projector.correction(-missing), lower=1, trans=1)
+        return change, float(state.v @ inertia @ change)
 
     def gap(self, _: float, y: Array) -> float:
         """Return what falls to 0 at separation: the deflection, or the radius less it."""

@@ -31,10 +31,16 @@ class Footing(StrEnum):
 
 
 def check_unconstrained(leg: Leg, what: str) -> None:
-    """Raise `InvalidInput` for a leg with supports or loops; `what` is for the message."""
-    if leg.constraints is not None:
+    """Raise `InvalidInput` for supports, loops or stiff joints; `what` is for the message."""
+    constraints = leg.constraints
+    if constraints is not None and (constraints.supports or constraints.loops):
         raise InvalidInput(
             f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
+        )
+    if leg.stiff_joints:
+        raise InvalidInput(
+            f"{leg.name} has stiff joints ({', '.join(leg.stiff_joints)}): {what} for legs whose "
+            "joints are free (Leg.with_stiff_joints() without names frees them)"
         )
 
 

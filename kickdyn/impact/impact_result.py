@@ -112,6 +112,11 @@ class Impact(ReprMixin):
         return self.posture.effective_mass(self.contact.normal)
 
     @property
+    def free_effective_mass(self) -> float:
+        """What the effective mass would be if the leg's stiff joints were free [kg], or inf."""
+        return self.posture.without_stiff_joints.effective_mass(self.contact.normal)
+
+    @property
     def condition(self) -> float:
         """Condition of the joint-space inertia, 1-norm; about log10 of it digits can be lost."""
         return self.posture.condition
@@ -133,16 +138,16 @@ class Impact(ReprMixin):
         """Impulse of each joint's parent on its child, shape `(njoints, 6)` [N s, N m s].
 
         Linear then angular, about the joint's origin and in its frame, joints as in
-        `leg.joint_names`.
+        `leg.joint_names`. That of a stiff joint includes the impulse by which its motor holds.
         """
         return self.leg_response.joint_impulses
 
     @property
     def constraint_impulses(self) -> Array:
-        """Impulses of supports and loops, stacked as in `posture.constraint_projector.rows`.
+        """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
-        [N s, N m s, world axes], empty without any; `support_impulses` and `loop_impulses` have
-        them by name.
+        [N s, N m s, world axes; of mimic and stiff joints along the joint], empty without any;
+        `support_impulses` and `loop_impulses` have them by name.
         """
         return self.leg_response.constraint_impulses
 
@@ -319,6 +324,8 @@ class Impact(ReprMixin):
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
         yield "impulse on the ball", self.impulse, "N s"
         yield "effective mass", self.effective_mass, "kg"
+        if self.posture.leg.stiff_joints:
+            yield "with all joints free", self.free_effective_mass, "kg"
         yield "foot before", self.foot_velocity, "m/s"
         yield "ball after", self.ball_after.velocity, "m/s"
         yield "spin after", self.ball_after.spin, "rad/s"

@@ -71,12 +71,14 @@ def leg_derivatives(
 
     inverse = constrained_inverse_inertia(posture)
     admissible = np.column_stack([posture.admissible(unit) for unit in np.eye(nv)])
-    closed = _closed(posture)
+    free = posture.without_stiff_joints
+    closed = _closed(free)
     before, after = (
         _velocity_by_q(posture, foot, jacobians[0], velocity)[LINEAR] for velocity in (v, v_after)
     )
-    before = before + posture.jacobian @ _constraint_change(posture, v, admissible)
-    change_after = _constraint_change(posture, v_after, admissible)
+    change = _constraint_change(free, v, admissible)
+    before = before + posture.jacobian @ change
+    change_after = change + _constraint_change(posture, jump, inverse @ posture.inertia)
     return LegDerivatives(
         admissible=admissible,
         foot_q=before @ closed,
@@ -174,7 +176,10 @@ def _velocity_by_q(posture: Posture, load: _Load, jacobian: Array, velocity: Arr
 
 
 def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> Array:
-    """Return the least change of a velocity that keeps A v = 0 while q changes, `(nv, nv)`."""
+    """Return the least change of a velocity that keeps A v = 0 while q changes, `(nv, nv)`.
+
+    `admissible` is the projector on the velocities with A v = 0, `(nv, nv)`.
+    """
     projector, nv = posture.constraint_projector, posture.leg.nv
     if projector is None:
         return np.zeros((nv, nv))
@@ -190,7 +195,9 @@ def _constraint_change(posture: Posture, velocity: Array, admissible: Array) -> 
 def _closed(posture: Posture) -> Array:
     """Return the projector on the changes of q that leave the loops closed, `(nv, nv)`."""
     projector, nv = posture.constraint_projector, posture.leg.nv
-    if projector is None or not projector.constraints.loops:
+    if projector is None:
         return np.eye(nv)
     rows = projector.rows[sum(support.size for support in projector.constraints.supports) :]
+    if not len(rows):
+        return np.eye(nv)
     return np.asarray(np.eye(nv) - np.linalg.pinv(rows, rcond=INDEPENDENT) @ rows)

@@ -56,7 +56,9 @@ def solve_by_pinocchio(
     if projector is not None:  # as many rows as their rank; they are at rest before
         independent = projector.rows[projector.independent]
         rows = np.vstack([rows, np.hstack([independent, np.zeros((len(independent), 6))])])
-    after = pin.impulseDynamics(model, data, q, velocity, rows, e, 0.0)
+    # stiff joints keep their velocity: seen from a velocity that has it, they are at rest
+    shared = np.linalg.lstsq(rows, np.append(0.0, rows[1:] @ velocity), rcond=None)[0]
+    after = pin.impulseDynamics(model, data, q, velocity - shared, rows, e, 0.0) + shared
     p, *others = data.impulse_c.tolist()
     reaction = NO_CONSTRAINTS
     if projector is not None:

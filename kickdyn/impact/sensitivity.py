@@ -106,6 +106,7 @@ class Sensitivity(ReprMixin):
                 yield f"impulse by {source}, at most", gain, f"N s per {per}"
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # refused at the end
 def sensitivity(
     approach: Approach,
     solution: Solution,
@@ -174,7 +175,7 @@ def sensitivity(
 
 def _check_supports(approach: Approach, response: LegResponse) -> None:
     """Raise `InvalidInput` if a support moves after the impact."""
-    projector = approach.posture.constraint_projector
+    projector = approach.posture.without_stiff_joints.constraint_projector
     moved = None if projector is None else projector.find_violation(response.v_after)
     if moved is not None:
         name, speed, unit = moved

@@ -1,6 +1,7 @@
 """Figs. 13-15: planning a launch by the simplest reading of the paper's learning loop, and ours."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +47,15 @@ class Round:
         )
 
 
-def learn_launch(distance: float, time: float, ball: Ball, air: Air | None) -> tuple[Round, ...]:
+def learn_launch(
+    distance: float,
+    time: float,
+    ball: Ball,
+    air: Air | None,
+    *,
+    kick: Callable[[Array], Flight] | None = None,
+    rounds: int = 200,
+) -> tuple[Round, ...]:
     r"""Find a launch by a learning loop like the paper's (Figs. 13-14) and return its flights.
 
     The paper speaks of reinforcement learning with "compensation through reward" and prints no
@@ -56,21 +65,27 @@ def learn_launch(distance: float, time: float, ball: Ball, air: Air | None) -> t
     is applied, and the commands for the paper's goals never fall below the goals themselves.
 
     The loop also ends at a flight that does not land, a command of no time or of a launch faster
-    than sound, or after 200 rounds, where the paper's farthest goal takes about 25; `Round.is_met`
-    of the last round tells. The distance of the target is in m, the time of the flight in s; an air
-    of None is the vacuum.
+    than sound, or after a number of rounds, of which the paper's farthest goal takes about 25;
+    `Round.is_met` of the last round tells. The distance of the target is in m, the time of the
+    flight in s; an air of None is the vacuum. `kick` returns the flight of a launch velocity; None
+    flies it through the air.
     """
-    command, rounds = np.array([distance, time]), list[Round]()
-    while len(rounds) <= 200 and command[1] > 0.0:
+
+    def flown(velocity: Array) -> Flight:
+        """Return the flight from a launch velocity."""
+        return fly(BallState(velocity=velocity), ball, air, time_limit=100 * time)
+
+    command, found = np.array([distance, time]), list[Round]()
+    while len(found) <= rounds and command[1] > 0.0:
         velocity = nominal_velocity(np.array([command[0], 0.0, 0.0]), float(command[1]))
         if math.hypot(*velocity) > SPEED_LIMIT:
             break
-        path = fly(BallState(velocity=velocity), ball, air, time_limit=100 * time)
-        rounds.append(_round(path, distance, time))
-        if path.status != "landed" or rounds[-1].is_met:
+        path = (kick or flown)(velocity)
+        found.append(_round(path, distance, time))
+        if path.status != "landed" or found[-1].is_met:
             break
-        command = command + np.array([rounds[-1].distance_error, rounds[-1].time_error])
-    return tuple(rounds)
+        command = command + np.array([found[-1].distance_error, found[-1].time_error])
+    return tuple(found)
 
 
 def newton_rounds(launch: Launch) -> tuple[Round, ...]:

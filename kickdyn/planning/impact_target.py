@@ -8,13 +8,14 @@ import numpy as np
 
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
+from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Posture
 
 
 @dataclass(frozen=True, eq=False)
-class ImpactTarget:
+class ImpactTarget(ReadOnlyArrays):
     r"""What the foot must do to a ball at rest.
 
     Attributes:
@@ -26,6 +27,10 @@ class ImpactTarget:
     impulse: Array
     contact: Contact
     ball: Ball
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        freeze_arrays(vars(self))
 
     @property
     def contact_offset(self) -> tuple[float, float]:

@@ -35,8 +35,11 @@ from kickdyn.planning.kick_program import (
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
-from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.kicking_chain import kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
+
+FAR = 1e9
+"""Farthest that a ball may lie from the world's origin, along each axis [m]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -185,7 +188,8 @@ def plan_kick(
     a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
 
     Args:
-        leg: on a fixed base, without supports or loops.
+        leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
+            limb. The plan's q has one angle for each continuous joint.
         goal: from where the ball lies.
         ball: mass and radius.
         air: None is the vacuum.
@@ -218,6 +222,7 @@ def plan_kick(
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective.
     """
+    leg = with_angles(leg)
     check_unconstrained(leg, "kicks are planned")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)
@@ -300,8 +305,13 @@ def _checked_ball_position(
     if ball_at is not None and ball_height is not None:
         raise InvalidInput(f"ball_height is {ball_height!r} beside ball_at: name one of the two")
     if ball_height is not None:
-        return validation.number("ball height", ball_height, unit="m")
-    return None if ball_at is None else validation.vector("ball_at", ball_at, 3, unit="m")
+        return validation.number("ball height", ball_height, at_least=-FAR, at_most=FAR, unit="m")
+    if ball_at is None:
+        return None
+    place = validation.vector("ball_at", ball_at, 3, unit="m")
+    if np.abs(place).max() > FAR:
+        raise InvalidInput(f"ball_at is {place.tolist()} m: it must be within {FAR:g} m")
+    return place
 
 
 def _plan_flight_launch(goal: Goal, ball: Ball, air: Air | None, spin: Array, arc: str) -> Launch:

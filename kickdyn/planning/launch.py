@@ -14,7 +14,7 @@ from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.gravity import GRAVITY
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
@@ -88,6 +88,10 @@ class Launch(ReprMixin):
     ball: Ball
     air: Air | None
     limits: tuple[float, float] | None
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.representation import ReprMixin, Row, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.follow import Course, follow
@@ -47,6 +47,10 @@ class Pass(ReprMixin):
     velocity: Array
     course: Course
     aside: float
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        freeze_arrays(vars(self))
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""

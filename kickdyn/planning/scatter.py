@@ -9,7 +9,6 @@ errors of a source with standard deviation :math:`\sigma_i`,
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.errors import InvalidInput
@@ -35,7 +35,7 @@ STEP, TOL = 1e-3, 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter:
+class Scatter(ReadOnlyArrays):
     """Where the ball comes down to the height it lay at.
 
     Attributes:
@@ -47,6 +47,10 @@ class Scatter:
     mean: Array
     covariance: Array
     by_source: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        freeze_arrays(vars(self))
 
     @property
     def radius(self) -> float:
@@ -70,7 +74,7 @@ def scatter(impact: Impact, air: Air | None = None, **spread: float) -> Scatter:
     sizes = checked_spread(spread)
     landing, slopes = landing_slopes(impact.ball_after, impact.ball, air)
     parts = landing_covariances(impact, slopes, sizes)
-    return Scatter(landing, np.sum(list(parts.values()), axis=0), MappingProxyType(parts))
+    return Scatter(landing, np.sum(list(parts.values()), axis=0), parts)
 
 
 def landing_slopes(state: BallState, ball: Ball, air: Air | None) -> tuple[Array, Array]:

@@ -15,7 +15,11 @@ from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.goal import PlanStatus
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.swing_phase import LONGEST, Motion, SwingPhase, check_solver, swing_chain
-from kickdyn.robot.kicking_chain import KickingChain
+from kickdyn.robot.kicking_chain import (
+    KickingChain,
+    configuration_with_angles,
+    with_angles,
+)
 from kickdyn.robot.leg import Leg
 
 
@@ -167,6 +171,7 @@ def plan_swing(
             swing is found; a leg with supports or loops, joints that move but are not between base
             and foot, or joints without limits; a value out of range.
     """
+    given, leg = leg, with_angles(leg)
     check_unconstrained(leg, "swings are planned")
     check_solver()
     from kickdyn.planning.stop_problem import Stop, StopSolver, SwingObjective
@@ -176,7 +181,7 @@ def plan_swing(
     if not isinstance(nodes, int) or isinstance(nodes, bool) or not 4 <= nodes <= 200:
         raise InvalidInput(f"nodes is {nodes!r}: it must be a whole number from 4 to 200")
     chain = _checked_chain(leg, plan)
-    rests = _checked_rest(chain, leg, "start", start), _checked_rest(chain, leg, "end", end)
+    rests = _checked_rest(chain, given, "start", start), _checked_rest(chain, given, "end", end)
     q, before, after = plan.q[chain.qs], plan.v[chain.vs], plan.impact.v_after[chain.vs]
     for name, v in (("backswing", -before), ("follow-through", after)):
         _check_stoppable(chain, leg, name, q, v)
@@ -241,7 +246,10 @@ def _checked_rest(chain: KickingChain, leg: Leg, name: str, q: ArrayLike | None)
     """Return a posture at rest, or raise `InvalidInput` where it is out of range."""
     if q is None:
         return None
-    rest: Array = validation.vector(name, q, leg.nq, unit="rad")[chain.qs]
+    try:
+        rest: Array = configuration_with_angles(leg, q)[chain.qs]
+    except InvalidInput as error:
+        raise InvalidInput(f"{name}: {error}") from None
     outside = (rest < chain.lower) | (rest > chain.upper)
     if outside.any():
         i = int(np.argmax(outside))

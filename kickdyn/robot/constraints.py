@@ -1,13 +1,17 @@
-"""Supports and loops of a leg: constraints A v = 0 on its joint velocities.
+"""Supports, loops, mimic joints and stiff joints of a leg: constraints on joint velocities.
+
+Supports, loops and mimic joints are rows A v = 0. Stiff joints are rows of the same matrix that an
+impact does not change, A (v+ - v) = 0: they may move.
 
 `Constraints` looks supports and loops up in the leg's model, gives the rows A and closes loops;
 `ConstraintProjector` projects velocities and impulses at one configuration.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,13 +19,17 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from kickdyn.core import validation
-from kickdyn.core.representation import ValueEquality
+from kickdyn.core.representation import ReadOnlyArrays, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.mimic_joints import Gears
 from kickdyn.robot.model_validation import frame_id, listed
 
 CLOSED = 1e-9
 """Gap [m] up to which a loop counts as closed."""
+
+SAME_PLACE = 1e-6
+"""Distance [m] up to which two frames are at one place: a URDF has about as many digits."""
 
 FLAT = 1e-6
 """Share of a sole's length below which its width counts as none."""
@@ -107,13 +115,17 @@ class ConstraintBlock(NamedTuple):
 
 
 class Constraints:
-    """The supports and loops of a leg, looked up in its model.
+    """The supports, loops, mimic joints and stiff joints of a leg, looked up in its model.
 
     Attributes:
         supports: as given.
         loops: pairs of frames whose origins coincide.
-        size: number of rows, 6 for a flat foot, 3 for a point foot or a loop.
-        names: what each support and loop is called in messages.
+        gears: the mimic joints; None without any.
+        stiff_joints: indices in v of the stiff joints.
+        sizes: number of rows of each, 6 for a flat foot, 3 for a point foot or a loop, 1 for a
+            mimic joint or a stiff joint, in this order.
+        size: number of all rows.
+        names: what each of them is called in messages.
 
     Raises:
         InvalidInput: an unknown frame, one given twice, a support on the kicking limb or on the
@@ -126,8 +138,12 @@ class Constraints:
         contact_joint: int,
         supports: tuple[Support, ...],
         loops: tuple[tuple[str, str], ...],
+        gears: Gears | None = None,
+        stiff_joints: Mapping[str, int] | None = None,
     ) -> None:
-        self.supports, self.loops = supports, loops
+        self.supports, self.loops, self.gears = supports, loops, gears
+        stiff = dict(stiff_joints or {})
+        self.stiff_joints = list(stiff.values())
         named = [frozenset((s.frame,)) for s in supports] + [frozenset(loop) for loop in loops]
         for ends in named:
             if named.count(ends) > 1:
@@ -139,14 +155,21 @@ class Constraints:
         for (a, b), (one, two) in zip(loops, self._looped, strict=True):
             if one.joint == two.joint:
                 raise InvalidInput(f"loop {a} - {b} joins a body to itself: name two bodies")
-        self.size = sum(support.size for support in supports) + 3 * len(loops)
+        mimics = () if gears is None else gears.mimics
+        self.sizes = [support.size for support in supports] + [3] * len(loops) + [1] * len(mimics)
+        self.sizes += [1] * len(stiff)
+        self.size = sum(self.sizes)
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
+        self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in mimics]
+        self.names += [f"{joint}, which is stiff" for joint in stiff]
 
     def rows(self, model: Any, data: Any, q: Array) -> tuple[Array, list[ConstraintBlock]]:
         """Return A with A v = 0, shape `(size, nv)` [world axes], and where its impulses act.
 
         Kinematics must have run at `q`. Rows of a support are the velocity of its frame, linear
-        then angular; of a loop, that of its second frame's origin relative to the first's.
+        then angular; of a loop, that of its second frame's origin relative to the first's. They are
+        the blocks. Rows of mimic joints and then of stiff joints come last, without a block: their
+        impulses are couples, or forces, along the axes of the joints.
         """
         matrix, blocks, start = np.empty((self.size, model.nv)), [], 0
         for support, place in zip(self.supports, self._supported, strict=True):
@@ -173,7 +196,47 @@ class Constraints:
             levers = (two.lever, one.lever)
             blocks.append(ConstraintBlock(at, two.joint, one.joint, turns, rotation_1, levers))
             start = at.stop
+        if self.gears is not None:
+            matrix[start : self.stiff_rows.start] = self.gears.rows
+        matrix[self.stiff_rows] = 0.0
+        matrix[range(self.size - len(self.stiff_joints), self.size), self.stiff_joints] = 1.0
         return matrix, blocks
+
+    @property
+    def loop_rows(self) -> slice:
+        """The rows of the loops in A."""
+        first = sum(support.size for support in self.supports)
+        return slice(first, first + 3 * len(self.loops))
+
+    @property
+    def stiff_rows(self) -> slice:
+        """The rows of the stiff joints in A, the last ones."""
+        return slice(self.size - len(self.stiff_joints), self.size)
+
+    def bias(self, model: Any, data: Any, q: Array, v: Array) -> Array:
+        r"""Return :math:`\dot A v`, shape `(size,)` [m/s2, rad/s2]; it runs the kinematics.
+
+        It is what the rows of A accelerate by while no joint accelerates: Pinocchio's classical
+        acceleration of each frame.
+        """
+        pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
+
+        def acceleration(place: _Place) -> Array:
+            """Return the acceleration of a frame, linear then angular, in world axes."""
+            pin.updateFramePlacement(model, data, place.frame)
+            found = pin.getFrameClassicalAcceleration(
+                model, data, place.frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            return np.asarray(found.vector)
+
+        result, start = np.zeros(self.size), 0
+        for support, place in zip(self.supports, self._supported, strict=True):
+            result[start : start + support.size] = acceleration(place)[: support.size]
+            start += support.size
+        for one, two in self._looped:
+            result[start : start + 3] = (acceleration(two) - acceleration(one))[:3]
+            start += 3
+        return result
 
     def gaps(self, model: Any, data: Any) -> Array:
         """Return from the first to the second origin of each loop, shape `(loops, 3)` [m]."""
@@ -210,14 +273,20 @@ class Constraints:
         between = self._between(model)
         free = between.copy()
         free[kept] = 0.0
+        if self.gears is not None:  # a mimic joint moves as its driver does
+            coupled = self.gears.rows != 0.0
+            between[coupled[(coupled & (between > 0.0)).any(axis=1)].any(axis=0)] = 1.0
+            free = between.copy()
+            kept = [*kept, *np.flatnonzero(coupled[coupled[:, kept].any(axis=1)].any(axis=0))]
+            free[kept] = 0.0
         near, gaps, rank = self._newton(model, data, q, free)
         if not _is_open(gaps):
             return near
         away = pin.difference(model, pin.neutral(model), q) * between
-        here, lead = pin.integrate(model, q, -away), away * (1.0 - free)
+        here, lead = self._follow(pin.integrate(model, q, -away)), away * (1.0 - free)
         stages = max(1, math.ceil(float(np.abs(lead).max()) / 0.1))  # of 0.1 rad or m at most
         for _ in range(stages):
-            here = pin.integrate(model, here, lead / stages)
+            here = self._follow(pin.integrate(model, here, lead / stages))
             here, led, _ = self._newton(model, data, here, free)
             if _is_open(led):
                 break
@@ -229,6 +298,10 @@ class Constraints:
             f"loop {a} - {b} stays open by {widths.max():.6g} m: from there the loops cannot be "
             f"closed (rank {rank} of {gaps.size} rows)"
         )
+
+    def _follow(self, q: Array) -> Array:
+        """Return q with the mimic joints where their drivers put them, shape `(nq,)`."""
+        return q if self.gears is None else self.gears.follow(q)
 
     def _between(self, model: Any) -> Array:
         """Return 1 for the velocities of joints between the ends of a loop, 0 for others."""
@@ -244,7 +317,8 @@ class Constraints:
 
         Each step is the smallest that closes the loops to first order, half a radian at most.
         """
-        first = self.size - 3 * len(self.loops)
+        first = sum(support.size for support in self.supports)
+        gears = np.zeros(0 if self.gears is None else len(self.gears.mimics))
         best, narrowest, rank = q, np.full((len(self.loops), 3), np.inf), 0
         for _ in range(50):
             pin.forwardKinematics(model, data, q)
@@ -253,15 +327,17 @@ class Constraints:
                 best, narrowest = q, gaps
             elif not _is_open(narrowest):  # as narrow as rounding allows
                 break
-            rows = self.rows(model, data, q)[0][first:] * free
-            step, _, found, _ = np.linalg.lstsq(rows, -gaps.ravel(), rcond=1e-9)
+            rows = self.rows(model, data, q)[0][first : self.stiff_rows.start] * free
+            wanted = np.concatenate([-gaps.ravel(), gears])
+            step, _, found, _ = np.linalg.lstsq(rows, wanted, rcond=1e-9)
             step, rank = step * free, int(found)
             longest = float(np.abs(step).max())
-            q = pin.integrate(model, q, step * (0.5 / longest if longest > 0.5 else 1.0))
+            step *= 0.5 / longest if longest > 0.5 else 1.0
+            q = self._follow(pin.integrate(model, q, step))
         return np.asarray(best), narrowest, rank
 
 
-class ConstraintProjector:
+class ConstraintProjector(ReadOnlyArrays):
     r"""Projects on the velocities with A v = 0, orthogonally in the metric of inertia.
 
     With :math:`M = L L^T` and :math:`W = L^{-1} A^T = Q R`, a velocity :math:`L^{-T} w` satisfies
@@ -270,7 +346,7 @@ class ConstraintProjector:
     Attributes:
         constraints: of the leg.
         rows: A, shape `(size, nv)` [world axes].
-        blocks: where each support's and loop's impulse acts.
+        blocks: where each support's and loop's impulse acts; mimic joints have none.
         rank: of A; below its number of rows, some are redundant.
         independent: indices of as many rows as the rank.
     """
@@ -320,8 +396,16 @@ class ConstraintProjector:
             return np.asarray(answer / self._length)
         return np.asarray(self._least_impulses @ -blocked)
 
+    def correction(self, rates: Array) -> Array:
+        """Return the shortest whitened velocity w with W^T w = rates, of the independent rows.
+
+        It is the change of least kinetic energy that gives A v these values, shape `(size,)`.
+        """
+        scaled = (rates / self._length)[self.independent]
+        return np.asarray(self._basis.dot(blas.dtrsv(self._factor, scaled, trans=1)))
+
     def find_violation(self, v: Array) -> tuple[str, float, str] | None:
-        """Return the support or loop that a velocity moves fastest, its speed and the unit.
+        """Return the constraint that a velocity breaks fastest, its speed and the unit.
 
         None if that is rounding: relative to the fastest joint, for joints whose whole chain is
         constrained still have the rounding of their own speeds.
@@ -329,20 +413,59 @@ class ConstraintProjector:
         speeds = abs(self.rows.dot(v)).tolist()
         fastest = max(map(abs, v.tolist()))
         reaches = abs(self.rows).sum(axis=1).tolist()
-        for k in range(0, len(speeds), 3):  # a velocity's three parts: one alone may be rounding
-            if max(speeds[k : k + 3]) > 1e-9 * max(reaches[k : k + 3]) * fastest:
+        starts = np.cumsum([0, *self.constraints.sizes]).tolist()
+        # a velocity's three parts are judged together: one alone may be rounding
+        parts = [(k, min(k + 3, b)) for a, b in pairwise(starts) for k in range(a, b, 3)]
+        for k, end in parts:
+            if max(speeds[k:end]) > 1e-9 * max(reaches[k:end]) * fastest:
                 break
         else:
             return None
         worst = speeds.index(max(speeds))
-        at = next(i for i, block in enumerate(self.blocks) if worst < block.rows.stop)
-        unit = "m/s" if worst - self.blocks[at].rows.start < 3 else "rad/s"
+        at = next(i for i, end in enumerate(starts[1:]) if worst < end)
+        unit = "m/s" if worst - starts[at] < 3 else "rad/s"
+        if self.constraints.sizes[at] == 1:
+            unit = "rad/s or m/s"
         return self.constraints.names[at], speeds[worst], unit
 
     @cached_property
     def _least_impulses(self) -> Array:
         """From Q^T w to the smallest impulses that give it: W's pseudo-inverse on its range."""
         return np.asarray(np.linalg.pinv(self._basis.T @ self._whitened, rcond=INDEPENDENT))
+
+
+def find_open_loops(model: Any, data: Any) -> list[tuple[str, str]]:
+    """Return the pairs of frames that look like the two ends of a loop which was cut open.
+
+    URDF knows trees only, so that a closed linkage is cut at a pin, whose two halves are marked by
+    links without mass. Such a link is fixed to its body, nothing hangs on it, and it is in the same
+    place as another one when all joints are at 0; neither body carries the other. Of the 68 URDF
+    files of example-robot-data 6.0.0, none has such a pair.
+    """
+    frames = list(model.frames)
+    carrying = {int(frame.parentFrame) for frame in frames}
+    ends = [
+        number
+        for number, frame in enumerate(frames)
+        if frame.type == pin.FrameType.BODY
+        and number not in carrying
+        and frames[frame.parentFrame].type == pin.FrameType.FIXED_JOINT
+        and frame.inertia.mass == frames[frame.parentFrame].inertia.mass == 0.0
+    ]
+    above = [list(joints) for joints in model.supports]
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    places = [pin.updateFramePlacement(model, data, end).translation.copy() for end in ends]
+    origins = np.array(places).reshape(-1, 3)
+    apart = np.linalg.norm(origins[:, None] - origins, axis=2)
+    found = []
+    for i, j in np.argwhere(np.triu(apart <= SAME_PLACE, 1)).tolist():
+        one, two = frames[ends[i]], frames[ends[j]]
+        if (
+            one.parentJoint not in above[two.parentJoint]
+            and two.parentJoint not in above[one.parentJoint]
+        ):
+            found.append((str(one.name), str(two.name)))
+    return found
 
 
 class _Place(NamedTuple):

@@ -1,16 +1,18 @@
 """Joints by name: ranges, units, warnings of limits, and the configuration of their values."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.mimic_joints import Gears, Mimic
+from kickdyn.robot.model_validation import unknown
 
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
@@ -19,11 +21,14 @@ LIMIT_TOLERANCE = 1e-6
 class JointTable:
     """Names, sizes and limits of a robot's joints; `Leg` lists its attributes."""
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Any, mimics: Sequence[Mimic] = ()) -> None:
         self._model = model
         self.name = str(model.name)
         self.joint_names: tuple[str, ...] = tuple(model.names)[1:]
         self.nq, self.nv = int(model.nq), int(model.nv)
+        self.mimics = _present(model, mimics)
+        self.gears = Gears(model, self.mimics) if self.mimics else None
+        self._short = _short_form(model, self.mimics)
         self.lower = read_only(model.lowerPositionLimit)
         self.upper = read_only(model.upperPositionLimit)
         self.velocity_limit = read_only(model.velocityLimit)
@@ -38,6 +43,8 @@ class JointTable:
     def configuration(self, angles: Mapping[str, float] | None = None) -> Array:
         """Return q with the named joints at their values and all others at 0.
 
+        Mimic joints are where their drivers put them.
+
         Args:
             angles: joint name to value [rad; m for prismatic joints].
 
@@ -46,21 +53,30 @@ class JointTable:
             position and quaternion.
 
         Raises:
-            InvalidInput: no such joint, or a value that is not finite.
+            InvalidInput: no such joint, a value that is not finite, or a mimic joint at another
+                value than its driver gives it.
         """
-        step = np.zeros(self.nv)
-        for name, value in validation.mapping("angles", angles).items():
+        step, named = np.zeros(self.nv), validation.mapping("angles", angles)
+        for name, value in named.items():
             step[self.velocity_index(name)] = validation.number(f"joint {name}", value)
-        return np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
+        q = np.asarray(pin.integrate(self._model, pin.neutral(self._model), step))
+        return q if self.gears is None else self.gears.check(q, named)
 
     def check_configuration(self, q: ArrayLike) -> Array:
-        """Return a copy of q, shape `(nq,)`; raise `InvalidInput` if it is no configuration."""
+        """Return q, shape `(nq,)`, as a copy; raise `InvalidInput` if it is no configuration.
+
+        A short q, with one angle for each continuous joint in place of its cosine and sine, and
+        without mimic joints, is accepted too.
+        """
         if isinstance(q, Mapping):
             raise InvalidInput(
                 f"q is {dict(q)!r}: it must be {self.nq} numbers; Leg.configuration makes them "
                 "of joints by name"
             )
-        checked = validation.vector("q", q, self.nq)
+        if self._short is None:
+            checked = validation.vector("q", q, self.nq)
+        else:
+            checked = self._expanded(q, *self._short)
         if self.nq != self.nv and not pin.isNormalized(self._model, checked, 1e-9):
             name, part = self._not_unit(checked)
             raise InvalidInput(
@@ -140,13 +156,34 @@ class JointTable:
     def _number(self, joint: str) -> int:
         """Return Pinocchio's number of a joint of one degree of freedom; raise `InvalidInput`."""
         if not isinstance(joint, str) or joint not in self.joint_names:
-            raise InvalidInput(
-                f"joint {joint!r} is unknown: {self.name} has {', '.join(self.joint_names)}"
-            )
+            raise InvalidInput(unknown("joint", joint, self.name, self.joint_names))
         number = 1 + self.joint_names.index(joint)
         if self._model.nvs[number] != 1:
             raise InvalidInput(f"joint {joint!r} has {self._model.nvs[number]} degrees of freedom")
         return number
+
+    def _expanded(
+        self, q: ArrayLike, places: NDArray[np.int64], angles: NDArray[np.bool_]
+    ) -> Array:
+        """Return q, shape `(nq,)`, of the same or of a short one, as `_short_form` has it."""
+        given = validation.floats("q", q)
+        if given.shape == places.shape:
+            full = np.zeros(self.nq)
+            full[places] = np.where(angles, np.cos(given), given)
+            full[places[angles] + 1] = np.sin(given[angles])
+            return full if self.gears is None else self.gears.follow(full)
+        if given.shape == (self.nq,):
+            return given if self.gears is None else self.gears.check(given)
+        short = " and ".join(
+            [
+                *(["one angle for each continuous joint"] if angles.any() else []),
+                *(["no mimic joints"] if self.mimics else []),
+            ]
+        )
+        raise InvalidInput(
+            f"q has shape {given.shape}: it must be {places.shape}, with {short}, or "
+            f"({self.nq},), with all that Leg.configuration returns"
+        )
 
     def _not_unit(self, q: Array) -> tuple[str, str]:
         """Return the first joint whose part of q has not length 1, and what that part is."""
@@ -157,6 +194,66 @@ class JointTable:
                 free = joint.shortname() in ("JointModelFreeFlyer", "JointModelSpherical")
                 return name, "the quaternion (xyzw, last)" if free else "the (cos, sin) pair"
         return self.name, "what stands for angles"
+
+
+def _present(model: Any, mimics: Sequence[Mimic]) -> tuple[Mimic, ...]:
+    """Return the mimics of joints that a model has; raise `InvalidInput` for half a pair."""
+    names, present = set(model.names), []
+    for mimic in mimics:
+        if mimic.joint in names and mimic.driver in names:
+            present.append(mimic)
+        elif mimic.joint in names or mimic.driver in names:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: the model must have both or none"
+            )
+    return tuple(present)
+
+
+def _short_form(
+    model: Any, mimics: Sequence[Mimic]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+    """Return where each number of a short q is in q, and whether it is a continuous joint's angle.
+
+    A short q has one angle in place of the cosine and sine of a continuous joint, and no mimic
+    joints. None if that is q itself.
+    """
+    places: list[int] = []
+    angles: list[bool] = []
+    mimicking = {mimic.joint for mimic in mimics}
+    for joint in range(1, model.njoints):
+        first, nq = model.idx_qs[joint], model.nqs[joint]
+        turns = (nq, model.nvs[joint]) == (2, 1)
+        if model.names[joint] not in mimicking:
+            size = 1 if turns else nq
+            places += range(first, first + size)
+            angles += [turns] * size
+    return None if len(places) == model.nq else (np.array(places), np.array(angles))
+
+
+def lock_joints(
+    model: Any, joints: Mapping[str, float] | None, mimics: Sequence[Mimic] = ()
+) -> Any:
+    """Return a `pin.Model` with joints locked at their values [rad; m for prismatic joints].
+
+    With a joint, those that mimic it are locked.
+
+    Raises:
+        InvalidInput: no such joint, a value that is not finite, a mimic joint without its driver,
+            or all joints are locked.
+    """
+    table, joints = JointTable(model, mimics), validation.mapping("joints", joints)
+    if not joints:
+        return model
+    for mimic in table.mimics:
+        if mimic.joint in joints and mimic.driver not in joints:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks both"
+            )
+    q = table.configuration(joints)
+    locked = {*joints, *(mimic.joint for mimic in table.mimics if mimic.driver in joints)}
+    if len(locked) == len(table.joint_names):
+        raise InvalidInput(f"all joints of {table.name} are locked: a kick must move one")
+    return reduced_model(model, locked, q)
 
 
 def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:

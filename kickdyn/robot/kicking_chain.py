@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
@@ -58,7 +59,8 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
 
     Raises:
         InvalidInput: a joint of the chain has more than one coordinate, as a floating base has;
-            with `branches`, such joints are allowed.
+            with `branches`, such joints are allowed; or one of its joints mimics another or is
+            mimicked.
     """
     model = robot.model
     path = [int(joint) for joint in model.supports[robot.contact_joint]][1:]
@@ -71,6 +73,13 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
             f"joint {wide!r} moves the contact frame of {robot.name} by more than one coordinate: "
             "every joint of the kicking chain must have one, and the base must be fixed"
         )
+    names = {str(model.names[joint]) for joint in kept}
+    for mimic in robot.mimics:
+        if mimic.joint in names or mimic.driver in names:
+            raise InvalidInput(
+                f"joint {mimic.joint!r} mimics {mimic.driver!r}: kicks are planned without mimic "
+                f"joints in the kicking limb; lock them, Leg.locked({{{mimic.driver!r}: ...}})"
+            )
     others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
     if others:
@@ -90,3 +99,43 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
         velocity_limit=leg.velocity_limit,
         effort_limit=leg.effort_limit,
     )
+
+
+def with_angles(robot: Leg) -> Leg:
+    """Return a robot whose continuous joints have one angle in q, from -pi to pi, as plans do.
+
+    Its q is the short one that the robot itself takes too. Without such joints, it is the robot.
+    """
+    model = robot.model
+    turning = [(nq, nv) == (2, 1) for nq, nv in zip(model.nqs, model.nvs, strict=True)]
+    if not any(turning):
+        return robot
+    found, data = pin.Model(), robot.workspace.data
+    pin.forwardKinematics(robot.workspace.model, data, robot.configuration())
+    for joint in range(1, model.njoints):
+        kind = model.joints[joint]
+        if turning[joint]:
+            kind = pin.JointModelRevoluteUnaligned(np.ravel(data.joints[joint].S)[3:])
+        place, name = model.jointPlacements[joint], model.names[joint]
+        found.addJoint(model.parents[joint], kind, place, name)
+        found.inertias[joint] = model.inertias[joint]
+        for limit in ("lowerPositionLimit", "upperPositionLimit"):
+            half = math.pi if limit.startswith("upper") else -math.pi
+            at, size = model.idx_qs[joint], model.nqs[joint]
+            values = np.array([half]) if turning[joint] else getattr(model, limit)[at : at + size]
+            getattr(found, limit)[-len(values) :] = values
+    for frame in list(model.frames)[1:]:
+        found.addFrame(frame, False)
+    for limit in ("velocityLimit", "effortLimit", "armature"):
+        setattr(found, limit, getattr(model, limit))
+    found.name, found.gravity, found.inertias[0] = model.name, model.gravity, model.inertias[0]
+    return robot.with_model(found)
+
+
+def configuration_with_angles(robot: Leg, q: ArrayLike) -> Array:
+    """Return q of `with_angles(robot)` from one of a robot on a fixed base, or a short one."""
+    checked = robot.check_configuration(q)
+    if robot.nq == robot.nv:
+        return checked
+    model = robot.workspace.model
+    return np.asarray(pin.difference(model, pin.neutral(model), checked))

@@ -19,13 +19,19 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
-from kickdyn.errors import InvalidInput, MjcfError, UrdfError
+from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import robot, robot_file, robot_model
-from kickdyn.robot.constraints import ConstraintProjector, Constraints, Support
-from kickdyn.robot.joint_table import JointTable, reduced_model
-from kickdyn.robot.mjcf_file import read_mjcf
-from kickdyn.robot.mjcf_model import build_mjcf_model, compile_mjcf
+from kickdyn.robot.catalog import ROBOTS, TOE, robot, robot_file, robot_model
+from kickdyn.robot.constraints import (
+    ConstraintProjector,
+    Constraints,
+    Support,
+    find_open_loops,
+)
+from kickdyn.robot.descriptions import find_description
+from kickdyn.robot.joint_table import JointTable, lock_joints
+from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
+from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
     check_is_model,
@@ -36,7 +42,7 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.urdf_file import build_model, read_urdf, shipped_urdf
+from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
 
 MAX_OFFSET = 1e3
@@ -61,7 +67,9 @@ class Leg(JointTable, ReprMixin):
         lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
         velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
             [rad/s, N m; m/s, N for prismatic joints].
-        constraints: supports and loops; None without any.
+        mimics: joints that move with another, as the file says.
+        stiff_joints: joints whose velocity an impact does not change.
+        constraints: supports, loops, mimic joints and stiff joints; None without any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
@@ -76,9 +84,10 @@ class Leg(JointTable, ReprMixin):
         supports: tuple[Support, ...] = (),
         loops: tuple[tuple[str, str], ...] = (),
         contact_normal_cone: Array | None = None,
+        stiff_joints: tuple[str, ...] = (),
     ) -> None:
         check_is_model(model)
-        super().__init__(model.copy())
+        super().__init__(model.copy(), () if file is None else file.mimics)
         self._gravity = model.gravity.copy()
         self._model.gravity = pin.Motion.Zero()  # an impact is too short for gravity
         self.frame, self.file = frame, file
@@ -91,9 +100,13 @@ class Leg(JointTable, ReprMixin):
         cone = contact_normal_cone
         self.contact_normal_cone = None if cone is None else read_only(cone)
         self.constraints: Constraints | None = None
-        if supports or loops:
-            self.constraints = Constraints(self._model, self.contact_joint, supports, loops)
-        self._options = (supports, loops, cone)
+        self.stiff_joints = stiff_joints
+        if supports or loops or stiff_joints or self.gears is not None:
+            stiff = {joint: self.velocity_index(joint) for joint in stiff_joints}
+            self.constraints = Constraints(
+                self._model, self.contact_joint, supports, loops, self.gears, stiff
+            )
+        self._options = (supports, loops, cone, stiff_joints)
         self.workspace = Workspace(self._model)
 
     @classmethod
@@ -111,7 +124,13 @@ class Leg(JointTable, ReprMixin):
 
     @classmethod
     def from_urdf(
-        cls, path: str | PathLike[str], frame: str = "toe", *, base: str = "fixed"
+        cls,
+        path: str | PathLike[str],
+        frame: str = "toe",
+        *,
+        base: str = "fixed",
+        locked: Mapping[str, float] | None = None,
+        package_dirs: Iterable[str | PathLike[str]] = (),
     ) -> "Leg":
         """Load a URDF file.
 
@@ -121,84 +140,151 @@ class Leg(JointTable, ReprMixin):
             base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
+            locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
+                joints], before inertias are judged: of a joint that moves no mass, for example.
+            package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
+                named `package://NAME/...`, before the folders that contain the file and those of
+                the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
+                drawn; others only from the file's own package.
 
         Raises:
             UrdfError: the file is refused, with all its faults in one message.
-            InvalidInput: there is no such frame or base.
+            InvalidInput: there is no such frame, base, joint to lock or folder.
         """
-        urdf = read_urdf(path)
-        model = build_model(urdf.text, urdf.source, base)
+        locked = validation.mapping("locked", locked)
+        urdf = read_urdf(path, package_dirs, locked)
+        model = lock_joints(build_model(urdf.text, urdf.source, base), locked, urdf.mimics)
         try:
             check_model(model)
         except InvalidInput as fault:
             raise UrdfError(urdf.source, [str(fault)]) from None
-        return cls(model, frame, urdf)
+        leg = cls(model, frame, urdf)
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise UrdfError(urdf.source, [singular])
+        return leg
 
     @classmethod
-    def from_mjcf(cls, path: str | PathLike[str], frame: str, *, base: str = "fixed") -> "Leg":
-        r"""Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
+    def from_mjcf(
+        cls,
+        path: str | PathLike[str],
+        frame: str,
+        *,
+        base: str = "fixed",
+        locked: Mapping[str, float] | None = None,
+    ) -> "Leg":
+        """Load an MJCF file, the XML of MuJoCo, which compiles it: `pip install "kickdyn[mjcf]"`.
 
-        Of the file come masses, joints, ranges (`range`; without one, the joint is unlimited),
-        rotor inertias (`armature`) and limits of torque: the smaller one of the joint's
-        `actuatorfrcrange` and what its actuators can exert, gear times `forcerange` (motors
-        without one: gear times `ctrlrange`). MJCF has no limits of speed. Springs, damping,
-        tendons and contacts are not part of the leg. The joint-space inertia is compared with
-        MuJoCo's at three configurations, to a relative error of 1e-9.
+        Of the file come masses, joints, ranges (`range`; without one, a joint is unlimited), rotor
+        inertias (`armature`), limits of torque, and loops: two bodies that `<connect>` joins. The
+        limit of torque is the smaller one of the joint's `actuatorfrcrange` and what its actuators
+        can exert, gear times `forcerange` (motors without one: gear times `ctrlrange`). MJCF has no
+        limits of speed. Springs, damping, tendons and contacts are not part of the leg. Mass,
+        places of bodies and joint-space inertia are compared with MuJoCo's at three configurations,
+        to a relative error of 1e-9.
 
         Args:
             path: the file; it and the files that it includes are read once and checked before
                 MuJoCo sees them. Included files and meshes lie in its folder or below.
             frame: body, site or geom whose origin touches the ball. Bodies that hang on another
-                root than it, such as other objects of a scene, are left out.
+                root, such as objects of a scene, are left out; `Leg.warnings` names them.
             base: `fixed`, the root body welded to the world where the file places it, or
                 `floating`: then the first joint is the file's free joint, or `root_joint` if it has
                 none, as for `from_urdf`. Of other joints, q is MuJoCo's `qpos`, with quaternions
                 in the order xyzw.
+            locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
-            MjcfError: the file is refused.
-            InvalidInput: there is no such frame or base, or MuJoCo is not installed.
+            MjcfError: the file is refused, or MuJoCo is not installed.
+            InvalidInput: there is no such frame, base or joint to lock.
         """
-        file = read_mjcf(path)
-        model = build_mjcf_model(compile_mjcf(file), file.name, frame, base)
-        try:
-            check_model(model)
-        except InvalidInput as fault:
-            raise MjcfError(file.source, [str(fault)]) from None
-        return cls(model, frame)
+        return cls._from_mjcf(read_mjcf(path), frame, base, locked)
+
+    @classmethod
+    def _from_mjcf(
+        cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
+    ) -> "Leg":
+        """Return the leg of a checked MJCF."""
+        read = build_mjcf_model(file, frame, base, locked)
+        leg = cls(read.model, frame, read.file)
+        singular = _find_singularity(leg)
+        if singular is not None:
+            raise MjcfError(read.file.source, [singular])
+        return leg.with_loops(*read.loops) if read.loops else leg
 
     @classmethod
     @validation.check_arguments
     def from_robot(
-        cls, name: str, frame: str | None = None, *, base: str = "fixed", legs_only: bool = False
+        cls,
+        name: str,
+        frame: str | None = None,
+        *,
+        base: str = "fixed",
+        legs_only: bool = False,
+        locked: Mapping[str, float] | None = None,
     ) -> "Leg":
-        """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
+        """Load a robot by name.
 
-        Its base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
+        The robots of the package example-robot-data (`pip install "kickdyn[robots]"`) have a toe.
+        Their base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
         -x). All else is the file's own, zero configuration and joint directions included.
 
+        Those of the package robot_descriptions (`pip install "kickdyn[descriptions]"`) are URDF and
+        MJCF files, which it downloads the first time and keeps in its own cache. They are read as
+        they are, by `from_urdf` or `from_mjcf`.
+
         Args:
-            name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
+            name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
+                robot_descriptions, such as `g1_mj_description`.
             frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle).
+                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
+                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
+                icub); or any frame of the file. A robot of robot_descriptions has no default,
+                unless its file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
-            legs_only: lock all joints but the legs' at 0.
+            legs_only: lock all joints but the legs' at 0; of example-robot-data only.
+            locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
-            InvalidInput: no such robot, frame or base, the package is not installed, or a mass
-                matrix that is singular (`icub`, `romeo`), with the joints at fault.
+            InvalidInput: no such robot, frame or base, the package is not installed, a download
+                fails, or a mass matrix that is singular (`icub`, `romeo`), with the joints at
+                fault.
         """
+        if name not in ROBOTS:
+            if legs_only:
+                raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
+            return cls._from_description(name, frame, base, locked)
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
-        frame, cone = known.contact(frame)
-        leg = cls(model, frame, robot_file(name), contact_normal_cone=cone)
+        file, (frame, cone) = robot_file(name), known.contact(frame)
+        leg = cls(lock_joints(model, locked, file.mimics), frame, file, contact_normal_cone=cone)
         try:
-            check_model(model)
-            leg.posture(leg.configuration())  # singular there is singular everywhere
+            check_model(leg.model)
+            leg.posture(leg.configuration())  # at which all joints stay that are not named
         except InvalidInput as error:
             if legs_only:
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
         return leg
+
+    @classmethod
+    def _from_description(
+        cls, name: str, frame: str | None, base: str, locked: Mapping[str, float] | None
+    ) -> "Leg":
+        """Load a robot of the package robot_descriptions."""
+        check_base(base)
+        found, wish = find_description(name, list(ROBOTS)), frame or TOE
+        try:
+            if found.is_mjcf:
+                return cls._from_mjcf(read_mjcf(found.file, found.folders), wish, base, locked)
+            return cls.from_urdf(
+                found.file, wish, base=base, locked=locked, package_dirs=found.folders
+            )
+        except FaultyFile:
+            raise
+        except InvalidInput as error:
+            if frame:
+                raise
+            raise InvalidInput(f"no frame is named, and {error}") from None
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":
@@ -230,11 +316,7 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
         """
-        joints = validation.mapping("joints", joints)
-        q = self.configuration(joints)
-        if len(joints) == len(self.joint_names):
-            raise InvalidInput(f"all joints of {self.name} are locked: a kick must move one")
-        return self.with_model(reduced_model(self.model, joints, q))
+        return self.with_model(lock_joints(self.model, joints, self.mimics))
 
     def with_armature(self, rotors: Mapping[str, float]) -> "Leg":
         """Return the leg with rotors behind its joints.
@@ -281,8 +363,31 @@ class Leg(JointTable, ReprMixin):
             if not isinstance(loop, tuple | list) or len(loop) != 2:
                 raise InvalidInput(f"loop is {loop!r}: it must be a pair of frames' names")
         pairs = tuple((first, second) for first, second in loops)
-        supports, _, cone = self._options
-        return Leg(self.model, self.frame, self.file, supports, pairs, cone)
+        supports, _, cone, stiff = self._options
+        return Leg(self.model, self.frame, self.file, supports, pairs, cone, stiff)
+
+    def with_stiff_joints(self, *joints: str) -> "Leg":
+        r"""Return the leg with joints that hold in an impact, as motors with high gears do.
+
+        Such a joint may move, but the impact does not change its velocity, :math:`v_j^+ = v_j^-`:
+        the impulse of its motor along its axis is whatever that takes. It is part of
+        `Impact.joint_impulses`, and the part along the axis of `joint_loads`. A real joint is
+        between this and a free one with the rotor of `with_armature`.
+
+        Args:
+            joints: names; they replace any before, and none of them makes all joints free.
+
+        Raises:
+            InvalidInput: no such joint, one named twice or with more than one degree of freedom,
+                or no joint is left that moves.
+        """
+        for joint in joints:
+            self.velocity_index(joint)
+            if joints.count(joint) > 1:
+                raise InvalidInput(f"joint {joint!r} is stiff twice: name it once")
+        if len(joints) == self.nv:
+            raise InvalidInput(f"all joints of {self.name} are stiff: one must be free")
+        return Leg(self.model, self.frame, self.file, *self._options[:3], joints)
 
     def with_model(self, model: Any) -> "Leg":
         """Return the leg with another `pin.Model` that has its frames: a changed copy of its own.
@@ -290,13 +395,15 @@ class Leg(JointTable, ReprMixin):
         Raises:
             InvalidInput: a frame of this leg is missing, or no joint moves the contact frame.
         """
-        return Leg(model, self.frame, self.file, *self._options)
+        kept = tuple(joint for joint in self.stiff_joints if joint in list(model.names))
+        return Leg(model, self.frame, self.file, *self._options[:3], kept)
 
     def posture(self, q: ArrayLike) -> "Posture":
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints].
+            q: shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one angle for each
+                continuous joint in place of its cosine and sine, and without mimic joints.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
@@ -324,6 +431,34 @@ class Leg(JointTable, ReprMixin):
         return self.constraints.close_loops(self.workspace.model, self.workspace.data, q, kept)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Lines about its file's irregularities, none of them repaired, and what follows from them.
+
+        That is open loops, and joints on the way to the contact frame whose speed limit is 0.
+        """
+        file = () if self.file is None else self.file.warnings
+        stuck = [
+            name
+            for name in self.single_joints
+            if self.velocity_limit[self.velocity_index(name)] == 0.0
+            and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
+        ]
+        limit = [f"speed limit of {name} is 0: what moves it is too fast" for name in stuck]
+        return (*file, *self.open_loops, *limit)
+
+    @cached_property
+    def open_loops(self) -> tuple[str, ...]:
+        """A line for each pair of frames that look like the ends of a loop which is not closed."""
+        closed = [] if self.constraints is None else self.constraints.loops
+        known = {frozenset(loop) for loop in closed}
+        return tuple(
+            f"{a} and {b} are at one place at q = 0, each at the end of a branch: if they are the "
+            f"ends of a loop, close it by with_loops(({a!r}, {b!r})) (--loop {a}:{b})"
+            for a, b in find_open_loops(self.workspace.model, self.workspace.data)
+            if frozenset((a, b)) not in known
+        )
+
+    @property
     def model(self) -> Any:
         """A copy of the `pin.Model`; what is changed there does not change this leg."""
         model = self._model.copy()
@@ -346,6 +481,7 @@ class Leg(JointTable, ReprMixin):
         for name in self.single_joints:
             low, high = (format_value(end) for end in self.joint_range(name))
             yield f"joint {name}", f"{low} to {high}", self.joint_unit(name)
+        yield from warned(self.warnings)
 
 
 class Posture(ReprMixin):
@@ -364,7 +500,7 @@ class Posture(ReprMixin):
         rotation_world_joint: from the axes of the contact joint to the world's, shape `(3, 3)`.
         jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
-        constraint_projector: supports and loops at this configuration; None without any.
+        constraint_projector: the leg's constraints at this configuration; None without any.
     """
 
     def __init__(self, leg: Leg, q: ArrayLike) -> None:
@@ -400,6 +536,7 @@ class Posture(ReprMixin):
             self.constraint_projector = ConstraintProjector(
                 leg.constraints, rows, blocks, whitened, self
             )
+        self._contact_offset: ArrayLike | None = None
         self._whitened_jacobian: Array | None = None
         self._delassus_factor: Array | None = None
         arrays = self.q, self.inertia, self.contact_point, self.jacobian
@@ -427,6 +564,8 @@ class Posture(ReprMixin):
         rotation, local = self._rotation_world_frame, self._jacobian_in_frame
         moved = copy.copy(self)
         moved._whitened_jacobian = moved._delassus_factor = None
+        moved._contact_offset = offset
+        moved.__dict__.pop("without_stiff_joints", None)
         moved.__dict__.pop("rounding_gain", None)
         moved.contact_point = self._frame_origin + rotation @ arm
         moved.contact_lever = self.leg.contact_lever + self.rotation_world_joint.T @ (
@@ -438,6 +577,17 @@ class Posture(ReprMixin):
         return moved
 
     @cached_property
+    def without_stiff_joints(self) -> "Posture":
+        """This posture of the leg whose stiff joints are free; itself where there are none.
+
+        It has all velocities that are possible before an impact.
+        """
+        if not self.leg.stiff_joints:
+            return self
+        free = self.leg.with_stiff_joints().posture(self.q)
+        return free.with_contact_offset(self._contact_offset)
+
+    @cached_property
     def condition(self) -> float:
         """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate).
 
@@ -447,14 +597,14 @@ class Posture(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range (allowed; or are these degrees?)."""
-        return tuple(self.leg.outside_range(self.q))
+        """The leg's open loops; a line for each joint outside its range (or are these degrees?)."""
+        return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
     @property
     def whitened_jacobian(self) -> Array:
         r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
 
-        With supports and loops, projected on the velocities that they allow.
+        With constraints, projected on the changes of velocity that they allow in an impact.
         """
         if self._whitened_jacobian is None:
             columns = self._whiten(self.jacobian)
@@ -506,6 +656,8 @@ class Posture(ReprMixin):
     def effective_mass(self, normal: ArrayLike) -> float:
         r"""Return :math:`1 / (n^T J M^{-1} J^T n)` [kg]; inf if the leg cannot move along n.
 
+        Stiff joints hold; `without_stiff_joints` has the effective mass with these joints free.
+
         Args:
             normal: n, any length but zero, shape `(3,)` [world frame].
 
@@ -553,7 +705,8 @@ class Posture(ReprMixin):
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
         """Return what `joint_velocity` returns, or None if that is out of reach."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
-        left, gains, right = np.linalg.svd(self.whitened_jacobian, full_matrices=False)
+        before = self.without_stiff_joints.whitened_jacobian
+        left, gains, right = np.linalg.svd(before, full_matrices=False)
         usable = gains > 1e-12 * gains[0] if gains[0] > 0 else gains > 0
         v, missed = np.zeros_like(self._cholesky[0]), wish
         for _ in range(2):  # the second pass corrects what gains of unlike size have missed
@@ -597,16 +750,17 @@ class Posture(ReprMixin):
             v: shape `(nv,)` [rad/s; m/s for prismatic joints].
         """
         v = validation.vector("v", v, self.leg.nv)
-        if self.constraint_projector is None:
+        projector = self.without_stiff_joints.constraint_projector
+        if projector is None:
             return v
         # M v = L L^T v: the projection of L^T v loses the constraints' share
         whitened = blas.dtrmv(self._cholesky, v, lower=1, trans=1)
-        allowed = self.constraint_projector.project(whitened)
+        allowed = projector.project(whitened)
         return np.asarray(blas.dtrsv(self._cholesky, allowed, lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
         """Raise `InvalidInput` if a joint velocity moves a support or opens a loop."""
-        projector = self.constraint_projector
+        projector = self.without_stiff_joints.constraint_projector
         violation = None if projector is None else projector.find_violation(v)
         if violation is not None:
             name, speed, unit = violation
@@ -635,6 +789,8 @@ class Posture(ReprMixin):
             yield name, *moved[name]
         if len(moved) > SHOWN:
             yield "and", f"{len(moved) - SHOWN} joints more", ""
+        if self.leg.stiff_joints:
+            yield "stiff joints", ", ".join(self.leg.stiff_joints), ""
         yield "contact point", self.contact_point, "m"
         yield "condition", self.condition, ""
         yield from warned(self.warnings)
@@ -662,6 +818,23 @@ class Workspace(threading.local):
         self.placements = list(self.data.oMi)  # each access to oMi would copy its entry
         self.forces = _stacked(self.data.f)[1:]
         self.zero_velocity: Array = np.zeros(model.nv)
+
+
+def _find_singularity(leg: Leg) -> str | None:
+    """Return what is wrong with a joint-space inertia that is singular at 0 and when bent.
+
+    None if a posture of the leg exists: some are singular only where they are straight.
+    """
+    fault = None
+    straight = leg.configuration()
+    for step in (np.zeros(leg.nv), 0.3 + 0.1 * np.cos(range(leg.nv))):
+        try:
+            leg.posture(pin.integrate(leg.workspace.model, straight, step))
+        except InvalidInput as error:
+            fault = fault or str(error)
+        else:
+            return None
+    return fault
 
 
 def _stacked(forces: Any) -> Array:

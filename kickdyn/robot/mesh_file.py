@@ -1,4 +1,4 @@
-"""Meshes of a URDF: only from its own folder, and only their triangles and colours.
+"""Meshes of a robot: only their triangles and colours.
 
 A mesh may name further files (textures, materials) and could bring any file of this machine into
 a page that is passed on. So it is read once, from memory, without access to further files. A small
@@ -22,22 +22,25 @@ from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput
-from kickdyn.robot.urdf_file import parse_xml
+from kickdyn.robot.mesh_path import MeshFinder
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it ignores
 
 FORMATS = (".stl", ".obj", ".dae", ".ply")
-PACKAGE = "package://"
 
-MAX_BYTES = 50_000_000
-"""Of a file, or of the scene that a file stands for: an STL file of a million triangles."""
+MAX_BYTES = 100_000_000
+"""Of a file, or of the scene that a file stands for: an STL file of two million triangles."""
 
 MAX_VERTICES = 3_000_000
 MAX_PARTS = 1000  # surfaces with a material or a position of their own
 
 INSTANCES, SURFACES = ("instance_node", "instance_geometry"), ("triangles", "polylist", "polygons")
 """Tags of COLLADA: copies of other elements, and what has triangles."""
+
+GREY = "0.4 0.4 0.4 1"
+"""Colour of what COLLADA colours by a picture, as trimesh's own without the picture."""
 
 UPRIGHT = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -61,18 +64,18 @@ class Triangles:
     rgba: Array | None
 
 
-def read_mesh(filename: str, folder: Path, scale: ArrayLike | None = None) -> list[Triangles]:
-    """Return the surfaces of a mesh that a URDF names, scaled by a number or by three.
+def read_mesh(finder: MeshFinder, filename: str, scale: ArrayLike = 1.0) -> list[Triangles]:
+    """Return the surfaces of a mesh that a robot's file names, scaled by a number or by three.
 
-    The name is relative to the URDF's folder, or `package://NAME/...`, also searched there; no file
-    outside that folder is opened.
+    No file is opened but the one that the finder finds.
 
     Raises:
-        InvalidInput: the mesh lies outside, is missing, is too large, or cannot be read.
+        InvalidInput: the mesh is not found, is too large, or cannot be read.
     """
     import trimesh  # takes half a second; most legs have no mesh
 
-    file = _inside(filename, folder)
+    file = finder.find(filename)
+    _check_file(filename, file)
     stretch = np.diag(_stretch(filename, scale))
     ending = file.suffix.lower()
     try:
@@ -93,9 +96,9 @@ def read_mesh(filename: str, folder: Path, scale: ArrayLike | None = None) -> li
     return parts
 
 
-def _stretch(filename: str, scale: ArrayLike | None) -> Array:
+def _stretch(filename: str, scale: ArrayLike) -> Array:
     """Return the scale along each axis, shape `(3,)`."""
-    stretch = validation.floats(f"scale of mesh {filename!r}", 1.0 if scale is None else scale)
+    stretch = validation.floats(f"scale of mesh {filename!r}", scale)
     if stretch.shape not in ((), (1,), (3,)):
         raise InvalidInput(
             f"mesh {filename!r} has scale {stretch.tolist()}: it must be one number or three"
@@ -148,10 +151,25 @@ def _parse_collada(content: bytes) -> ElementTree.Element:
     if text > MAX_BYTES:
         raise ValueError(f"its scene has {text} characters: at most {MAX_BYTES} are read")
     _check_parts(count)
+    _remove_pictures(root)
     corners = sum(sum(map(int, (e.text or "").split())) for e in root.iterfind(".//{*}vcount"))
     if corners > MAX_VERTICES:  # a few digits, for each of which memory would be taken
         raise ValueError(f"its polygons have {corners} corners: at most {MAX_VERTICES} are read")
     return root
+
+
+def _remove_pictures(root: ElementTree.Element) -> None:
+    """Give grey to what a picture colours: without the picture, its surfaces would be lost."""
+    for parent in root.iterfind(".//{*}library_effects//*[{*}texture]"):
+        for texture in parent.findall("{*}texture"):
+            texture.tag = texture.tag.replace("texture", "color")
+            texture.text = GREY
+            texture.attrib.clear()
+            del texture[:]
+    for profile in root.iterfind(".//{*}library_effects//*[{*}newparam]"):
+        for param in profile.findall("{*}newparam"):
+            if param.find("{*}surface") is not None or param.find("{*}sampler2D") is not None:
+                profile.remove(param)
 
 
 def _check_parts(count: int) -> None:
@@ -160,34 +178,14 @@ def _check_parts(count: int) -> None:
         raise ValueError(f"it has {count} parts: at most {MAX_PARTS} are read")
 
 
-def _inside(filename: str, folder: Path) -> Path:
-    """Return the real path of a regular file of sane size under the folder, links followed."""
-    root = folder.resolve()
-    named = filename.removeprefix(PACKAGE)
-    if "://" in named:
-        raise InvalidInput(f"mesh {filename!r} is refused: only files are read, no addresses")
-    candidates = [root / named]
-    below = named.partition("/")[2].lstrip("/")
-    if filename.startswith(PACKAGE) and below:  # this folder may be the package's own
-        candidates.append(root / below)
-    try:
-        found = [path.resolve() for path in candidates]
-        present = [path for path in found if path.exists()]
-    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a NUL in the name
-        raise InvalidInput(f"mesh {filename!r} cannot be found ({error})") from None
-    if not all(path.is_relative_to(root) for path in found):
-        raise InvalidInput(
-            f"mesh {filename!r} is refused: it lies outside the URDF's folder {root}"
-        )
-    if not present:
-        raise InvalidInput(f"mesh {filename!r} is missing from the URDF's folder {root}")
-    file, status = present[0], present[0].stat()
+def _check_file(name: str, file: Path) -> None:
+    """Refuse what is no regular file of a known format and a sane size."""
+    status = file.stat()
     if file.suffix.lower() not in FORMATS:
-        raise InvalidInput(f"mesh {filename!r} has no known ending: {', '.join(FORMATS)} are read")
+        raise InvalidInput(f"mesh {name!r} has no known ending: {', '.join(FORMATS)} are read")
     if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever
-        raise InvalidInput(f"mesh {filename!r} is not a regular file")
+        raise InvalidInput(f"mesh {name!r} is not a regular file")
     if status.st_size > MAX_BYTES:
         raise InvalidInput(
-            f"mesh {filename!r} has {status.st_size} bytes: at most {MAX_BYTES} are read"
+            f"mesh {name!r} has {status.st_size} bytes: at most {MAX_BYTES} are read"
         )
-    return file

@@ -1,16 +1,31 @@
-"""From an MJCF file (MuJoCo's XML) to one checked document with its meshes, without MuJoCo."""
+"""From an MJCF file, the XML of MuJoCo, to a checked document and to MuJoCo's compiled model.
 
+MuJoCo resolves all that its format allows: classes of defaults, units, inertias of geoms and
+meshes, copies, scaled masses. It is given what was checked, in memory, and opens no file.
+"""
+
+import os
 import stat
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from kickdyn.core.files import read_text
+from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.urdf_file import MAX_BYTES, MAX_DEPTH, parse_xml
+from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
+from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_FILES = 200
 """Files that a model may include, and meshes that it may name."""
@@ -20,6 +35,10 @@ MAX_MESH_BYTES = 50_000_000
 
 MESHES = (".stl", ".obj", ".msh")
 """Endings of the mesh files that MuJoCo reads."""
+
+MISSING = "missing.obj"
+STAND_IN = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+"""File of a tetrahedron of an edge length [m] in place of meshes that are missing."""
 
 SECTIONS = ("compiler", "option", "default", "asset", "worldbody", "equality", "tendon", "actuator")
 """Sections that say something about the robot's mechanics or shape; the others are not passed on:
@@ -36,33 +55,170 @@ REFUSED = {
 }
 """Elements that are refused, and what they stand for."""
 
+_SHAPES = {
+    2: Shape.SPHERE,
+    3: Shape.CAPSULE,
+    4: Shape.ELLIPSOID,
+    5: Shape.CYLINDER,
+    6: Shape.BOX,
+    7: Shape.MESH,
+}
+"""By MuJoCo's `geom_type`; planes and terrain are not drawn."""
+
 _UNUSED = ("camera", "light", "texture", "hfield", "skin", "layer", "model")
 """Elements that only a picture, the terrain or another model needs."""
 
 
+_lock = threading.Lock()  # MuJoCo's handler of warnings belongs to the whole process
+
+
 @dataclass(frozen=True)
-class MjcfFile:
-    """An MJCF document that passed every check, with the meshes that it names.
+class MjcfFile(RobotFile):
+    """An MJCF document that passed every check, included files in their places.
 
     Attributes:
-        text: the document, included files in their places; MuJoCo needs no other file to read it.
         meshes: content of the mesh files, by the names that they have in `text`.
-        missing: mesh files that do not exist, by those names; `text` names them all the same.
+        missing: mesh files that do not exist, relative to `folder`, by the names of the meshes.
         name: of the model.
-        source: the file as the caller named it.
+        left_out: moving bodies that are not part of the robot.
+        gears: what the property `mimics` returns.
     """
 
-    text: str
-    meshes: dict[str, bytes] = field(repr=False)
-    missing: dict[str, str]
-    name: str
-    source: str
+    meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
+    missing: dict[str, str] = field(default_factory=dict)
+    name: str = ""
+    left_out: tuple[str, ...] = ()
+    gears: tuple[Mimic, ...] = ()
+
+    @property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that equality constraints let move with another."""
+        return self.gears
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line if the file has other moving bodies than those of the robot."""
+        if not self.left_out:
+            return ()
+        names = ", ".join(self.left_out[:5]) + (", ..." if self.left_out[5:] else "")
+        return (f"bodies that hang on another root are left out: {names}",)
+
+    def compile(self) -> Any:
+        """Return the `mujoco.MjModel`.
+
+        Raises:
+            MjcfError: MuJoCo refuses the document, or is not installed, or an inertia needs a mesh
+                that is missing.
+        """
+        model = self._compiled(0.1)
+        if not self.missing:
+            return model
+        other = self._compiled(0.2)
+        for body in range(model.nbody):
+            for key in ("body_mass", "body_ipos", "body_iquat", "body_inertia"):
+                if np.any(getattr(model, key)[body] != getattr(other, key)[body]):
+                    names = ", ".join(repr(name) for name in self.missing.values())
+                    line = (
+                        f"mesh {names} is missing, from which body {body_name(model, body)!r} gets "
+                        "its inertia: provide the file, or give the body an <inertial>"
+                    )
+                    raise MjcfError(self.source, [line])
+        return model
+
+    def _compiled(self, size: float) -> Any:
+        """Return the `mujoco.MjModel`, tetrahedra of this size [m] in place of missing meshes."""
+        try:
+            import mujoco  # an optional package
+        except ImportError:
+            line = 'MJCF needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
+            raise MjcfError(self.source, [line]) from None
+        meshes = self.meshes | {MISSING: STAND_IN.format(size).encode()}
+        try:
+            with quiet_mujoco():
+                return mujoco.MjModel.from_xml_string(self.text, meshes)
+        except Exception as error:  # ValueError; FatalError of a later stage
+            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+            reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
+            raise MjcfError(self.source, [f"MuJoCo cannot read it: {reason}"]) from None
+
+    def visuals(self) -> list[Visual]:
+        """Return the geoms that MuJoCo's viewer shows at first: groups 0 to 2, not transparent.
+
+        If there are none, the geoms of the other groups.
+        """
+        compiled = self.compile()
+        geoms = [g for g in range(compiled.ngeom) if compiled.geom_bodyid[g]]
+        shown = [g for g in geoms if compiled.geom_group[g] < 3] or geoms
+        return [
+            visual for number in shown if (visual := self._visual(compiled, number)) is not None
+        ]
+
+    def _visual(self, compiled: Any, number: int) -> Visual | None:
+        """Return the shape of a geom; None for one that is transparent or a plane."""
+        geom = compiled.geom(number)
+        kind, size = int(geom.type[0]), geom.size.tolist()
+        rgba, material = geom.rgba.tolist(), int(compiled.geom_matid[number])
+        if material >= 0 and rgba == [0.5, 0.5, 0.5, 1.0]:  # the default gives way
+            rgba = compiled.mat_rgba[material].tolist()
+        if kind not in _SHAPES or rgba[3] == 0.0:
+            return None
+        shape, mesh, vertices, faces = _SHAPES[kind], "", None, None
+        sizes = {
+            Shape.SPHERE: size[:1],
+            Shape.CAPSULE: [2 * size[1], size[0]],
+            Shape.CYLINDER: [2 * size[1], size[0]],
+            Shape.BOX: [2 * edge for edge in size],
+            Shape.ELLIPSOID: size,
+            Shape.MESH: [1.0],
+        }[shape]
+        if shape == Shape.MESH:
+            data = compiled.mesh(int(compiled.geom_dataid[number]))
+            mesh = self.missing.get(data.name, "")
+            if not mesh:
+                first, count = int(data.vertadr[0]), int(data.vertnum[0])
+                vertices = compiled.mesh_vert[first : first + count].astype(float)
+                first, count = int(data.faceadr[0]), int(data.facenum[0])
+                faces = compiled.mesh_face[first : first + count].astype(int)
+        pose = np.eye(4)
+        w, x, y, z = geom.quat.tolist()
+        pose[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
+        pose[:3, 3] = geom.pos
+        body = body_name(compiled, int(geom.bodyid[0]))
+        return Visual(body, pose, shape, tuple(sizes), mesh, tuple(rgba), False, vertices, faces)
 
 
-def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
+@contextmanager
+def quiet_mujoco() -> Iterator[None]:
+    """Let MuJoCo write no warnings, to the screen and to a file MUJOCO_LOG.TXT."""
+    import mujoco
+
+    with _lock:
+        before = mujoco.get_mju_user_warning()
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(before)
+
+
+def body_name(compiled: Any, body: int) -> str:
+    """Return the name of a body, by its number where it has none."""
+    return str(compiled.body(body).name) or f"body{body}"
+
+
+def is_mjcf(path: str | PathLike[str]) -> bool:
+    """Return whether a file is an MJCF, by its root element; if it has none, by its ending."""
+    try:
+        return parse_xml(read_text(path, str(path), MAX_BYTES, MjcfError)).tag == "mujoco"
+    except ValueError:  # whoever reads it says why
+        return Path(path).suffix.lower() in (".xml", ".mjcf")
+
+
+def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFile:
     """Read and check an MJCF file, the files that it includes, and its meshes.
 
-    Included files and meshes are read from the file's own folder and the folders below it only.
+    Included files and meshes are read only below the file's own folder, or the ROS package that
+    it belongs to, and below `folders`.
 
     Raises:
         MjcfError: with the first fault of the file.
@@ -73,7 +229,7 @@ def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
     except TypeError:
         raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
     try:
-        return _Reader(file, source).read()
+        return _Reader(file, source, folders).read()
     except ValueError as fault:
         if isinstance(fault, InvalidInput):
             raise
@@ -83,9 +239,8 @@ def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
 class _Reader:
     """Reads one model; faults are raised as `ValueError`."""
 
-    def __init__(self, file: Path, source: str) -> None:
-        self.file, self.source = file, source
-        self.folder = file.resolve().parent
+    def __init__(self, file: Path, source: str, folders: Iterable[Path]) -> None:
+        self.file, self.source, self.folders = file, source, folders
         self.read_bytes = 0
         self.included: set[Path] = set()
 
@@ -96,12 +251,16 @@ class _Reader:
             raise ValueError("is a URDF, its root is <robot>: Leg.from_urdf reads it")
         if root.tag != "mujoco":
             raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
+        self.folder = self.file.resolve().parent
+        self.roots = [MeshFinder(self.folder).home, *(each.resolve() for each in self.folders)]
         self._include(root, 0)
         _keep_mechanics(root)
         _check_size(root)
         _check_names(root)
         name = root.get("model", "") or self.file.stem
-        return MjcfFile(_written(root), *self._take_meshes(root), name, self.source)
+        meshes, missing = self._take_meshes(root)
+        text = tostring(root, encoding="unicode")
+        return MjcfFile(text, self.folder, self.source, meshes=meshes, missing=missing, name=name)
 
     def _parse(self, file: Path, shown: str) -> Element:
         """Return the root of a file; the files of a model have at most `MAX_BYTES` together."""
@@ -136,14 +295,15 @@ class _Reader:
             element[at : at + 1] = list(inner)
 
     def _inside(self, what: str, name: str, folder: Path) -> Path | None:
-        """Return a regular file in the model's folder, links followed; None if it is missing."""
+        """Return a regular file that may be read, links followed; None if it is missing."""
         if not name or "://" in name:
             raise ValueError(f"{what} {name!r} is refused: it must be the name of a file")
         try:
             file = (folder / name).resolve()
-            if not file.is_relative_to(self.folder):
+            if not any(file.is_relative_to(root) for root in self.roots):
                 raise ValueError(
-                    f"{what} {name!r} is refused: it lies outside the model's folder {self.folder}"
+                    f"{what} {name!r} is refused: it lies outside {self.roots[0]}, the model's "
+                    "folder or ROS package"
                 )
             if not file.exists():
                 return None
@@ -176,8 +336,8 @@ class _Reader:
                 raise ValueError(f"mesh {name!r} has no known ending: {', '.join(MESHES)} are read")
             mesh.set("name", mesh.get("name") or Path(name).stem)
             if file is None:
-                mesh.set("file", f"{number}.obj")
-                missing[f"{number}.obj"] = name
+                mesh.set("file", MISSING)
+                missing[mesh.attrib["name"]] = os.path.relpath(folder / name, self.folder)
                 continue
             mesh.set("file", short := f"{number}{ending}")
             size, used = file.stat().st_size, sum(map(len, content.values()))
@@ -266,9 +426,3 @@ def _check_names(root: Element) -> None:
                 )
             if key == "name" and name == "universe":
                 raise ValueError(f"{element.tag[:40]} name 'universe' is Pinocchio's own")
-
-
-def _written(root: Element) -> str:
-    """Return a document as text."""
-    text: Any = tostring(root, encoding="unicode")
-    return str(text)

@@ -1,15 +1,13 @@
-r"""From a checked MJCF document to a Pinocchio model, through MuJoCo's own compiler.
+"""From an MJCF model that MuJoCo compiled to a Pinocchio model, compared with MuJoCo's own.
 
-MuJoCo resolves all that its format allows: classes of defaults, units, inertias of geoms and
-meshes, copies, scaled masses. The compiled bodies and joints then become a `pin.Model`, whose
-joint-space inertia is compared with MuJoCo's. Pinocchio has a reader of its own, which tests use
-as a peer; it is not used here because it merges the joints of a body into one without names and
-ranges, ignores several settings of the compiler and reads one tree only.
+Pinocchio has a reader of MJCF of its own, which tests use as a peer. It is not used here because it
+merges the joints of a body into one without names, ignores settings such as `settotalmass`, takes
+ranges of sliding joints for degrees, and reads one tree of bodies only, all without a word.
 """
 
 import math
-import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,97 +16,76 @@ import pinocchio as pin
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, MjcfError
-from kickdyn.robot.mjcf_file import MjcfFile
-from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.joint_table import lock_joints
+from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
+from kickdyn.robot.model_validation import HUGE, check_model, frame_id
 from kickdyn.robot.urdf_file import check_base
 
-STAND_IN = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-"""A tetrahedron in place of a mesh that is missing, in the OBJ format."""
-
 SAME = 1e-9
-"""Largest relative difference of a joint-space inertia from MuJoCo's."""
+"""Largest relative difference of a joint-space inertia from MuJoCo's, and of places [m]."""
 
-_lock = threading.Lock()  # MuJoCo's handler of warnings belongs to the whole process
+FREE, BALL, SLIDE, HINGE = range(4)
+"""Values of MuJoCo's `jnt_type`."""
 
 
-def compile_mjcf(file: MjcfFile) -> Any:
-    """Return the `mujoco.MjModel` of a document.
+@dataclass(frozen=True)
+class MjcfModel:
+    """What is read of an MJCF model.
 
-    Raises:
-        MjcfError: MuJoCo refuses it, or an inertia needs a mesh that is missing.
-        InvalidInput: MuJoCo is not installed.
+    Attributes:
+        file: the document, with the bodies that were left out and the mimic joints.
+        model: the `pin.Model`.
+        loops: pairs of frames whose origins stay together.
     """
-    model = _compiled(file, 0.1)
-    if file.missing:
-        other = _compiled(file, 0.2)
-        for body in range(model.nbody):
-            if any(
-                np.any(getattr(model, key)[body] != getattr(other, key)[body])
-                for key in ("body_mass", "body_ipos", "body_iquat", "body_inertia")
-            ):
-                names = ", ".join(repr(name) for name in file.missing.values())
-                raise MjcfError(
-                    file.source,
-                    [
-                        f"mesh {names} is missing, from which body {model.body(body).name!r} gets "
-                        "its inertia: provide the file, or give the body an <inertial>"
-                    ],
-                )
-    return model
+
+    file: MjcfFile
+    model: Any
+    loops: tuple[tuple[str, str], ...]
 
 
-def _compiled(file: MjcfFile, size: float) -> Any:
-    """Return the `mujoco.MjModel`, tetrahedra of this size [m] in place of missing meshes."""
-    try:
-        import mujoco  # an optional package
-    except ImportError:
-        raise InvalidInput(
-            f"{file.source}: MJCF needs the package mujoco: install it with "
-            'pip install "kickdyn[mjcf]"'
-        ) from None
-    meshes = file.meshes | dict.fromkeys(file.missing, STAND_IN.format(size).encode())
-    with _lock:
-        before = mujoco.get_mju_user_warning()
-        mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
-        try:
-            return mujoco.MjModel.from_xml_string(file.text, meshes)
-        except Exception as error:  # ValueError; FatalError of a later stage
-            lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-            reason = " ".join(lines).removeprefix("XML Error: ").removeprefix("Error: ")[:300]
-            raise MjcfError(file.source, [f"MuJoCo cannot read it: {reason}"]) from None
-        finally:
-            mujoco.set_mju_user_warning(before)
-
-
-def build_mjcf_model(compiled: Any, name: str, frame: str, base: str) -> Any:
-    """Return the `pin.Model` of the tree of bodies that moves a frame.
+def build_mjcf_model(
+    file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
+) -> MjcfModel:
+    """Return the model of the tree of bodies that moves a frame.
 
     Its q is MuJoCo's `qpos` of these joints with quaternions in the order xyzw. The linear velocity
     of a free joint is in the base's axes (in MuJoCo the world's).
 
     Args:
-        compiled: a `mujoco.MjModel`.
-        name: of the robot.
+        file: the checked document.
         frame: a body, site or geom.
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
+        locked: joints to lock at their values [rad; m for prismatic joints].
 
     Raises:
-        InvalidInput: no such frame or base, the frame does not move, gravity is not the ball's, or
-            the model is none that MuJoCo's mass matrix confirms.
+        MjcfError: gravity is not the ball's, a constraint that is not read, an inertia or limits
+            that make no sense, or MuJoCo computes another inertia.
+        InvalidInput: no such frame, base or joint to lock, or the frame does not move.
     """
     check_base(base)
-    builder = _Builder(compiled, name, base)
-    root = _root_of(compiled, frame)
-    if root is None:  # the error names all frames
-        model = builder.build(range(1, compiled.nbody))
-        number = frame_id(model, frame)
-        raise InvalidInput(
-            f"frame {model.frames[number].name!r} is fixed to the base: a kick must move it"
-        )
-    model = builder.build([b for b in range(1, compiled.nbody) if compiled.body_rootid[b] == root])
-    builder.compare(model)
-    return model
+    compiled = file.compile()
+    bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
+    own = [body for body in bodies if root in (None, compiled.body_rootid[body])]
+    try:
+        builder = _Builder(compiled, file.name, base, own, set(locked or ()))
+    except InvalidInput as fault:
+        raise MjcfError(file.source, [str(fault)]) from None
+    if root is None:  # no such frame, for which the error names those there are, or one at rest
+        frame_id(builder.model, frame)
+        raise InvalidInput(f"frame {frame!r} is fixed to the base: a kick must move it")
+    model = lock_joints(builder.model, locked, builder.mimics)
+    try:
+        check_model(model)
+        with quiet_mujoco(), np.errstate(all="ignore"):  # what leaves float64 is not the same
+            builder.compare()
+    except InvalidInput as fault:
+        raise MjcfError(file.source, [str(fault)]) from None
+    moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
+    left_out = tuple(body_name(compiled, body) for body in moving)
+    read = replace(file, left_out=left_out, gears=tuple(builder.mimics))
+    return MjcfModel(read, model, tuple(builder.loops))
 
 
 def _root_of(compiled: Any, frame: str) -> int | None:
@@ -127,178 +104,267 @@ def _root_of(compiled: Any, frame: str) -> int | None:
     return None
 
 
+@dataclass(frozen=True)
+class _Joint:
+    """A joint of the model: its number there, and in MuJoCo; -1 for a base that MuJoCo has not."""
+
+    number: int
+    theirs: int
+    kind: int
+
+
 class _Builder:
-    """Turns compiled bodies into a `pin.Model`."""
+    """Turns compiled bodies, each after the one that carries it, into a `pin.Model`."""
 
-    def __init__(self, compiled: Any, name: str, base: str) -> None:
-        self.compiled, self.name, self.base = compiled, name, base
-
-    def build(self, bodies: Sequence[int]) -> Any:
-        """Return the model of some bodies, each after the one that carries it."""
-        compiled, model = self.compiled, pin.Model()
-        model.name = self.name
-        model.gravity = pin.Motion(np.array([*_gravity(compiled), 0.0, 0.0, 0.0]))
-        self.columns: list[tuple[int, int, int, int]] = []  # joint: kind, qpos, dof, number
-        self.names = {compiled.joint(j).name for j in range(compiled.njnt)}
-        places: dict[int, tuple[int, Any]] = {0: (0, pin.SE3.Identity())}  # joint, body in it
-        frames: dict[int, int] = {0: 0}
+    def __init__(
+        self, compiled: Any, name: str, base: str, bodies: Sequence[int], locked: Set[str]
+    ) -> None:
+        self.compiled, self.base = compiled, base
+        self.model = pin.Model()
+        self.model.name = name
+        self.model.gravity = pin.Motion(np.array([*_gravity(compiled), 0.0, 0.0, 0.0]))
+        self.joints: list[_Joint] = []
+        self.taken = {compiled.joint(joint).name for joint in range(compiled.njnt)}
+        self.places: dict[int, tuple[int, Any]] = {}  # of a body: its joint, its place there
+        self.frames: dict[int, int] = {}  # of a body
+        self.framed: set[str] = set()
         for body in bodies:
-            parent = int(compiled.body_parentid[body])
-            joint, place = places.get(parent, places[0])
-            place = place * _pose(compiled.body_pos[body], compiled.body_quat[body])
-            joint, place = self._add_joints(model, body, joint, place)
-            places[body] = joint, place
-            inertia = pin.Inertia(
-                float(compiled.body_mass[body]), np.zeros(3), np.diag(compiled.body_inertia[body])
-            )
-            centre = _pose(compiled.body_ipos[body], compiled.body_iquat[body])
-            model.appendBodyToJoint(joint, inertia, place * centre)
-            label = compiled.body(body).name or f"body{body}"
-            frames[body] = model.addBodyFrame(label, joint, place, frames.get(parent, 0))
-        self._add_frames(model, places, frames)
-        self._set_limits(model)
-        return model
+            self._add_body(body)
+        self._add_frames()
+        self._set_limits()
+        self.loops: list[tuple[str, str]] = []
+        self.mimics: list[Mimic] = []
+        self._add_constraints(locked)
 
-    def _add_joints(self, model: Any, body: int, joint: int, place: Any) -> tuple[int, Any]:
-        """Add the joints of a body; return the last one and the body's pose in it."""
-        compiled = self.compiled
-        first = int(compiled.body_jntadr[body])
+    def _add_body(self, body: int) -> None:
+        """Add a body with its joints."""
+        compiled, parent = self.compiled, int(self.compiled.body_parentid[body])
+        name = body_name(compiled, body)
+        for key in ("mass", "inertia", "ipos", "pos"):
+            if not np.abs(getattr(compiled, f"body_{key}")[body]).max() < HUGE:
+                raise InvalidInput(
+                    f"body {name!r} has a mass, moment or position that is not below {HUGE:g}"
+                )
+        joint, place = self.places.get(parent, (0, pin.SE3.Identity()))
+        place = place * _pose(compiled.body_pos[body], compiled.body_quat[body])
+        joint, place = self._add_joints(body, joint, place)
+        self.places[body] = joint, place
+        moments = np.diag(compiled.body_inertia[body])
+        inertia = pin.Inertia(float(compiled.body_mass[body]), np.zeros(3), moments)
+        centre = _pose(compiled.body_ipos[body], compiled.body_iquat[body])
+        self.model.appendBodyToJoint(joint, inertia, place * centre)
+        if name in self.framed:
+            raise InvalidInput(f"two bodies are called {name!r}: name all bodies")
+        self.framed.add(name)
+        self.frames[body] = self.model.addBodyFrame(name, joint, place, self.frames.get(parent, 0))
+
+    def _add_joints(self, body: int, joint: int, place: Any) -> tuple[int, Any]:
+        """Add the joints of a body; return the last one and the body's place there."""
+        compiled, first = self.compiled, int(self.compiled.body_jntadr[body])
         numbers = range(first, first + int(compiled.body_jntnum[body]))
-        root = not compiled.body_parentid[body]
-        free = any(compiled.jnt_type[number] == 0 for number in numbers)
-        if root and self.base == "floating" and not free:
-            name = self._free_name("root_joint")
-            joint = model.addJoint(joint, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
-            model.addJointFrame(joint)
-            self.columns.append((0, -1, -1, joint))
-            place = pin.SE3.Identity()
-        for number in numbers:
-            kind = int(compiled.jnt_type[number])
-            if kind == 0 and self.base == "fixed":
+        kinds = [int(compiled.jnt_type[number]) for number in numbers]
+        root, still = not compiled.body_parentid[body], pin.SE3.Identity()
+        if root and self.base == "floating" and FREE not in kinds:
+            joint, place = self._add_joint(joint, FREE, -1, still, "root_joint"), still
+        for number, kind in zip(numbers, kinds, strict=True):
+            if kind == FREE:
+                if self.base == "floating":
+                    joint, place = self._add_joint(joint, FREE, number, still, "root_joint"), still
                 continue
             anchor = pin.SE3(np.eye(3), compiled.jnt_pos[number].copy())
-            at = int(compiled.jnt_qposadr[number])
-            axis, start = compiled.jnt_axis[number].copy(), 0.0
-            if kind == 0:
-                place, anchor = pin.SE3.Identity(), pin.SE3.Identity()
-            elif kind != 1:
-                start = float(compiled.qpos0[at])
-            before = place * anchor
-            if kind == 2:
+            before, axis = place * anchor, compiled.jnt_axis[number].copy()
+            start = float(compiled.qpos0[compiled.jnt_qposadr[number]])  # `ref`, where it is drawn
+            if kind == SLIDE:
                 before = before * pin.SE3(np.eye(3), -start * axis)
-            elif kind == 3:
+            elif kind == HINGE:
                 before = before * pin.SE3(pin.exp3(-start * axis), np.zeros(3))
-            name = compiled.joint(number).name or self._free_name(
-                "root_joint" if kind == 0 else f"{compiled.body(body).name or 'body'}_joint"
+            joint = self._add_joint(
+                joint, kind, number, before, f"{body_name(compiled, body)}_joint", axis
             )
-            joint = model.addJoint(joint, _JOINTS[kind](axis), before, name)
-            model.addJointFrame(joint)
-            self.columns.append((kind, at, int(compiled.jnt_dofadr[number]), joint))
             place = anchor.inverse()
         return joint, place
 
-    def _free_name(self, wish: str) -> str:
-        """Return a joint name that is not in use."""
-        name, count = wish, 1
-        while name in self.names:
-            count += 1
-            name = f"{wish}{count}"
-        self.names.add(name)
-        return name
+    def _add_joint(
+        self, parent: int, kind: int, theirs: int, place: Any, wish: str, axis: Array | None = None
+    ) -> int:
+        """Add a joint under its own name, or what is wished for one without; return its number."""
+        name = self.compiled.joint(theirs).name if theirs >= 0 else ""
+        count = 1
+        while not name:
+            unused = wish if count == 1 else f"{wish}{count}"
+            name, count = "" if unused in self.taken else unused, count + 1
+        self.taken.add(name)
+        number = self.model.addJoint(parent, _JOINTS[kind](axis), place, name)
+        self.model.addJointFrame(number)
+        self.joints.append(_Joint(int(number), theirs, kind))
+        return int(number)
 
-    def _add_frames(
-        self, model: Any, places: dict[int, tuple[int, Any]], frames: dict[int, int]
-    ) -> None:
+    def _add_frames(self) -> None:
         """Add a frame for each site and geom that has a name of its own."""
         compiled = self.compiled
-        taken = {frame.name for frame in model.frames if frame.type != pin.FrameType.JOINT}
         for kind, count in (("site", compiled.nsite), ("geom", compiled.ngeom)):
             for number in range(count):
                 one = getattr(compiled, kind)(number)
                 body = int(one.bodyid[0])
-                if not one.name or one.name in taken or body not in frames:
-                    continue
-                taken.add(one.name)
-                joint, place = places[body]
-                place = place * _pose(one.pos, one.quat)
-                frame = pin.Frame(one.name, joint, frames[body], place, pin.FrameType.OP_FRAME)
-                model.addFrame(frame, False)
+                if one.name and body in self.frames:
+                    self._add_frame(one.name, body, _pose(one.pos, one.quat))
 
-    def _set_limits(self, model: Any) -> None:
-        """Set ranges, torque limits and rotor inertias."""
-        compiled = self.compiled
+    def _add_frame(self, name: str, body: int, pose: Any) -> None:
+        """Add a frame fixed to a body, unless its name is taken."""
+        joint, place = self.places[body]
+        if name not in self.framed:
+            self.framed.add(name)
+            frame = pin.Frame(name, joint, self.frames[body], place * pose, pin.FrameType.OP_FRAME)
+            self.model.addFrame(frame, False)
+
+    def _set_limits(self) -> None:
+        """Set ranges, limits of torque and rotor inertias."""
+        compiled, model = self.compiled, self.model
         lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
         effort, armature = np.full(model.nv, math.inf), np.zeros(model.nv)
         limits = effort_limits(compiled)
-        for kind, _, dof, joint in self.columns:
-            q, v, size = model.idx_qs[joint], model.idx_vs[joint], model.nvs[joint]
-            if dof < 0:
+        for joint in self.joints:
+            if joint.theirs < 0:
                 continue
+            q, v = model.idx_qs[joint.number], model.idx_vs[joint.number]
+            dof, size = int(compiled.jnt_dofadr[joint.theirs]), model.nvs[joint.number]
             armature[v : v + size] = compiled.dof_armature[dof : dof + size]
-            if kind in (2, 3):
-                number = int(compiled.dof_jntid[dof])
-                ends = compiled.jnt_range[number] if compiled.jnt_limited[number] else _UNLIMITED
+            if joint.kind in (SLIDE, HINGE):
+                limited = compiled.jnt_limited[joint.theirs]
+                ends = compiled.jnt_range[joint.theirs] if limited else (-math.inf, math.inf)
                 lower[q], upper[q] = ends
-                effort[v] = limits[number]
+                effort[v] = limits[joint.theirs]
         model.lowerPositionLimit, model.upperPositionLimit = lower, upper
         model.velocityLimit, model.effortLimit = np.full(model.nv, math.inf), effort
         model.armature = armature
 
-    def compare(self, model: Any) -> None:
-        """Raise `InvalidInput` unless mass and joint-space inertia are those that MuJoCo computes.
+    def _add_constraints(self, locked: Set[str]) -> None:
+        """Add a loop for each `<connect>` of two bodies, and a mimic for each joint that follows.
+
+        Raises `InvalidInput` for another constraint that has an effect on a joint that is not
+        locked.
+        """
+        import mujoco
+
+        compiled = self.compiled
+        for number in range(compiled.neq):
+            kind = mujoco.mjtEq(int(compiled.eq_type[number]))
+            first, second = int(compiled.eq_obj1id[number]), int(compiled.eq_obj2id[number])
+            name = compiled.equality(number).name or f"equality{number}"
+            sites = int(compiled.eq_objtype[number]) == int(mujoco.mjtObj.mjOBJ_SITE)
+            if kind == mujoco.mjtEq.mjEQ_JOINT:
+                ends = [end for end in (first, second) if end >= 0]
+                bodies = [int(compiled.jnt_bodyid[end]) for end in ends]
+                idle = all(compiled.joint(end).name in locked for end in ends)
+            else:
+                idle = False
+                bodies = [int(compiled.site_bodyid[e]) if sites else e for e in (first, second)]
+            kinds = (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+            own = [body for body in bodies if body in self.places] if kind in kinds else [0]
+            if idle or not own or not compiled.eq_active0[number]:
+                continue
+            values = compiled.eq_data[number]
+            if kind == mujoco.mjtEq.mjEQ_CONNECT and len(own) == 2:
+                pair = []
+                for k, (end, body) in enumerate(zip((first, second), bodies, strict=True)):
+                    pose = pin.SE3(np.eye(3), values[3 * k : 3 * k + 3].copy())
+                    if sites:
+                        pose = _pose(compiled.site_pos[end], compiled.site_quat[end])
+                    self._add_frame(f"{name}_{k + 1}", body, pose)
+                    pair.append(f"{name}_{k + 1}")
+                self.loops.append((pair[0], pair[1]))
+            elif kind == mujoco.mjtEq.mjEQ_JOINT and len(own) == 2 and not values[2:5].any():
+                self._add_mimic(first, second, float(values[0]), float(values[1]))
+            else:
+                what = kind.name.removeprefix("mjEQ_").lower()
+                remedy = "lock its joints (locked=), " if "joint" in what else ""
+                raise InvalidInput(
+                    f"equality constraint {name!r} ({what}) is not read: only <connect> of two "
+                    "bodies of the robot and <joint> with two joints and a linear polycoef are; "
+                    f'{remedy}remove it, or set active="false"'
+                )
+
+    def _add_mimic(self, first: int, second: int, offset: float, multiplier: float) -> None:
+        """Let a joint follow another one; both count from their `ref` in MuJoCo."""
+        start, at = self.compiled.qpos0, self.compiled.jnt_qposadr
+        joint, driver = (str(self.compiled.joint(each).name) for each in (first, second))
+        taken = {name for mimic in self.mimics for name in (mimic.joint, mimic.driver)}
+        if not joint or not driver or joint in taken or driver in {m.joint for m in self.mimics}:
+            raise InvalidInput(
+                f"joint {joint!r} mimics {driver!r}: both must have a name, and no third joint may "
+                "mimic one that mimics another; lock them (locked=)"
+            )
+        offset += float(start[at[first]]) - multiplier * float(start[at[second]])
+        self.mimics.append(Mimic(joint, driver, multiplier, offset))
+
+    def compare(self) -> None:
+        """Raise `InvalidInput` unless mass, places and inertia are those that MuJoCo computes.
 
         At three configurations of all joints, always the same ones.
         """
         import mujoco
 
-        compiled, data = self.compiled, mujoco.MjData(self.compiled)
-        dofs = [d + k for _, _, d, j in self.columns if d >= 0 for k in range(model.nvs[j])]
-        known = [
-            model.idx_vs[j] + k
-            for _, _, d, j in self.columns
-            if d >= 0
-            for k in range(model.nvs[j])
-        ]
+        compiled, model = self.compiled, self.model
+        compiled.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)  # they take time
+        data, state = pin.Data(model), mujoco.MjData(compiled)
         draw = np.random.default_rng(0)
+        masses = [float(compiled.body_mass[body]) for body in self.places]
+        ours = sum(inertia.mass for inertia in model.inertias)
+        same = abs(ours - math.fsum(masses)) <= SAME * ours
         for _ in range(3):
             q = pin.integrate(model, pin.neutral(model), draw.uniform(-1.0, 1.0, model.nv))
-            data.qpos[:] = compiled.qpos0
-            turns = np.eye(model.nv)
-            for kind, at, _, joint in self.columns:
-                part = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
-                if kind == 0:
-                    v = model.idx_vs[joint]
-                    turns[v : v + 3, v : v + 3] = pin.Quaternion(part[3:]).matrix()
-                    part = np.array([*part[:3], part[6], *part[3:6]])
-                elif kind == 1:
-                    part = np.array([part[3], *part[:3]])
-                if at >= 0:
-                    data.qpos[at : at + len(part)] = part
-            mujoco.mj_kinematics(compiled, data)
-            mujoco.mj_comPos(compiled, data)
-            mujoco.mj_crb(compiled, data)
-            theirs = np.zeros((len(dofs), len(dofs)))
+            columns, dofs, turn = self._pose_theirs(state, q)
+            mujoco.mj_fwdPosition(compiled, state)
+            pin.framesForwardKinematics(model, data, q)
+            for body, frame in self.frames.items():
+                place = state.xpos[body]
+                apart = np.abs(data.oMf[frame].translation - place).max()
+                same = same and bool(apart <= SAME * (1.0 + np.abs(place).max()))
+            theirs = np.zeros((compiled.nv, len(dofs)))
             for column, dof in enumerate(dofs):
-                unit, moved = np.zeros(compiled.nv), np.zeros(compiled.nv)
-                unit[dof] = 1.0
-                mujoco.mj_mulM(compiled, data, moved, unit)
-                theirs[:, column] = moved[dofs]
-            # MuJoCo's linear velocity of a free joint is in world axes, Pinocchio's in the body's
-            turn = turns[np.ix_(known, known)]
-            theirs = turn.T @ theirs @ turn
-            ours = pin.crba(model, pin.Data(model), q, pin.Convention.LOCAL)[np.ix_(known, known)]
-            scale = np.sqrt(np.outer(theirs.diagonal(), theirs.diagonal()))
-            wrong = ~(np.abs(ours - theirs) <= SAME * scale)
-            if wrong.any():
-                first = known[int(np.argwhere(wrong)[0][0])]
-                joint = [n for n, v in zip(model.names, model.idx_vs, strict=True) if v <= first][
-                    -1
-                ]
-                raise InvalidInput(
-                    f"the joint-space inertia differs from MuJoCo's, at joint {joint!r} first: the "
-                    "model has something that this reader does not know (such as the armature of "
-                    "a tendon)"
-                )
+                moved = np.zeros(compiled.nv)
+                mujoco.mj_mulM(compiled, state, moved, np.eye(compiled.nv)[dof])
+                theirs[:, column] = moved
+            expected = turn.T @ theirs[dofs] @ turn
+            inertia = pin.crba(model, data, q, pin.Convention.LOCAL)[np.ix_(columns, columns)]
+            scale = np.sqrt(np.abs(expected.diagonal()))
+            apart = np.abs(inertia - expected)
+            same = same and bool((apart <= SAME * np.outer(scale, scale)).all())
+        if not same:
+            raise InvalidInput(
+                "MuJoCo computes another mass, place or joint-space inertia than this reader: the "
+                "model has something that is not read, such as a tendon with armature"
+            )
+
+    def _pose_theirs(self, state: Any, q: Array) -> tuple[list[int], list[int], Array]:
+        """Set MuJoCo's configuration to q; return how velocities correspond.
+
+        These are our indices, theirs, and the matrix R with theirs = R ours: the linear velocity of
+        a free joint is in world axes there. The base of q that MuJoCo has not goes to its place.
+        """
+        compiled, model = self.compiled, self.model
+        state.qpos[:] = compiled.qpos0
+        columns: list[int] = []
+        dofs: list[int] = []
+        turn = np.eye(model.nv)
+        for joint in self.joints:
+            at, v = model.idx_qs[joint.number], model.idx_vs[joint.number]
+            part = q[at : at + model.nqs[joint.number]]
+            if joint.theirs < 0:
+                body = next(iter(self.frames))
+                place = _pose(compiled.body_pos[body], compiled.body_quat[body])
+                q[at : at + 7] = pin.SE3ToXYZQUAT(place)
+                continue
+            if joint.kind == FREE:
+                turn[v : v + 3, v : v + 3] = pin.Quaternion(part[3:]).matrix()
+                part = part[[0, 1, 2, 6, 3, 4, 5]]
+            elif joint.kind == BALL:
+                part = part[[3, 0, 1, 2]]
+            start, dof = compiled.jnt_qposadr[joint.theirs], compiled.jnt_dofadr[joint.theirs]
+            state.qpos[start : start + len(part)] = part
+            columns += range(v, v + model.nvs[joint.number])
+            dofs += range(dof, dof + model.nvs[joint.number])
+        return columns, dofs, turn[np.ix_(columns, columns)]
 
 
 def effort_limits(compiled: Any) -> Array:
@@ -339,9 +405,6 @@ def effort_limits(compiled: Any) -> Array:
     return np.where(compiled.jnt_actfrclimited, np.minimum(reach, allowed), reach)
 
 
-_UNLIMITED = (-math.inf, math.inf)
-
-
 def _aligned(unaligned: Any, *aligned: Any) -> Callable[[Array], Any]:
     """Return a function from an axis to a joint, one along x, y or z if the axis is."""
 
@@ -355,17 +418,17 @@ def _aligned(unaligned: Any, *aligned: Any) -> Callable[[Array], Any]:
     return joint
 
 
-_JOINTS: dict[int, Callable[[Array], Any]] = {
-    0: lambda _: pin.JointModelFreeFlyer(),
-    1: lambda _: pin.JointModelSpherical(),
-    2: _aligned(
+_JOINTS: dict[int, Callable[[Any], Any]] = {
+    FREE: lambda _: pin.JointModelFreeFlyer(),
+    BALL: lambda _: pin.JointModelSpherical(),
+    SLIDE: _aligned(
         pin.JointModelPrismaticUnaligned, pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
     ),
-    3: _aligned(
+    HINGE: _aligned(
         pin.JointModelRevoluteUnaligned, pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
     ),
 }
-"""Joints by MuJoCo's `jnt_type`: free, ball, slide, hinge."""
+"""Joints by kind; they are passed the axis, where they have one."""
 
 
 def _pose(position: Array, quaternion: Array) -> Any:

@@ -6,6 +6,7 @@ published robot may have massless virtual links between joints, or mass at a poi
 
 import math
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def frame_id(model: Any, name: str) -> int:
     matches = [i for i, frame in enumerate(model.frames) if frame.name == name and i > 0]
     if not matches:
         names = [frame.name for frame in model.frames][1:]
-        raise InvalidInput(f"frame {name!r} is unknown: {model.name} has {listed(names)}")
+        raise InvalidInput(unknown("frame", name, model.name, names))
     bodies = [i for i in matches if model.frames[i].type != pin.FrameType.JOINT]
     return bodies[0] if bodies else matches[0]
 
@@ -47,6 +48,14 @@ def listed(names: Sequence[str], most: int = 40) -> str:
     """Return names in one line; what is beyond `most` is counted."""
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest
+
+
+def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
+    """Return the line for a name that a model has not, with the nearest that it has."""
+    by_case = {known.lower(): known for known in reversed(names)}
+    near = get_close_matches(name.lower()[:200], list(by_case), 1) if isinstance(name, str) else []
+    hint = f"did you mean {by_case[near[0]]!r}? " if near else ""
+    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(names)}"
 
 
 def check_model(model: Any) -> None:
@@ -120,17 +129,23 @@ def _check_inertias(model: Any, names: list[str]) -> None:
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){others}: what "
                 f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
-                "inertia, or make the joint fixed"
+                "inertia, or lock the joint (locked= of from_urdf)"
             )
+    unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
         # a point's moments are 0 but for the rounding of those about its joint
         largest = max(_spread(moved)[0], _spread(body)[0], moved.mass * moved.lever @ moved.lever)
         if body.mass > 0 and not _spread(body)[-1] >= -ROUNDING * largest:
-            moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(body.inertia))
-            raise InvalidInput(
-                f"joint {name!r} moves an unsound inertia (principal moments {moments} kg m2): "
-                "none may be negative or exceed the sum of the others (triangle inequality)"
-            )
+            unsound.append(name)
+    if unsound:
+        first = bodies[names.index(unsound[0])]
+        moments = ", ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(first.inertia))
+        others = f", as do {listed(unsound[1:])}" if unsound[1:] else ""
+        raise InvalidInput(
+            f"joint {unsound[0]!r} moves an unsound inertia (principal moments {moments} kg m2)"
+            f"{others}: none may be negative or exceed the sum of the others (triangle "
+            "inequality); correct it, or lock the joint (locked= of from_urdf)"
+        )
 
 
 def _spread(inertia: Any) -> Array:
@@ -218,7 +233,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
         else f"has condition {condition:.1g}, above {MAX_CONDITION:g}: no digits"
     )
     joints = listed(find_singular_joints(model, inertia))
-    return f"{fault} (at fault: {joints}; Leg.locked locks joints)"
+    return f"{fault} (at fault: {joints}; Leg.locked, or locked= of from_urdf, locks joints)"
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:

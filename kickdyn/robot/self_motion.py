@@ -30,10 +30,12 @@ def self_motion(leg: Leg, q: ArrayLike, step: float = 0.01) -> list[Posture]:
 
     Raises:
         InvalidInput: the leg has not exactly one degree of self-motion at q, q is out of range, or
-            the leg has supports or loops.
+            the leg has supports, loops or mimic joints.
     """
     if leg.constraints is not None:
-        raise InvalidInput(f"{leg.name} has supports or loops: only a free leg is followed")
+        raise InvalidInput(
+            f"{leg.name} has supports, loops or mimic joints: only a free leg is followed"
+        )
     start = leg.posture(q)
     step = validation.number("step", step, above=0, at_most=0.1, unit="rad")
     if not _within(leg, start.q):

@@ -4,8 +4,10 @@ import io
 import os
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,20 +17,14 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.files import read_text, shipped
+from kickdyn.core.validation import brief
+from kickdyn.core.xml_text import parse_xml
 from kickdyn.errors import InvalidInput, UrdfError
-from kickdyn.robot.urdf_validation import find_faults
+from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.urdf_validation import find_faults, find_irregularities, read_mimics
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 
 MAX_BYTES = 20_000_000
-
-MAX_DEPTH = 64
-"""Levels of tags of an XML document."""
-
-MAX_MARKS = 200_000
-"""Tags and attributes of a document, counted as its `<` and `=`: half a second of parsing."""
-
-MAX_ATTRIBUTES, MAX_VALUE = 100, 10_000
-"""Attributes of a tag, and characters of one of them."""
 
 
 class UrdfFile(RobotFile):
@@ -64,19 +60,50 @@ class UrdfFile(RobotFile):
             )
         return found
 
+    @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that the file lets move with another, each with a driver that does not."""
+        return read_mimics(ElementTree.fromstring(self.text))
 
-def read_urdf(path: str | PathLike[str]) -> UrdfFile:
-    """Read and check a URDF file.
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return tuple(find_irregularities(ElementTree.fromstring(self.text)))
+
+
+def read_urdf(
+    path: str | PathLike[str],
+    package_dirs: Iterable[str | PathLike[str]] = (),
+    locked: Container[str] = (),
+) -> UrdfFile:
+    """Read and check a URDF file, whose meshes may be in further folders.
+
+    Of joints to be locked, it does not matter whom they mimic.
 
     Raises:
         UrdfError: with all faults of the file in one message.
-        InvalidInput: `path` is no path at all.
+        InvalidInput: `path` is no path at all, or there is no such folder.
     """
-    urdf = read_document(path)
-    faults = find_faults(ElementTree.fromstring(urdf.text))
+    urdf = replace(read_document(path), package_dirs=tuple(_folders(package_dirs)))
+    faults = find_faults(ElementTree.fromstring(urdf.text), locked)
     if faults:
         raise UrdfError(urdf.source, faults)
     return urdf
+
+
+def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
+    """Yield folders as absolute paths; raise `InvalidInput` for what is none."""
+    if isinstance(package_dirs, str | PathLike) or not isinstance(package_dirs, Iterable):
+        raise InvalidInput(f"package_dirs is {package_dirs!r}: it must be a list of folders")
+    for folder in package_dirs:
+        try:
+            path = Path(folder).resolve()
+            if path.is_dir():
+                yield path
+                continue
+        except (TypeError, ValueError, OSError, RuntimeError):  # no path, a NUL, links in a circle
+            pass
+        raise InvalidInput(f"package_dirs names {brief(folder)}: there is no such folder")
 
 
 def read_document(path: str | PathLike[str]) -> UrdfFile:
@@ -149,51 +176,6 @@ def check_base(base: str) -> None:
     """Raise `InvalidInput` for a base that is neither fixed nor floating."""
     if not isinstance(base, str) or base not in ("fixed", "floating"):
         raise InvalidInput(f"base is {base!r}: it must be fixed or floating")
-
-
-class _StrictBuilder(ElementTree.TreeBuilder):
-    """Builds the tree; refuses a DOCTYPE, and with it every entity, and absurd tags."""
-
-    depth = 0
-
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        """Refuse a DOCTYPE."""
-        if name.lower() == "html":
-            raise ValueError("is an HTML page")
-        raise ValueError("has a DOCTYPE: entities are not expanded, remove it")
-
-    def start(self, tag: str, attrs: dict[str, str], /) -> ElementTree.Element:
-        """Open an element."""
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise ValueError(f"nests tags deeper than {MAX_DEPTH}")
-        if len(attrs) > MAX_ATTRIBUTES or any(len(v) > MAX_VALUE for v in attrs.values()):
-            raise ValueError(
-                f"has a tag <{tag[:40]}> with more than {MAX_ATTRIBUTES} attributes, or one of "
-                f"more than {MAX_VALUE} characters"
-            )
-        return super().start(tag, attrs)
-
-    def end(self, tag: str, /) -> ElementTree.Element:
-        """Close an element."""
-        self.depth -= 1
-        return super().end(tag)
-
-
-def parse_xml(text: str) -> ElementTree.Element:
-    """Return the root of an XML document of limited size; raise `ValueError` with the reason."""
-    if not text.strip():
-        raise ValueError("is empty")
-    marks = text.count("<") + text.count("=")
-    if marks > MAX_MARKS:
-        raise ValueError(f"has {marks} tags and attributes: at most {MAX_MARKS} are read")
-    try:
-        parser = ElementTree.XMLParser(target=_StrictBuilder(), encoding="utf-8")
-        return ElementTree.fromstring(text.encode(), parser=parser)
-    except ElementTree.ParseError as error:
-        raise ValueError(f"is not well-formed XML ({error})") from None
-    except LookupError as error:  # an encoding declared but unknown
-        raise ValueError(f"cannot be parsed ({error})") from None
 
 
 _stderr_lock = threading.Lock()  # file descriptor 2 belongs to the whole process

@@ -1,7 +1,7 @@
 """Faults of a URDF's text, all of them at once, found before Pinocchio reads it.
 
-Its parser overflows its stack on long chains, never returns from loops, takes double names, mimic
-joints and axes without direction, and stops at the first faulty joint. What it reports besides,
+Its parser overflows its stack on long chains, never returns from loops, takes double names and
+axes without direction, and stops at the first faulty joint. What it reports besides,
 such as an attribute that is missing, `build_model` passes on; `model_validation` then judges the
 inertia of what moves together.
 """
@@ -9,8 +9,17 @@ inertia of what moves together.
 import math
 import re
 from collections import Counter
+from collections.abc import Container
+from difflib import get_close_matches
 from graphlib import CycleError, TopologicalSorter
 from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from kickdyn.robot.mimic_joints import Mimic
+
+ROUNDING = 1e-9
+"""How far moments of inertia may break the triangle inequality, relative to the largest."""
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
@@ -30,13 +39,19 @@ _COUNTS = {
     **{("origin", key): 3 for key in ("xyz", "rpy")},
     **{("axis", "xyz"): 3, ("mass", "value"): 1},
     **{("inertia", key): 1 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")},
+    **{("mimic", key): 1 for key in ("multiplier", "offset")},
     **{("limit", key): 1 for key in ("lower", "upper", "effort", "velocity")},
 }
 """How many numbers there are in an attribute, by tag and key."""
 
 
-def find_faults(root: Element) -> list[str]:
-    """Return one line per fault of the robot under `root`; none if Pinocchio may read it."""
+def find_faults(root: Element, locked: Container[str] = ()) -> list[str]:
+    """Return one line per fault of the robot under `root`; none if Pinocchio may read it.
+
+    Whom joints mimic that are to be locked does not matter.
+    """
+    if root.tag == "mujoco":
+        return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
     if root.tag != "robot":
         return [f"is not a URDF: its root is <{root.tag}>, not <robot>"]
     faults: list[str] = []
@@ -61,7 +76,68 @@ def find_faults(root: Element) -> list[str]:
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
     _check_tree(links, joints, faults)
+    _check_mimics({n: j for n, j in joints.items() if n not in locked}, joints, faults)
     return faults
+
+
+def find_irregularities(root: Element) -> list[str]:
+    """Return one line for each kind of irregularity with which the robot under `root` is read.
+
+    Inertias are judged with what moves together, by `model_validation`: a link alone may have none,
+    or one that no body has.
+    """
+    light, impossible = [], []
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        if inertial is not None and (mass := inertial.find("mass")) is not None:
+            if float(mass.get("value", "nan")) == 0.0:
+                light.append(link.get("name", ""))
+            elif _is_impossible(inertial.find("inertia")):
+                impossible.append(link.get("name", ""))
+    unlimited = [
+        joint.get("name", "")
+        for joint in root.findall("joint")
+        if joint.get("type") in ("revolute", "prismatic")
+        and (limit := joint.find("limit")) is not None
+        and not {"lower", "upper"} <= limit.attrib.keys()
+    ]
+    idle = [
+        joint.get("name", "")
+        for joint in root.findall("joint")
+        if joint.get("type") == "fixed" and joint.find("mimic") is not None
+    ]
+    together = "they count together with what is fixed to them or hangs from them"
+    return [
+        f"{kind} ({_few(names)}): {meaning}"
+        for names, kind, meaning in (
+            (light, "links with mass 0", together),
+            (impossible, "links with moments of inertia that no body has", together),
+            (idle, "fixed joints with a mimic", "they stay fixed"),
+            (unlimited, "joints without lower or upper limit", "the URDF specification says 0"),
+        )
+        if names
+    ]
+
+
+def _few(names: list[str]) -> str:
+    """Return up to three names; how many there are besides."""
+    rest = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + rest
+
+
+def _is_impossible(inertia: Element | None) -> bool:
+    """Return whether moments of inertia are negative or break the triangle inequality."""
+    if inertia is None:
+        return False
+    xx, xy, xz, yy, yz, zz = (
+        float(inertia.get(key, "nan")) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if not (np.abs(moments) < 1e100).all():
+        return False
+    principal = np.linalg.eigvalsh(moments)
+    spread = np.trace(moments) / 2 - principal  # second moments of mass along the principal axes
+    return bool(spread.min() < -ROUNDING * np.abs(spread).max())
 
 
 def _named(root: Element, tag: str, faults: list[str]) -> dict[str, Element]:
@@ -125,19 +201,70 @@ def _check_numbers(where: str, element: Element, faults: list[str]) -> None:
 def _check_joint(where: str, joint: Element, faults: list[str]) -> None:
     """Check type, limit and numbers of a joint."""
     kind = joint.get("type", "")
-    _check_single(where, joint, ("origin", "parent", "child", "axis", "limit"), faults)
+    _check_single(where, joint, ("origin", "parent", "child", "axis", "limit", "mimic"), faults)
     _check_numbers(where, joint, faults)
     if kind not in (*MOVING, "fixed"):
         faults.append(f"{where} type is {kind[:40]!r}: it must be {', '.join(MOVING)} or fixed")
-    if joint.find("mimic") is not None:
-        faults.append(f"{where} mimics another: Pinocchio would move it freely, remove the mimic")
-    axis, limit = joint.find("axis"), joint.find("limit")
+    axis = joint.find("axis")
     if axis is not None and "xyz" not in axis.attrib and kind != "fixed":
         faults.append(f"{where} axis has no xyz: it must be 3 finite numbers, not all 0")
-    for key in ("lower", "upper"):
-        if kind in ("revolute", "prismatic") and limit is not None and key not in limit.attrib:
-            unit = "m" if kind == "prismatic" else "rad"
-            faults.append(f"{where} limit has no {key}: it must be a finite number [{unit}]")
+
+
+def _check_mimics(
+    judged: dict[str, Element], joints: dict[str, Element], faults: list[str]
+) -> None:
+    """Check that the judged joints mimic others with a range, and no two of them each other."""
+    drivers = _drivers(joints)
+    for name, driver in drivers.items():
+        if name not in judged:
+            continue
+        remedy = f"lock it: locked={{{name!r}: 0}} of from_urdf"
+        kind = joints[driver].get("type") if driver in joints else None
+        if kind is None:
+            near = get_close_matches(driver[:200], list(joints), 1, 0.7)
+            hint = f"did you mean {near[0]!r}? Correct the name" if near else "correct the name"
+            faults.append(
+                f"joint {name!r} mimics {driver[:40]!r}, and there is no such joint: {hint}, or "
+                + remedy
+            )
+        elif "continuous" in (kind, joints[name].get("type")) or kind == "fixed":
+            faults.append(
+                f"joint {name!r} mimics {driver!r}: both must be revolute or prismatic, for a "
+                f"continuous joint's angle is known but for whole turns; {remedy}"
+            )
+    try:
+        TopologicalSorter({joint: [driver] for joint, driver in drivers.items()}).prepare()
+    except CycleError as error:
+        faults.append(f"joints {', '.join(sorted(set(error.args[1])))} mimic each other in a loop")
+
+
+def _drivers(joints: dict[str, Element]) -> dict[str, str]:
+    """Return whom each joint mimics; what a fixed joint mimics has no effect."""
+    return {
+        name: mimic.get("joint", "")
+        for name, joint in joints.items()
+        if joint.get("type") != "fixed" and (mimic := joint.find("mimic")) is not None
+    }
+
+
+def read_mimics(root: Element) -> tuple[Mimic, ...]:
+    """Return the mimic joints of a robot without faults, each with a driver that mimics none.
+
+    What mimics a joint that does not exist, and is to be locked, is left out.
+    """
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    drivers, found = _drivers(joints), []
+    for name in drivers:
+        driver, multiplier, offset = name, 1.0, 0.0
+        while driver in drivers:  # q = a (c q_driver + d) + b
+            mimic = joints[driver].find("mimic")
+            assert mimic is not None
+            offset += multiplier * float(mimic.get("offset", 0.0))
+            multiplier *= float(mimic.get("multiplier", 1.0))
+            driver = drivers[driver]
+        if driver in joints:
+            found.append(Mimic(name, driver, multiplier, offset))
+    return tuple(found)
 
 
 def _check_tree(links: dict[str, Element], joints: dict[str, Element], faults: list[str]) -> None:

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 from pathlib import Path
 
 from kickdyn.core.validation import Array
+from kickdyn.robot.mimic_joints import Mimic
 
 
 class Shape(StrEnum):
@@ -30,6 +32,8 @@ class Visual:
         mesh: name of the mesh file as it is written; empty for other shapes.
         rgba: colour, 0 to 1; None where the file gives none.
         has_texture: whether the file colours it by a picture, which is not read.
+        vertices, faces: of a mesh that was read with the robot's file, in place of `mesh`: shape
+            `(n, 3)` [m, frame of the visual], and indices of vertices, shape `(m, 3)`.
     """
 
     frame: str
@@ -39,6 +43,8 @@ class Visual:
     mesh: str = ""
     rgba: tuple[float, ...] | None = None
     has_texture: bool = False
+    vertices: Array | None = None
+    faces: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -50,11 +56,23 @@ class RobotFile:
             again.
         folder: the folder of the file, for its meshes.
         source: the file as the caller named it.
+        package_dirs: ROS packages, or folders that contain them, for meshes named `package://`.
     """
 
     text: str
     folder: Path
     source: str
+    package_dirs: tuple[Path, ...] = ()
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each kind of irregularity with which the file was read; none was repaired."""
+        return ()
+
+    @cached_property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """The joints that the file lets move with another."""
+        return ()
 
     def visuals(self) -> list[Visual]:
         """Return the shapes that the file describes; raise `InvalidInput` if they are unreadable.

@@ -33,9 +33,12 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     contact the ball is struck anew; the result is the largest change, times a safety factor. Where
     that is no strike, nothing is known: inf. However brief, a contact that sticks does not tend to
     the law `newton` (see `collide`); it stays nearer to `stronge`, which follows the sliding, too:
-    the difference of these laws is added.
+    the difference of these laws is added. With supports, loops and mimic joints, which the leg
+    would leave on a straight way, nothing is known either.
     """
     assert scene.contact_time is not None
+    if scene.leg.constraints is not None:
+        return UNKNOWN
     # it lasts up to half longer than asked for, while the leg's inertia changes
     time, leg, contact = 1.5 * scene.contact_time, scene.leg, scene.contact
     space, posture, launch = leg.workspace, impact.posture, impact.ball_after

@@ -194,14 +194,15 @@ class Scene(ReprMixin):
 
 
 def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
-    """Return a mapping whose names are those of `Impact.uncertainty`, or raise `InvalidInput`."""
+    """Return finite values by the names of `Impact.uncertainty`, or raise `InvalidInput`."""
     checked = validation.mapping("uncertainty", value)
-    for name in checked:
+    for name, deviation in checked.items():
         if name not in UNITS:
             known = ", ".join(UNITS)
             raise InvalidInput(
                 f"uncertainty of {validation.brief(name)} is unknown: choose {known}"
             )
+        validation.floats(f"uncertainty of {name}", deviation)
     return checked
 
 

@@ -17,6 +17,7 @@ from kickdyn.ground import SURFACES
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
 from kickdyn.robot.catalog import ROBOTS
+from kickdyn.robot.descriptions import DESCRIPTION
 from kickdyn.scene.scene import compliant_contact_faults
 
 Check = Callable[[str, Any], Any]
@@ -88,6 +89,21 @@ _texts = _valid(
     ),
     "it must be a list of names, at most 100",
 )
+_pairs = _valid(
+    lambda value: (
+        isinstance(value, list)
+        and len(value) <= 100
+        and all(
+            isinstance(pair, list) and len(pair) == 2 and all(isinstance(v, str) for v in pair)
+            for pair in value
+        )
+    ),
+    "it must be a list of pairs of names, at most 100",
+)
+_robot = _valid(
+    lambda value: isinstance(value, str) and (value in ROBOTS or value.endswith(DESCRIPTION)),
+    f"choose {', '.join(ROBOTS)}, or a name of robot_descriptions, NAME{DESCRIPTION}",
+)
 _flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
 UNCERTAINTY = {
@@ -109,11 +125,14 @@ SECTIONS: dict[str, dict[str, Check]] = {
     "leg": {
         "model": _choice("human", "testbed"),
         "file": _text,
-        "robot": _choice(*ROBOTS),
+        "robot": _robot,
         "frame": _text,
         "base": _choice("fixed", "floating"),
+        "package_dirs": _texts,
         "legs_only": _flag,
         "supports": _texts,
+        "loops": _pairs,
+        "stiff_joints": _texts,
         "armature_kg_m2": _by_joint("kg m2", at_least=0.0),
     },
     "posture": {
@@ -171,8 +190,11 @@ ONE_OF = {
 NEEDED = {"contact": ("restitution",), "plane": ("point_m", "normal")}
 """Keys without which a section is not complete."""
 
-GOES_WITH = {"leg": ("legs_only", "robot"), "contact": ("side_deg", "attack_deg")}
-"""By section, a key and another one that it has a meaning with only."""
+GOES_WITH = {
+    "leg": {"legs_only": "robot", "package_dirs": "file"},
+    "contact": {"side_deg": "attack_deg"},
+}
+"""By section and key, another key that it has a meaning with only."""
 
 
 def check_document(document: Mapping[str, Any]) -> list[str]:
@@ -215,9 +237,11 @@ def _check_section(section: str, content: dict[str, Any]) -> list[str]:
         which = " and ".join(named) or "none"
         faults.append(f"{section} names {which} of {', '.join(choice)}: it must name one")
     faults += [f"{section}.{key} is missing" for key in needed if key not in content]
-    key, other = GOES_WITH.get(section, ("", ""))
-    if key in content and other not in content:
-        faults.append(f"{section}.{key} is named without {other}: it goes with that")
+    faults += [
+        f"{section}.{key} is named without {other}: it goes with that"
+        for key, other in GOES_WITH.get(section, {}).items()
+        if key in content and other not in content
+    ]
     return faults + [f"{section}.{line}" for line in _clashes(section, valid)]
 
 

@@ -9,7 +9,6 @@ from kickdyn.core import validation
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.errors import KickdynError
 from kickdyn.impact.collide import Collision, collide
-from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.scene.contact_drift import contact_drift, strike_scene
 from kickdyn.scene.effects import (
@@ -55,8 +54,6 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
     """
-    if scene.contact_time is not None:
-        check_unconstrained(scene.leg, "a contact that takes time is")
     effects = effects_of(scene)
     if tolerance is None:
         return _simulate_everything(scene, effects)

@@ -102,8 +102,8 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of `path`: coefficients used outside their range of validity."""
-        return () if self.path is None else self.path.warnings
+        """Those of the leg, and of `path`: coefficients used outside their range of validity."""
+        return (*self.scene.leg.warnings, *(() if self.path is None else self.path.warnings))
 
     def __str__(self) -> str:
         """Return the end and the error budget."""

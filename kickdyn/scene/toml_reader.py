@@ -20,6 +20,7 @@ from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg_file import read_leg
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import REQUIRED, UNCERTAINTY, check_document, faults_of
@@ -95,10 +96,16 @@ def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
             leg = leg.with_armature(at_leg["armature_kg_m2"])
         if "supports" in at_leg:
             leg = leg.with_supports(*at_leg["supports"])
+        if "loops" in at_leg:
+            leg = leg.with_loops(*at_leg["loops"])
+        if "stiff_joints" in at_leg:
+            leg = leg.with_stiff_joints(*at_leg["stiff_joints"])
     with _faults_in("posture"):
         degrees, metres = (posture.get(key, {}) for key in ("angles_deg", "positions_m"))
         angles = {joint: math.radians(angle) for joint, angle in degrees.items()}
-        q, contact, ball = leg.configuration(angles | metres), _contact(at_contact), _ball(at_ball)
+        named = angles | metres
+        q = leg.close_loops(leg.configuration(named), keep=named)
+        contact, ball = _contact(at_contact), _ball(at_ball)
         scene = Scene(
             leg,
             q,
@@ -145,7 +152,8 @@ def _leg(section: dict[str, Any], folder: Path) -> Leg:
         return Leg.from_urdf(
             shipped_urdf(f"leg_{section['model']}.urdf"), frame or "toe", base=base
         )
-    return Leg.from_urdf(folder / section["file"], frame or "toe", base=base)
+    packages = [folder / each for each in section.get("package_dirs", ())]
+    return read_leg(folder / section["file"], frame or "toe", base, packages)
 
 
 def _check_joints(leg: Leg, document: dict[str, Any]) -> None:

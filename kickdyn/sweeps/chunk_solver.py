@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
-from kickdyn.errors import KickdynError
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, kick_from
+from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 KERNEL_FROM = 2000
 """Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""
@@ -90,6 +90,9 @@ class ChunkSolver:
                 _confirm(self._verify(first, int(sure[0]), rows))
         for i in np.flatnonzero(doubtful).tolist():
             outcome = self._one(first + i)
+            if outcome is None:
+                status[i] = PostureStatus.NOT_CLOSED.flag
+                continue
             rows[:, i] = list(variables_of(outcome, self._kick).values())
             status[i] = outcome.status.flag
             if i == 0:
@@ -118,14 +121,18 @@ class ChunkSolver:
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful
 
-    def _one(self, number: int) -> PostureOutcome:
-        """Return the kick from one posture of the grid."""
-        posture = self._leg.posture(self._grid.configuration(self._leg, number))
-        return kick_from(posture, self._kick)
+    def _one(self, number: int) -> PostureOutcome | None:
+        """Return the kick from one posture of the grid; None where its loops cannot be closed."""
+        try:
+            q = self._grid.configuration(self._leg, number)
+        except InvalidInput:
+            return None
+        return kick_from(self._leg.posture(q), self._kick)
 
     def _verify(self, first: int, i: int, rows: Array) -> PostureOutcome:
         """Return what `kick_from` computes for a posture of a chunk; raise where it is not that."""
         outcome = self._one(first + i)
+        assert outcome is not None  # no kernel serves loops
         row = np.array(list(variables_of(outcome, self._kick).values()))
         for k, name in enumerate(VARIABLES):
             slack = AGREEMENT * abs(row[k])

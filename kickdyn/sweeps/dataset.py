@@ -49,7 +49,7 @@ STATUS_ATTRIBUTES: dict[str, Any] = {
 _DIFFERENT_HASH = {
     "leg_sha256": "the text of its leg's URDF is not this one's",
     "model_sha256": "its leg's model is not this one's: masses, lengths, armature, locked joints, "
-    "supports or loops",
+    "supports, loops, mimic joints or stiff joints",
     "air_sha256": "its air is not this one's: digits that are not printed, or functions",
 }
 """What a difference of two hashes means."""
@@ -126,6 +126,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
         "model_sha256": hashlib.sha256(_model_text(leg).encode()).hexdigest(),
         "frame": leg.frame,
+        "warnings": "; ".join(leg.warnings),
         "foot_speed_m_s": kick.speed,
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
@@ -143,7 +144,8 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
 def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
     """Return the first difference between two described sweeps as a sentence, None without one.
 
-    Every attribute but `finished` and every value of the grid is compared, to the last digit.
+    Every attribute but `finished` and `warnings` and every value of the grid is compared, to the
+    last digit.
     """
     dims = [", ".join(map(str, dims)) for dims in (stored["status"].dims, wanted.dims)]
     if dims[0] != dims[1]:
@@ -157,7 +159,7 @@ def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
             )
     for attribute, value in wanted.attrs.items():
         found = stored.attrs.get(attribute)
-        if attribute != "finished" and found != value:
+        if attribute not in ("finished", "warnings") and found != value:
             plain = f"its {attribute} is {found!r}, this one's {value!r}"
             return _DIFFERENT_HASH.get(attribute, plain)
     return None
@@ -176,10 +178,12 @@ def _check_names(grid: Grid) -> None:
 
 
 def _model_text(leg: Leg) -> str:
-    """Return every number of a leg's model, its supports and loops as a text."""
+    """Return every number of a leg's model and its constraints as a text."""
     constraints = leg.constraints
     supports, loops = ([], []) if constraints is None else (constraints.supports, constraints.loops)
-    return f"{leg.model.saveToString()} {[(s.frame, s.point) for s in supports]} {list(loops)}"
+    stands, gears = [(s.frame, s.point) for s in supports], [tuple(m) for m in leg.mimics]
+    stiff = list(leg.stiff_joints)
+    return f"{leg.model.saveToString()} {stands} {list(loops)} {gears} {stiff}"
 
 
 def _air_hash(air: Air) -> str:

@@ -1,7 +1,8 @@
 """The grid of postures of a sweep: values of named joints, and the chunks it is computed in."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,7 @@ DECIMALS = 9
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Every combination of joint values; joints that are not named stay at 0.
+    """Every combination of joint values; joints that are not named stay at 0, or close loops.
 
     Postures are numbered from 0, the last joint running fastest.
 
@@ -40,26 +41,32 @@ class Grid:
         """Return the grid over joints of a leg, from a value or ascending values [rad; m] of each.
 
         Raises:
-            InvalidInput: an unknown joint, values that are not ascending or outside the joint's
-                range, more than `LARGEST` postures.
+            InvalidInput: with all faults in one line: an unknown joint, one that mimics another,
+                values that are not ascending or outside the joint's range; or more than `LARGEST`
+                postures.
         """
         if not isinstance(postures, Mapping) or not postures:
             raise InvalidInput(
                 f"postures is {validation.brief(postures)}: it must map joint names to values"
             )
         axes: dict[str, Array] = {}
+        faults: list[str] = []
         for name, given in postures.items():
-            leg.velocity_index(name)
-            values = np.atleast_1d(validation.floats(f"joint {name}", given))
-            if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
-                raise InvalidInput(
-                    f"joint {name} has {validation.brief(given)}: its values must be ascending, "
-                    "shape (k,)"
-                )
-            _check_range(leg, name, values, "swept")
-            axes[name] = values
-        for name in set(leg.single_joints) - set(axes):
-            _check_range(leg, name, np.zeros(1), "not named, so at")
+            with _collected(faults):
+                axes[name] = _checked_axis(leg, name, given)
+        still = np.zeros(1)
+        drivers = {mimic.joint: mimic for mimic in leg.mimics}
+        for name in leg.single_joints:
+            if name in drivers:
+                mimic = drivers[name]
+                moved = mimic.multiplier * axes.get(mimic.driver, still) + mimic.offset
+                with _collected(faults):
+                    _check_range(leg, name, moved, f"moved by {mimic.driver}, which it mimics, to")
+            elif name not in postures:
+                with _collected(faults):
+                    _check_range(leg, name, still, "not named, so at")
+        if faults:
+            raise InvalidInput(*faults)
         grid = cls(axes)
         check_size(grid.shape, LARGEST)
         return grid
@@ -75,10 +82,23 @@ class Grid:
         return math.prod(self.shape)
 
     def configuration(self, leg: Leg, number: int) -> Array:
-        """Return q of a posture by its number, shape `(nq,)`."""
+        """Return q of a posture by its number, shape `(nq,)`, the leg's loops closed.
+
+        The grid's joints keep their values; other joints of a loop move.
+
+        Raises:
+            InvalidInput: the loops cannot be closed, or only by joints outside their ranges.
+        """
         index = np.unravel_index(number, self.shape)
         axes = zip(self.axes.items(), index, strict=True)
-        return leg.configuration({name: values[i] for (name, values), i in axes})
+        q = leg.configuration({name: values[i] for (name, values), i in axes})
+        if leg.constraints is None or not leg.constraints.loops:
+            return q
+        closed = leg.close_loops(q, keep=self.axes)
+        outside = leg.outside_range(closed)
+        if outside:
+            raise InvalidInput(f"with the loops closed, {outside[0]}")
+        return closed
 
 
 @dataclass(frozen=True)
@@ -147,15 +167,19 @@ def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
     Texts are `NAME=LOW:HIGH:STEP` or `NAME=VALUE` [deg; m for prismatic joints].
 
     Raises:
-        InvalidInput: no text, one that cannot be read, an unknown joint, a joint named twice, too
-            many values.
+        InvalidInput: no text; or with all faults in one line: a text that cannot be read, an
+            unknown joint, a joint named twice, too many values.
     """
     axes: dict[str, Array] = {}
+    faults: list[str] = []
     for text in joints:
-        name, values = _read_axis(leg, text)
-        if name in axes:
-            raise InvalidInput(f"joint {name!r} is given twice: give it once")
-        axes[name] = values
+        with _collected(faults):
+            name, values = _read_axis(leg, text)
+            if name in axes:
+                raise InvalidInput(f"joint {name!r} is given twice: give it once")
+            axes[name] = values
+    if faults:
+        raise InvalidInput(*faults)
     if not axes:
         names = leg.joint_names
         raise InvalidInput(
@@ -194,6 +218,30 @@ def _read_axis(leg: Leg, text: str) -> tuple[str, Array]:
     values = values if leg.joint_unit(name) == "m" else np.radians(values)
     _check_range(leg, name, values, "swept")
     return name, values
+
+
+@contextmanager
+def _collected(faults: list[str]) -> Iterator[None]:
+    """Append what is refused inside to the faults."""
+    try:
+        yield
+    except InvalidInput as error:
+        faults.append(str(error))
+
+
+def _checked_axis(leg: Leg, name: str, given: ArrayLike) -> Array:
+    """Return the values of a joint of a grid; raise `InvalidInput` if it cannot take them."""
+    leg.velocity_index(name)
+    for mimic in leg.mimics:
+        if name == mimic.joint:
+            raise InvalidInput(f"joint {name} mimics {mimic.driver}: sweep that one")
+    values = np.atleast_1d(validation.floats(f"joint {name}", given))
+    if values.ndim != 1 or not values.size or not (np.diff(values) > 0).all():
+        raise InvalidInput(
+            f"joint {name} has {validation.brief(given)}: its values must be ascending, shape (k,)"
+        )
+    _check_range(leg, name, values, "swept")
+    return values
 
 
 def _check_range(leg: Leg, name: str, values: Array, how: str) -> None:

@@ -18,7 +18,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES
-from kickdyn.sweeps.grid import DECIMALS, Chunks
+from kickdyn.sweeps.grid import DECIMALS, Chunks, Grid
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 BLOCK = 1_000_000
@@ -194,9 +194,8 @@ def outcome_at(leg: Leg, kick: Kick, posture: xr.Dataset) -> PostureOutcome:
     `data.isel(hip=3, knee=0)` or `pareto_front(data).isel(posture=0)`.
     """
     joints = [name for name in leg.joint_names if name in posture.coords]
-    return kick_from(
-        leg.posture(leg.configuration({name: float(posture[name]) for name in joints})), kick
-    )
+    alone = Grid({name: np.array([float(posture[name])]) for name in joints})
+    return kick_from(leg.posture(alone.configuration(leg, 0)), kick)
 
 
 def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> xr.Dataset:

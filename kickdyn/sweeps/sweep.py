@@ -73,7 +73,8 @@ def sweep(
     Args:
         leg: the leg.
         postures: joint name to a value or ascending values, shape `(k,)` [rad; m for prismatic
-            joints]. Every combination is a posture; joints that are not named stay at 0.
+            joints]. Every combination is a posture; joints that are not named stay at 0, or
+            move to close the leg's loops.
         kick: foot velocity, contact, ball and air.
         store: folder ending in `.zarr` to write to, chunk by chunk, so that memory does not grow
             with the grid; None returns up to a million postures in memory.
@@ -91,8 +92,9 @@ def sweep(
 
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
-        `PostureStatus` by its flag. Units and provenance are in the attributes. Variables are nan
-        where the posture is out of reach. With `store`, the dataset is the opened store.
+        `PostureStatus` by its flag. Units, provenance and `leg.warnings` are in the attributes.
+        Variables are nan where the posture is out of reach or the loops cannot be closed.
+        With `store`, the dataset is the opened store.
 
     Raises:
         InvalidInput: postures that the leg does not have, more than fit, a store that is there

@@ -82,13 +82,15 @@ class PostureStatus(StrEnum):
 
     `ok`: some joint velocity within the limits moves the foot as asked. `too-fast`: each joint
     velocity that does so exceeds a limit. `out-of-reach`: the foot cannot move in the direction of
-    the kick at all (a stretched leg along itself); there is no impact. `not-computed`: the sweep
-    has not come to the posture yet.
+    the kick at all (a stretched leg along itself); there is no impact. `not-closed`: the leg's
+    loops cannot be closed there, with all joints in their ranges; there is no posture.
+    `not-computed`: the sweep has not come to the posture yet.
     """
 
     OK = "ok"
     TOO_FAST = "too-fast"
     OUT_OF_REACH = "out-of-reach"
+    NOT_CLOSED = "not-closed"
     NOT_COMPUTED = "not-computed"
 
     @property
@@ -163,6 +165,7 @@ def least_speed_use(posture: Posture, foot_velocity: Array) -> float:
     The velocity w of the contact point is within reach, shape `(3,)` [m/s, world frame]. The use is
     inf where only joints whose limit is 0 could move the foot so.
     """
+    posture = posture.without_stiff_joints
     if posture.constraint_projector is not None:
         return speed_use(posture, slowest_joint_velocity(posture, foot_velocity))
     limit = posture.leg.velocity_limit
@@ -213,6 +216,7 @@ def slowest_joint_velocity(posture: Posture, foot_velocity: Array) -> Array:
     """
     from scipy.optimize import linprog  # its import takes a quarter of a second
 
+    posture = posture.without_stiff_joints
     least_energy = posture.try_joint_velocity(foot_velocity)
     assert least_energy is not None
     constraint_rows = (

@@ -58,10 +58,20 @@ class ReportLine:
             "angles": self.angles,
             "status": self.outcome.status.value,
             **{name: finite(value) for name, value in self.values.items()},
+            **self._free_mass(),
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,
             "explanation": self.explanation or None,
+        }
+
+    def _free_mass(self) -> dict[str, float | None]:
+        """Return the effective mass with all joints free, of a leg that has stiff ones."""
+        impact = self.outcome.impact
+        if not self.outcome.posture.leg.stiff_joints:
+            return {}
+        return {
+            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass)
         }
 
 
@@ -120,14 +130,25 @@ def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) ->
     print(text(summary, lines, width))
 
 
+def _shown_joints(leg: Leg, lines: Sequence[ReportLine]) -> list[str]:
+    """Return the joints between the base and the contact frame, and all that are not at 0."""
+    model = leg.workspace.model
+    path = {str(model.names[joint]) for joint in model.supports[leg.contact_joint]}
+    moved = {name for line in lines for name, value in line.angles.items() if value}
+    return [name for name in leg.single_joints if name in path | moved]
+
+
 def table(leg: Leg, lines: Sequence[ReportLine]) -> Table:
-    """Return the table with a column for each posture."""
+    """Return the table with a column for each posture and a row for each of `_shown_joints`."""
     rows: dict[str, list[str]] = {
         f"{name}, {_unit(leg, name)}": [f"{line.angles[name]:.4g}" for line in lines]
-        for name in leg.single_joints
+        for name in _shown_joints(leg, lines)
     }
+    rows["effective mass, kg"] = _cells(lines, "effective_mass", ".4g")
+    if leg.stiff_joints:
+        free = (line.as_json()["free_effective_mass"] for line in lines)
+        rows["all joints free, kg"] = ["" if mass is None else f"{mass:.4g}" for mass in free]
     rows |= {
-        "effective mass, kg": _cells(lines, "effective_mass", ".4g"),
         "impulse, N s": _cells(lines, "impulse", ".4f"),
         "ball / foot speed": _cells(lines, "speed_ratio", ".4f"),
         "launch angle, deg": _cells(lines, "launch_angle", ".2f", 180 / math.pi),
@@ -167,11 +188,17 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
     A line has at most `width` characters, unless a word is longer.
     """
     sentences = []
-    for line in lines:
-        if line.explanation:
-            leg = line.outcome.posture.leg
-            posture = ", ".join(f"{k} {v:.4g} {_unit(leg, k)}" for k, v in line.angles.items())
-            sentences.append(f"{line.label} ({posture}): {line.explanation}.")
+    if lines:
+        leg = lines[0].outcome.posture.leg
+        shown = _shown_joints(leg, lines)
+        for line in lines:
+            if line.explanation:
+                angles = (f"{name} {line.angles[name]:.4g} {_unit(leg, name)}" for name in shown)
+                sentences.append(f"{line.label} ({', '.join(angles)}): {line.explanation}.")
+        hidden = len(leg.single_joints) - len(shown)
+        if hidden:
+            others = "one other joint is" if hidden == 1 else f"{hidden} other joints are"
+            sentences.append(f"The robot's {others} at 0; --json lists all.")
     counts = ", ".join(f"{number} {name}" for name, number in summary.counts.items() if number)
     sentences.append(f"{summary.postures} postures: {counts}.")
     if summary.where is not None and summary.chosen:

@@ -17,21 +17,31 @@ Row = tuple[str, str]
 """What it is and its value, both HTML."""
 
 
-def kick_panel(impact: Impact, path: Flight | Course, pace: Pace, stripe: float, text: str) -> str:
-    """Return the panel of a kick, with a line of plain text, over stripes so wide [m]."""
+def kick_panel(
+    impact: Impact,
+    path: Flight | Course,
+    pace: Pace,
+    stripe: float,
+    text: str,
+    warnings: Sequence[str] = (),
+) -> str:
+    """Return the panel of a kick, with lines of plain text, over stripes so wide [m]."""
     rows = [
         *_impact_rows(impact),
         *_path_rows(path),
         ("shown", _pace(pace)),
         ("stripes", f"{stripe:g} m"),
     ]
-    return panel_of(impact.posture.leg.name or "leg", rows, text, _joints(impact))
+    return panel_of(impact.posture.leg.name or "leg", rows, text, _joints(impact), warnings)
 
 
-def panel_of(title: str, rows: Sequence[Row], text: str = "", end: str = "") -> str:
-    """Return a panel: a title and a line of plain text, a table of HTML, and more HTML."""
-    line = f"<p>{escape(text)}</p>\n" if text else ""
-    return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n{line}{_table(rows)}\n{end}</aside>'
+def panel_of(
+    title: str, rows: Sequence[Row], text: str = "", end: str = "", warnings: Sequence[str] = ()
+) -> str:
+    """Return a panel: a title and lines of plain text, a table of HTML, and more HTML."""
+    lines = f"<p>{escape(text)}</p>\n" if text else ""
+    lines += "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
+    return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n{lines}{_table(rows)}\n{end}</aside>'
 
 
 def _table(rows: Sequence[Row]) -> str:

@@ -77,7 +77,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     Nothing moves, and all arrows are to one scale: on the ball, and through each joint.
 
     Raises:
-        InvalidInput: no impact, or too many; or a leg cannot be drawn, as `leg_parts` says.
+        InvalidInput: no impact, or too many.
     """
     _check_count(impacts)
     most = max(largest_impulse(impact) for impact in impacts.values())
@@ -107,7 +107,8 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
     draw_ground(viewer["ground"], centre, X, stripe_width(width), 8 * width)
-    return panel_of(title, [(escape(name), _numbers(impact)) for name, impact in impacts.items()])
+    rows = [(escape(name), _numbers(impact)) for name, impact in impacts.items()]
+    return panel_of(title, rows, warnings=viewer.window.warnings)
 
 
 def _numbers(impact: Impact) -> str:

@@ -35,6 +35,7 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 }
 #caption h1 { margin: 0 0 6px; font-size: 16px; overflow-wrap: anywhere; }
 #caption p { margin: 0 0 6px; overflow-wrap: anywhere; }
+#caption .warning { color: #a33a00; }
 #caption table { border-spacing: 0; }
 #caption th, #caption td { padding: 1px 0; text-align: left; vertical-align: top; }
 #caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
@@ -145,9 +146,10 @@ class Recorder:
     web_url = "in memory"  # the address that a `meshcat.Visualizer` reads; there is none
 
     def __init__(self) -> None:
-        """Start without commands and labels."""
+        """Start without commands, labels and warnings."""
         self.commands: list[bytes] = []  # packed, in order
         self.labels: list[str] = []  # HTML
+        self.warnings: list[str] = []  # of what could not be drawn, plain text
 
     def send(self, command: Any) -> None:
         """Record a meshcat command."""

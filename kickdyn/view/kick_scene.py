@@ -46,9 +46,6 @@ def draw_kick(
 
     Returns:
         The pace of the animation, and the width of a stripe of the ground [m].
-
-    Raises:
-        InvalidInput: the leg cannot be drawn, as `leg_figure.leg_parts` says.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
     pace = kick_pace(impact, path.duration, None if swing is None else swing.backswing.duration)

@@ -1,7 +1,8 @@
-"""The figure of a leg: the shapes of its file, or sticks between its joints."""
+"""The figure of a leg: the shapes of its file, and sticks between joints without any."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import product
 from typing import Any
 
@@ -13,12 +14,18 @@ from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
 from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.mesh_file import read_mesh
-from kickdyn.robot.visuals import RobotFile, Shape, Visual
+from kickdyn.robot.mesh_file import Triangles, read_mesh
+from kickdyn.robot.mesh_path import MeshFinder
+from kickdyn.robot.visuals import Shape, Visual
 from kickdyn.view.marks import UPRIGHT, cylinder_pose
 
 Rgba = tuple[float, ...]
+MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
+
+MOST_VERTICES = 6_000_000
+"""Vertices and triangles of all meshes of a robot: a page of 100 MB."""
 
 PLAIN: Rgba = (0.62, 0.67, 0.73, 1.0)
 KNOB: Rgba = (0.25, 0.27, 0.31, 1.0)
@@ -54,14 +61,16 @@ def joint_poses(leg: Leg, q: Array) -> list[Array]:
 def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
     """Draw a leg at a configuration; joint number i is the node `viewer[str(i)]`.
 
+    What cannot be drawn becomes a line of `viewer.window.warnings`.
+
     Returns:
         Corners of boxes around its parts, shape `(n, 3)` [m, world frame].
-
-    Raises:
-        InvalidInput: as `leg_parts`.
     """
     poses, corners = joint_poses(leg, q), []
-    for number, part in enumerate(leg_parts(leg)):
+    parts, warning = leg_parts(leg)
+    if warning and warning not in viewer.window.warnings:
+        viewer.window.warnings.append(warning)
+    for number, part in enumerate(parts):
         node = viewer[f"{part.joint}/{number}"]  # numbers, as a name could contain a slash
         node.set_object(part.shape, _material(part))
         node.set_transform(part.pose)
@@ -72,34 +81,62 @@ def draw_leg(viewer: Any, leg: Leg, q: Array) -> Array:
     return np.vstack(corners)
 
 
-def leg_parts(leg: Leg) -> list[Part]:
-    """Return the shapes of the leg's file; sticks between the joints if there are none.
+def leg_parts(leg: Leg) -> tuple[list[Part], str]:
+    """Return the parts of a leg's figure, and a warning, empty if nothing is left out.
 
-    Raises:
-        InvalidInput: a visual cannot be read, or names a mesh outside the file's folder.
+    The parts are the shapes that the leg's file describes, and sticks from joint to joint for the
+    bodies without any. What cannot be drawn, as a mesh that is missing or refused, is left out.
     """
-    return list(_visuals(leg, leg.file) if leg.file else ()) or list(_sticks(leg))
-
-
-def _visuals(leg: Leg, file: RobotFile) -> Iterator[Part]:
-    """Yield the parts that draw the visuals of a file."""
+    if leg.file is None:
+        return list(_sticks(leg, set())), ""
+    try:
+        visuals = leg.file.visuals()
+    except InvalidInput as error:
+        return list(_sticks(leg, set())), f"{error}: sticks are drawn instead"
     frames = leg.workspace.model.frames
     by_name = {frame.name: frame for frame in frames}
     # a joint may have the name of a link
     by_name |= {frame.name: frame for frame in frames if frame.type == pin.FrameType.BODY}
-    for visual in file.visuals():
-        frame = by_name[visual.frame]
-        pose = frame.placement.homogeneous @ visual.pose
-        painted = None if visual.rgba is None else _rgba(visual.rgba)
-        for shape, turn, own in _shapes(visual, file):
-            rgba = own if visual.has_texture and own else painted or own or PLAIN
-            yield Part(int(frame.parentJoint), pose @ turn, shape, rgba)
+    visuals = [visual for visual in visuals if visual.frame in by_name]  # not of other objects
+    parts: list[Part] = []
+    faults: list[str] = []
+    room = MOST_VERTICES
+    read = cache(partial(read_mesh, MeshFinder(leg.file.folder, leg.file.package_dirs)))
+    for visual in visuals:
+        try:
+            new = list(_visual_parts(visual, by_name[visual.frame], read)) if room >= 0 else []
+            room -= sum(_vertices(part.shape) for part in new)
+            if room < 0:
+                raise InvalidInput(
+                    f"mesh {visual.mesh!r} is too much: at most {MOST_VERTICES} vertices and "
+                    "triangles are drawn"
+                )
+            parts += new
+        except InvalidInput as error:
+            faults.append(str(error))
+    parts += _sticks(leg, {part.joint for part in parts})
+    if not faults:
+        return parts, ""
+    what = "is not drawn" if len(faults) == 1 else "are not drawn, the first"
+    return parts, f"{len(faults)} of {len(visuals)} visuals of {leg.name} {what}: {faults[0]}"
 
 
-def _shapes(visual: Visual, file: RobotFile) -> Iterator[tuple[Any, Array, Rgba | None]]:
+def _visual_parts(visual: Visual, frame: Any, read: MeshReader) -> Iterator[Part]:
+    """Yield the parts that draw a visual, fixed to a frame of the model."""
+    pose = frame.placement.homogeneous @ visual.pose
+    painted = None if visual.rgba is None else _rgba(visual.rgba)
+    for shape, turn, own in _shapes(visual, read):
+        rgba = own if visual.has_texture and own else painted or own or PLAIN
+        yield Part(int(frame.parentJoint), pose @ turn, shape, rgba)
+
+
+def _shapes(visual: Visual, read: MeshReader) -> Iterator[tuple[Any, Array, Rgba | None]]:
     """Yield the shapes of a visual: each with its pose and the colour that its mesh gives it."""
+    if visual.vertices is not None:
+        yield shapes.TriangularMeshGeometry(visual.vertices, visual.faces), np.eye(4), None
+        return
     if visual.shape == Shape.MESH:
-        for mesh in read_mesh(visual.mesh, file.folder, visual.size):
+        for mesh in read(visual.mesh, visual.size):
             triangles = shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)
             yield triangles, np.eye(4), None if mesh.rgba is None else _rgba(mesh.rgba)
         return
@@ -121,6 +158,11 @@ def _shapes(visual: Visual, file: RobotFile) -> Iterator[tuple[Any, Array, Rgba 
                 yield shapes.Sphere(radius), tf.translation_matrix([0.0, 0.0, end]), None
 
 
+def _vertices(shape: Any) -> int:
+    """Return the number of vertices and triangles of a mesh; 0 of another shape."""
+    return len(getattr(shape, "vertices", ())) + len(getattr(shape, "faces", ()))
+
+
 def _rgba(values: ArrayLike) -> Rgba:
     """Return a colour within 0 to 1; the plain one where it is no colour."""
     if np.shape(values) != (4,) or not np.isfinite(values).all():
@@ -128,24 +170,31 @@ def _rgba(values: ArrayLike) -> Rgba:
     return tuple(np.clip(values, 0.0, 1.0).tolist())
 
 
-def _sticks(leg: Leg) -> Iterator[Part]:
-    """Yield a sphere at each joint, and cylinders between them and to the contact point."""
+def _sticks(leg: Leg, drawn: set[int]) -> Iterator[Part]:
+    """Yield what stands for the bodies of all joints but the drawn ones.
+
+    It is a sphere at the joint, and cylinders to the next joints and to the contact point. A joint
+    whose next ones are all in the same place has none: the bodies between them have no extent.
+    """
     model = leg.workspace.model
     ends = [
         (int(model.parents[joint]), model.jointPlacements[joint].translation)
         for joint in range(1, model.njoints)
     ]
     ends.append((leg.contact_joint, leg.contact_lever))
-    longest = max(float(np.linalg.norm(end)) for parent, end in ends if parent) or 1.0
+    lengths = [float(np.linalg.norm(end)) if parent else 0.0 for parent, end in ends]
+    longest = max(lengths) or 1.0
     for joint in range(1, model.njoints):
-        yield Part(joint, np.eye(4), shapes.Sphere(0.1 * longest), KNOB)
-    for parent, end in ends:
-        length = float(np.linalg.norm(end))
-        if parent and length > 0:
+        own = [length for (parent, _), length in zip(ends, lengths, strict=True) if parent == joint]
+        if joint not in drawn and (any(own) or not own):
+            yield Part(joint, np.eye(4), shapes.Sphere(0.1 * longest), KNOB)
+    for (parent, end), length in zip(ends, lengths, strict=True):
+        if parent not in drawn and length > 0:
             stick = shapes.Cylinder(length, 0.06 * longest)
             yield Part(parent, cylinder_pose(np.zeros(3), end), stick, PLAIN)
-    tip = tf.translation_matrix(leg.contact_lever)
-    yield Part(leg.contact_joint, tip, shapes.Sphere(0.06 * longest), PLAIN)
+    if leg.contact_joint not in drawn:
+        tip = tf.translation_matrix(leg.contact_lever)
+        yield Part(leg.contact_joint, tip, shapes.Sphere(0.06 * longest), PLAIN)
 
 
 def _corners(shape: Any) -> Array:

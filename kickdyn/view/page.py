@@ -54,6 +54,8 @@ class Page:
         title: of the page, plain text.
         panel: HTML laid over the scene.
         pace: of the animation; None where nothing moves.
+        warnings: a line for each robot with visuals that are not drawn, because a mesh is missing,
+            say; the panel shows them too.
         height: of the frame in a notebook [px].
     """
 
@@ -61,6 +63,7 @@ class Page:
         self, viewer: Any, title: str, panel: str, pace: Pace | None = None, height: float = 600.0
     ) -> None:
         self.viewer, self.title, self.panel, self.pace = viewer, title, panel, pace
+        self.warnings: tuple[str, ...] = tuple(viewer.window.warnings)
         self.height = validation.number("height", height, above=0, at_most=1e4, unit="px")
 
     @property
@@ -196,6 +199,10 @@ def page(
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8
     impacts stand side by side, their impulses to one scale.
 
+    A robot is drawn with the visuals of its file, bodies without any as sticks from joint to joint.
+    A visual that cannot be drawn, as one whose mesh is missing or lies outside the robot's package,
+    is left out, and a line of `Page.warnings` names it.
+
     Args:
         subject: one of these; or several flights, or several impacts, in a list or by their names.
         path: of the ball after an `Impact`; without it the ball flies through `Air()`.
@@ -204,9 +211,8 @@ def page(
         height: of the page in a notebook [px].
 
     Raises:
-        InvalidInput: there is nothing of that to show, or too much; a leg cannot be drawn, as a
-            visual of its URDF cannot be read or names a mesh that is missing or lies outside the
-            URDF's folder; or a swing does not reach its impact.
+        InvalidInput: there is nothing of that to show, or too much; or a swing does not reach its
+            impact.
     """
     for box in scenery:
         validation.check_type(Box, scenery=box)
@@ -236,7 +242,8 @@ def page(
     viewer = recording_viewer()
     pace, stripe = draw_kick(viewer, impact, path, scenery, swing)
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
-    return Page(viewer, title, kick_panel(impact, path, pace, stripe, caption), pace, height)
+    panel = kick_panel(impact, path, pace, stripe, caption, viewer.window.warnings)
+    return Page(viewer, title, panel, pace, height)
 
 
 def _comparison(

@@ -34,6 +34,23 @@ def test_a_file_without_our_frame_is_told_the_option(tmp_path):
         load_leg(str(tmp_path / "none.urdf"))
 
 
+def test_an_mjcf_file_is_known_by_what_is_in_it(tmp_path):
+    body = '<body name="toe"><joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+    for name in ("leg.xml", "leg.urdf"):
+        (tmp_path / name).write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+        assert load_leg(str(tmp_path / name)).joint_names == ("hip",)
+    with pytest.raises(kd.InvalidInput, match=r"^frame 'heel' is unknown"):
+        load_leg(str(tmp_path / "leg.xml"), "heel")
+    (tmp_path / "leg.xml").write_text(kd.Leg.testbed().file.text)
+    assert load_leg(str(tmp_path / "leg.xml")).name == "leg_testbed"
+    (tmp_path / "leg.xml").write_text("<mujoco/>")
+    with pytest.raises(kd.InvalidInput, match="package-dir is 'share': it is for a URDF file"):
+        load_leg(str(tmp_path / "leg.xml"), package_dirs=["share"])
+    (tmp_path / "leg.xml").write_text("<mujoco")
+    with pytest.raises(kd.MjcfError, match="is not well-formed XML"):
+        load_leg(str(tmp_path / "leg.xml"))
+
+
 def test_of_a_robot_only_what_moves_the_foot_can_move():
     whole, leg = kd.Leg.from_robot("g1", legs_only=True), load_leg("g1")
     assert leg.nv < whole.nv

@@ -35,7 +35,7 @@ def test_text_and_files(tmp_path):
     files = ["--view", "kick.html", "--json", "kick.json"]
     ended = door("--distance", "30", "--time", "1.5", "--leg", "human", *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
-    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.48", "wrote kick.html"):
+    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.85", "wrote kick.html"):
         assert words in ended.stdout
     page = (tmp_path / "kick.html").read_text()
     assert "The ball comes to (30, 0, 0) m" in page
@@ -158,6 +158,14 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     [
         (["--time", "1"], "Missing option '--distance'"),
         (["--distance", "30"], "nothing is named beside the target"),
+        (["--distance", "30", "--time", "1", "--launch-speed", "20"], "time and launch-speed are"),
+        (["--distance", "30"], "name one of time, apex, launch-speed, over"),
+        (["--distance", "30", "--launch-speed", "-1"], "launch-speed is -1.0"),
+        (["--distance", "30", "--time", "1", "--height", "nan"], "height is nan"),
+        (["--distance", "30", "--time", "1", "--left", "inf"], "left is inf"),
+        (["--distance", "30", "--time", "1", "--ball-height", "1e300"], "ball height is 1e+300"),
+        (["--distance", "30", "--time", "1", "--ball-at", "0,0,1e300"], "ball_at is [0.0, 0.0, 1e"),
+        (["--distance", "30", "--time", "1", "--json", ""], "the name of a file is empty"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
         (["--distance", "20", "--time", "1e-300"], "time is 1e-300: it must be"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),

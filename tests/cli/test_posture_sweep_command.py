@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import xarray as xr
 
 import kickdyn
@@ -293,15 +294,74 @@ def test_what_the_leg_cannot_do_is_said(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["x.nc"]
 
 
-def test_a_missing_mesh_stops_before_anything_is_written(tmp_path):
+def test_a_missing_mesh_costs_no_result(tmp_path):
     text = kickdyn.Leg.human().file.text
     box = '<box size="0.1 0.22 0.08" />'
     (tmp_path / "mine.urdf").write_text(text.replace(box, '<mesh filename="no.stl"/>'))
     files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
     ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
+    assert ended.returncode == 0
+    (warning,) = ended.stderr.splitlines()
+    assert warning.startswith("warning: 1 of 7 visuals of leg_human is not drawn: mesh 'no.stl' is")
+    assert {"x.nc", "x.json", "x.html"} < {file.name for file in tmp_path.iterdir()}
+    assert "mesh &#x27;no.stl&#x27; is missing" in (tmp_path / "x.html").read_text()
+
+
+def test_a_ros_package_is_drawn_from_the_folder_that_is_named(tmp_path):
+    """Three meshes: two of the package that the file is in, and one of another."""
+    text = re.sub(r"<visual>.*?</visual>", "", kickdyn.Leg.human().file.text, flags=re.DOTALL)
+    names = {
+        "thigh": "package://my_robot/meshes/thigh.stl",
+        "shank": "../meshes/shank.stl",
+        "foot": "package://my_foot/foot.stl",
+    }
+    for link, name in names.items():
+        mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{mesh}')
+    robot, foot = tmp_path / "src/robot", tmp_path / "other/my_foot"
+    for folder in (robot / "urdf", robot / "meshes", foot):
+        folder.mkdir(parents=True)
+    (robot / "urdf/my.urdf").write_text(text)
+    (robot / "package.xml").write_text("<package><name>my_robot</name></package>")
+    for file in (robot / "meshes/thigh.stl", robot / "meshes/shank.stl", foot / "foot.stl"):
+        trimesh.creation.box((0.1, 0.1, 0.3)).export(file)
+    command = ["--leg", "src/robot/urdf/my.urdf", *SMALL, "--view", "x.html"]
+    ended = door(*command, "--package-dir", "src", "--package-dir", "other", cwd=tmp_path)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = door(*command, cwd=tmp_path)
+    assert ended.returncode == 0
+    (warning,) = ended.stderr.splitlines()
+    assert warning.startswith(
+        "warning: 1 of 3 visuals of leg_human is not drawn: mesh 'package://m"
+    )
+    assert "package 'my_foot' is unknown, name its folder in package_dirs (--package-" in warning
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (["--package-dir", "gone"], "Directory 'gone' does not exist"),
+        (["--package-dir", "."], "it is for a URDF file, not human"),
+    ],
+)
+def test_a_package_dir_that_is_of_no_use(arguments, reason, tmp_path):
+    ended = door(*SMALL, *arguments, cwd=tmp_path)
     assert ended.returncode == 2
-    assert "mesh 'no.stl' is missing" in ended.stderr
-    assert [file.name for file in tmp_path.iterdir()] == ["mine.urdf"]
+    assert reason in ended.stderr
+
+
+def test_a_page_that_fails_comes_after_the_results(tmp_path, monkeypatch):
+    """What is written first is what took the time."""
+
+    def fail(*_, **__):
+        raise kickdyn.InvalidInput("no page")
+
+    monkeypatch.setattr("kickdyn.view.page.page", fail)
+    monkeypatch.chdir(tmp_path)
+    files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
+    with pytest.raises(kickdyn.InvalidInput, match="no page"):
+        posture_sweep.main([*SMALL, *files], standalone_mode=False)
+    assert {file.name for file in tmp_path.iterdir()} == {"x.nc", "x.json"}
 
 
 def test_two_outputs_are_two_files(tmp_path):

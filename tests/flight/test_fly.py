@@ -499,6 +499,13 @@ def test_an_endless_fall_ends_at_the_time_limit_or_in_one_line(monkeypatch):
         kd.fly(start, BALL, kd.Air(), ground, time_limit=1e300)
 
 
+def test_a_fall_beyond_the_range_of_float64_is_refused():
+    start, ground = kd.BallState((0, 0, 1), (10, 0, 5)), kd.Ground(-1e308)
+    assert kd.fly(start, BALL, None, ground).duration == 1000.0
+    with pytest.raises(kd.InvalidInput, match=r"flies for 1e\+300 s: .* beyond the range of float"):
+        kd.fly(start, BALL, None, ground, time_limit=1e300)
+
+
 # --- units ----------------------------------------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ from chains import floating_kick, in_units, random_kick, random_leg, slides
 import kickdyn as kd
 from kickdyn.impact import compliant_contact
 from kickdyn.impact.hertz import matched_damping
+from kickdyn.robot.urdf_file import shipped_urdf
 
 LEG = kd.Leg.human()
 Q = np.radians([5, 10, -5])
@@ -303,14 +304,63 @@ def test_bad_input(options, words):
     assert "\n" not in str(caught.value)
 
 
-def test_a_held_leg_is_refused():
-    leg = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
-    posture = leg.posture(leg.configuration({"FR_HFE": 0.4, "FR_KFE": -0.8}))
+FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).with_loops(
+    ("shank_pin", "rocker_b_tip")
+)
+
+
+def test_a_supported_base_is_a_fixed_one():
+    """Under gravity, torque and friction; the other leg swings."""
+    free = kd.Leg.from_robot("bolt", base="floating")
+    leg, fixed = free.with_supports("base_link"), kd.Leg.from_robot("bolt")
+    contact, bend = kd.Contact((3, 0, 1), 0.7, friction=0.3), {"FR_HFE": 0.4, "FR_KFE": -0.8}
+    one, other = (each.posture(each.configuration(bend)) for each in (leg, fixed))
+    v = other.joint_velocity([3, 0, 1])
+    torque = np.linspace(-1, 1, fixed.nv)
+    held = kd.collide(
+        one, np.append(np.zeros(6), v), kd.Ball(), contact, torque=np.append(np.zeros(6), torque)
+    )
+    bolted = kd.collide(other, v, kd.Ball(), contact, torque=torque)
+    assert held.impulse == pytest.approx(bolted.impulse, rel=1e-7)
+    assert held.v_after[6:] == pytest.approx(bolted.v_after, rel=1e-6, abs=1e-6)
+    assert np.abs(held.v_after[:6]).max() < 1e-10
+    assert held.energy_residual < 1e-6
+
+
+@pytest.mark.parametrize("support", ["FL_FOOT", kd.Support("FL_FOOT", point=True)])
+def test_of_a_supported_leg_it_tends_to_the_strike(support):
+    leg = kd.Leg.from_robot("bolt", base="floating").with_supports(support)
+    posture = leg.posture(leg.configuration({"FR_HFE": 0.4, "FR_KFE": -0.8, "FL_KFE": 0.3}))
     kick = posture, posture.joint_velocity([3, 0, 1]), kd.Ball(), kd.Contact((3, 0, 1), 0.7)
-    with pytest.raises(
-        kd.InvalidInput, match=r"has supports or loops: a contact that takes time is for"
-    ):
-        kd.collide(*kick)
+    _tends_to_the_strike(kick)
+
+
+def test_of_a_closed_loop_it_tends_to_the_strike():
+    q = FOURBAR.close_loops(FOURBAR.configuration({"rocker_b": 0.6, "hip": 0.2}), ["rocker_b"])
+    posture = FOURBAR.posture(q)
+    kick = posture, posture.joint_velocity([8, 0, 2]), kd.Ball(), kd.Contact((1, 0, 0.2), 0.7)
+    hit = _tends_to_the_strike(kick)
+    assert FOURBAR.posture(hit.q_after).leg is FOURBAR  # it would refuse an open loop
+
+
+def _tends_to_the_strike(kick):
+    """Linearly in the contact time, and the constraints hold at the end."""
+    strike, errors = kd.strike(*kick), []
+    for time in (1e-3, 1e-4):
+        hit = kd.collide(*kick, contact_time=time, tol=1e-8)
+        errors.append(np.linalg.norm(hit.impulse - strike.impulse))
+        assert hit.energy_residual < 1e-6
+        rows = kick[0].leg.posture(hit.q_after).constraint_projector.rows
+        assert np.abs(rows @ hit.v_after).max() < 1e-8
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.1)
+    assert errors[1] < 0.01 * np.linalg.norm(strike.impulse)
+    return hit
+
+
+def test_what_moves_a_support_is_refused():
+    leg = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
+    with pytest.raises(kd.InvalidInput, match="v moves FL_FOOT, a constraint of the leg"):
+        kd.collide(leg.posture(leg.configuration()), np.ones(leg.nv), kd.Ball(), TOUCH)
 
 
 def test_a_contact_point_off_the_frame():
@@ -371,6 +421,15 @@ def test_a_particle_has_an_energy_too():
         hit = kd.collide(LEG.posture(Q), v, particle, contact, ball_spin=spin)
         assert hit.energy_residual < 1e-7
         assert hit.ball_after.spin.tolist() == list(spin)  # nothing turns it
+
+
+def test_joints_outside_their_range_and_too_fast_are_warned_of():
+    bent = LEG.posture(LEG.configuration({"knee": -0.2}))
+    fast = kd.collide(bent, [20.0, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.7))
+    instant = kd.strike(bent, [20.0, 0, 0], kd.Ball(), kd.Contact((1, 0, 0), 0.7))
+    assert len(fast.warnings) == 2
+    assert fast.warnings == instant.warnings
+    assert all(line in repr(fast) for line in fast.warnings)
 
 
 def test_pickled_it_runs_again():

@@ -42,6 +42,12 @@ def test_stiffness_and_contact_time_are_inverse(e):
     assert expected_contact_time(k, 0.4, 15.0, e) == pytest.approx(0.01, rel=1e-13)
 
 
+def test_the_least_restitution_has_a_stiffness():
+    assert kd.contact_stiffness(0.01, 0.4, 15.0, 0.01) > kd.contact_stiffness(0.01, 0.4, 15.0, 0.02)
+    with pytest.raises(kd.InvalidInput, match=r"restitution is 0\.0099: .*at least 0\.01"):
+        kd.contact_stiffness(0.01, 0.4, 15.0, 0.0099)
+
+
 def test_the_contact_pushes_only():
     contact = HertzContact(1e5, 0.1)
     assert contact.force(0.01, 0.0) == contact.spring(0.01) == pytest.approx(100.0)

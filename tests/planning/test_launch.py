@@ -1,5 +1,7 @@
+import dataclasses
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -93,6 +95,12 @@ def test_a_flight_over_level_ground_is_found_again(speed, angle, spin):
     assert launch.flight.duration == pytest.approx(path.duration, abs=1e-8)
 
 
+def test_the_largest_error_is_shown():
+    launch = kd.plan_launch(kd.Goal(20, time=1.5), BALL, AIR)
+    wrong = dataclasses.replace(launch, errors=np.array([1e-4, 0.0, -2e-3, 3e-5]))
+    assert re.search(r"largest error +0\.002\n", repr(wrong))
+
+
 def test_low_and_high_arc():
     low = kd.plan_launch(kd.Goal(30, speed=25), BALL, AIR)
     (high,) = low.others
@@ -173,7 +181,7 @@ def test_the_walk_along_the_family_finds_what_newton_does_not():
 @pytest.mark.parametrize("named", [{"apex": 2.3946}, {"speed": 14.008}])
 def test_every_launch_of_a_light_ball_that_the_wind_carries(named):
     """Its launches form a closed curve, and it gets there in 2.4 to 3.1 s only."""
-    ball, air = kd.Ball(0.02, 0.15), kd.Air(drag="brazuca", wind=(6.2, -6, 0.08), drag="goff-carre")
+    ball, air = kd.Ball(0.02, 0.15), kd.Air(wind=(6.2, -6, 0.08), drag="goff-carre")
     goal = kd.Goal((16.0916, -17.4704, 1.2390), **named)
     launch = kd.plan_launch(goal, ball, air, spin=(127, 37.5, 42))
     assert launch.status == "met"

@@ -11,7 +11,7 @@ from scipy.integrate import simpson, solve_ivp
 
 import kickdyn as kd
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 HUMAN = kd.Leg.human()
 LEGS = {
     "human": (HUMAN, kd.Goal(20, time=1.2)),
@@ -208,7 +208,7 @@ def test_what_cannot_be_swung_is_kicked_as_hard_as_can_be():
         ({"longest": float("nan")}, "longest is nan"),
         ({"nodes": 3}, "nodes is 3: it must be a whole number from 4 to 200"),
         ({"nodes": 12.0}, "nodes is 12.0"),
-        ({"start": [0, 0]}, r"start has shape \(2,\)"),
+        ({"start": [0, 0]}, r"start: q has shape \(2,\)"),
         ({"start": [0, -1, 0]}, "start has knee at -1: it must be in 0 to 2.44"),
         ({"end": [0, float("nan"), 0]}, "every entry must be finite"),
         ({"leg": kd.Leg.from_robot("bolt")}, "the plan is for Leg"),
@@ -274,7 +274,7 @@ def test_a_plan_without_a_swing_promises_none():
 def test_the_way_a_plan_carries_is_the_answer_where_the_solver_finds_none():
     leg = kd.Leg.testbed()
     goal = kd.Goal(1.7027424644632017, time=0.3004798734347314)
-    plan = kd.plan_kick(leg, goal, kd.Ball(), kd.Air(), swing=True, objective="kinetic-energy")
+    plan = kd.plan_kick(leg, goal, kd.Ball(), kd.Air(drag="brazuca"), swing=True, objective="kinetic-energy")
     swing = kd.plan_swing(leg, plan)
     assert swing.status == "met"
     assert swing.torque_use <= 1.0

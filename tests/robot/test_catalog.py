@@ -24,7 +24,7 @@ def test_every_robot_has_legs_with_which_it_stands_and_kicks(name, base):
     assert leg.nv == size + 6 * (base == "floating")
     assert leg.name == name
     assert leg.frame == ("r_ankle" if name == "simple_humanoid" else "toe")
-    assert leg.file.folder.name == ROBOTS[name].file.split("/")[0]  # meshes from there only
+    assert leg.file.source.endswith(ROBOTS[name].file)
     model = leg.model
     mass = pin.computeTotalMass(model) + (model.inertias[0].mass if base == "fixed" else 0)
     assert mass == pytest.approx(MASS[name], abs=0.005)
@@ -90,18 +90,24 @@ def test_a_turned_base_is_the_same_robot(name):
     assert np.abs(energies[0] - energies[1]).max() < 1e-13
 
 
-@pytest.mark.parametrize(
-    ("name", "most"),
-    [(name, 1e-3 * most) for name, most in {
-        "g1": 1.2, "talos": 6, "icub": 2, "romeo": 4, "human": 4, "bolt": 4,
-    }.items()],
-)  # fmt: skip
-def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, most):
-    """Of every normal that the toe allows; the foot is that of the visual meshes."""
+OVERLAPS = {
+    "g1": {"toe": 1.2, "instep": 3.0, "sole_edge": 1.6},
+    "talos": {"toe": 6},
+    "icub": {"toe": 2, "sole_edge": 1.6},
+    "romeo": {"toe": 4, "instep": 4.1, "sole_edge": 2.8},
+    "human": {"toe": 4, "instep": 3.0, "sole_edge": 1.6},
+    "bolt": {"toe": 4},
+}
+RISES = {"toe": (0, None), "instep": (60, 80), "sole_edge": (-90, 0)}
+
+
+@pytest.mark.parametrize("name", OVERLAPS)
+def test_a_ball_at_a_contact_point_overlaps_with_the_foot_no_more_than_it_says(name):
+    """Of every normal that the point allows; the foot is that of the visual meshes."""
+    assert set(ROBOTS[name].contact_points) == set(OVERLAPS[name])
     leg, radius = kd.Leg.from_robot(name, legs_only=True), kd.Ball().radius
-    posture = leg.posture(leg.configuration())
-    poses, corners = joint_poses(leg, posture.q), []
-    for part in leg_parts(leg):
+    poses, corners = joint_poses(leg, leg.configuration()), []
+    for part in leg_parts(leg)[0]:
         if part.joint == leg.contact_joint:
             pose = poses[part.joint] @ part.pose
             ends = part.shape.vertices[part.shape.faces]
@@ -110,15 +116,22 @@ def test_a_ball_at_the_toe_overlaps_with_the_foot_no_more_than_it_says(name, mos
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
     surface, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=0)
     foot = cKDTree(np.vstack([surface, triangles.reshape(-1, 3)]))
-    assert foot.query(posture.contact_point)[0] < 1.5e-3
-    side, up = np.meshgrid(np.radians(np.arange(-20, 21, 5)), np.radians(np.arange(0, 91, 5)))
-    normals = np.stack([np.cos(up) * np.cos(side), np.cos(up) * np.sin(side), np.sin(up)], -1)
-    normals = normals.reshape(-1, 3)
-    normals = normals[(normals @ leg.contact_normal_cone.T > -1e-9).all(axis=1)]
-    assert len(normals) > 10
-    assert np.degrees(np.arcsin(normals[:, 2].max())) == pytest.approx(ROBOTS[name].steepest)
-    into = radius - foot.query(posture.contact_point + radius * normals)[0]
-    assert into.max() < most
+    side, up = np.meshgrid(np.radians(np.arange(-20, 21, 5)), np.radians(np.arange(-90, 91, 5)))
+    every = np.stack([np.cos(up) * np.cos(side), np.cos(up) * np.sin(side), np.sin(up)], -1)
+    every = every.reshape(-1, 3)
+    for point, most in OVERLAPS[name].items():
+        leg = kd.Leg.from_robot(name, point, legs_only=True)
+        posture = leg.posture(leg.configuration())
+        assert foot.query(posture.contact_point)[0] < 2e-3
+        normals = every[(every @ leg.contact_normal_cone.T > -1e-9).all(axis=1)]
+        assert len(normals) > 10
+        low, high = RISES[point]
+        rise = np.degrees(np.arcsin(np.clip(normals[:, 2], -1, 1)))
+        assert rise.min() == pytest.approx(low, abs=1e-5)
+        high = ROBOTS[name].steepest if high is None else high
+        assert rise.max() == pytest.approx(high, abs=1e-5)
+        into = radius - foot.query(posture.contact_point + radius * normals)[0]
+        assert into.max() < 1e-3 * most
 
 
 def test_the_ankle_can_still_be_named():

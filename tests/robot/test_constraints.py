@@ -4,7 +4,9 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from chains import by_pinocchio
+from chains import by_pinocchio, random_inertia, random_rotation
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from stacked import held_rows, inertia_of, rows_of, solved
 
 import kickdyn as kd
@@ -458,3 +460,94 @@ def test_joints_to_keep_are_a_list():
     for keep in (None, 3, "hip"):
         with pytest.raises(kd.InvalidInput, match=r"keep is .*must be a list of joints' names"):
             leg.close_loops(leg.configuration(), keep=keep)
+
+
+def test_the_ends_of_an_open_loop_are_found():
+    (line,) = TREE.warnings
+    assert line.startswith("shank_pin and rocker_b_tip are at one place at q = 0")
+    assert "with_loops(('shank_pin', 'rocker_b_tip'))" in line
+    assert TREE.posture(np.full(5, 0.1)).warnings == (line,)
+    assert "ends of a loop" in TREE._repr_html_()
+    assert TREE.with_loops(LOOP[::-1]).warnings == ()
+    assert TREE.locked({"rocker_a": 0, "rocker_b": 0, "shank_pin_a": 0}).warnings == ()
+    assert kd.Leg.human().warnings == G1.warnings == ()
+
+
+def test_frames_apart_or_of_one_branch_are_no_open_loop(tmp_path):
+    text = shipped_urdf("leg_fourbar.urdf").read_text()
+    for old, new in (
+        ('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.035 0 -0.03501"/>'),  # 10 um off
+        ('<parent link="rocker_b"/>', '<parent link="thigh"/>'),  # which carries the other
+        ('<link name="shank_pin"/>', '<link name="shank_pin">' + MASS + "</link>"),
+    ):
+        assert old in text
+        file = tmp_path / "leg.urdf"
+        file.write_text(text.replace(old, new))
+        leg = kd.Leg.from_urdf(file) if "thigh" not in new else _moved(file)
+        assert leg.warnings == ()
+
+
+MASS = """<inertial><mass value="0.1"/>
+<inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>"""
+
+
+def _moved(file):
+    """The tip at its place, on the thigh."""
+    file.write_text(
+        file.read_text().replace('<origin xyz="0.035 0 -0.035"/>', '<origin xyz="0.015 0 -0.386"/>')
+    )
+    return kd.Leg.from_urdf(file)
+
+
+def random_loop(rng):
+    """Two random branches on one body that meet at random joint values, and these values."""
+    model, ends = pin.Model(), []
+    model.name = "loop"
+    trunk = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "trunk")
+    model.appendBodyToJoint(trunk, random_inertia(rng), pin.SE3.Identity())
+    for branch in "ab":
+        parent = trunk
+        for k in range(rng.integers(2, 5)):
+            axis = rng.normal(size=3)
+            joint = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+            place = pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
+            parent = model.addJoint(parent, joint, place, f"{branch}{k}")
+            model.appendBodyToJoint(parent, random_inertia(rng), pin.SE3.Identity())
+        ends.append(parent)
+    q, data = rng.uniform(-1, 1, size=model.nq), model.createData()
+    pin.forwardKinematics(model, data, q)
+    meeting = pin.SE3(random_rotation(rng), rng.uniform(-0.5, 0.5, size=3))
+    for branch, end in zip("ab", ends, strict=True):
+        place = data.oMi[end].actInv(meeting)
+        model.addFrame(pin.Frame(f"end_{branch}", end, 0, place, pin.FrameType.OP_FRAME))
+    tip = pin.SE3(np.eye(3), rng.uniform(-0.3, 0.3, size=3))
+    model.addFrame(pin.Frame("toe", ends[0], 0, tip, pin.FrameType.OP_FRAME))
+    return kd.Leg.from_model(model, "toe").with_loops(("end_a", "end_b")), q
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(st.integers(0, 10**6), st.sampled_from(["newton", "stronge"]))
+def test_random_loops_keep_momentum_and_energy(seed, law):
+    """M dv is what ball and loop give, the loop does no work, and stays closed."""
+    rng = np.random.default_rng(seed)
+    leg, q = random_loop(rng)
+    posture = leg.posture(q)
+    v = posture.admissible(rng.normal(size=leg.nv))
+    rows = posture.constraint_projector.rows
+    assert np.abs(rows @ v).max() < 1e-10
+    foot = posture.point_velocity(v)
+    normal = foot / np.linalg.norm(foot) + rng.uniform(-0.2, 0.2, size=3)
+    contact = kd.Contact(normal, rng.uniform(0, 1), friction=rng.uniform(0, 1))
+    hit = kd.strike(posture, v, kd.Ball(), contact, law)
+    jump, loop = hit.v_after - v, hit.loop_impulses[("end_a", "end_b")]
+    expected = rows.T @ loop - posture.jacobian.T @ hit.impulse
+    assert posture.inertia @ jump == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+    speed = np.abs(hit.v_after).max()
+    assert np.abs(rows @ hit.v_after).max() < 1e-9 * speed
+    energy = 0.5 * (v @ posture.inertia @ v - hit.v_after @ posture.inertia @ hit.v_after)
+    ball = hit.ball_after
+    gained = 0.5 * (
+        hit.ball.mass * ball.velocity @ ball.velocity + hit.ball.inertia * ball.spin @ ball.spin
+    )
+    assert energy - gained == pytest.approx(hit.energy_lost, abs=1e-9 * energy)
+    assert hit.momentum_residual < 1e-9

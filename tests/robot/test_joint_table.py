@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import floating_leg
 
 import kickdyn as kd
 
@@ -44,6 +45,25 @@ def test_joints_of_every_kind():
     assert leg.angles_deg(list(q)) == pytest.approx({"turn": 0, "spin": math.degrees(3)})
     assert leg.positions_m(q) == pytest.approx({"slide": 0.2})
     assert leg.display_values(q)["slide"] == (pytest.approx(0.2), "m")
+
+
+def test_a_continuous_joint_may_be_given_by_its_angle():
+    leg = mixed()
+    q = leg.configuration({"turn": 0.5, "spin": 3.0, "slide": 0.2})
+    assert leg.posture([0.5, 3.0, 0.2]).q == pytest.approx(q, abs=1e-15)
+    assert leg.joint_values([0.5, -3.0, 0.2])["spin"] == pytest.approx(-3)
+    said = r"q has shape \(5,\): it must be \(3,\), with one angle for each continuous joint, or"
+    with pytest.raises(kd.InvalidInput, match=said):
+        leg.posture(np.zeros(5))
+    with pytest.raises(kd.InvalidInput, match="must have length 1"):
+        leg.posture([0.5, 3.0, 0.2, 0.0])
+
+
+def test_a_floating_base_beside_a_continuous_joint():
+    leg = floating_leg(np.random.default_rng(0))
+    base = [1, 2, 3, 0, 0, 0, 1]
+    q = leg.posture([*base, 0.3, 0.4]).q
+    assert q == pytest.approx([*base, math.cos(0.3), math.sin(0.3), 0.4])
 
 
 def test_nothing_named_is_everything_at_zero():

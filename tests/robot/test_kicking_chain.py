@@ -3,9 +3,10 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains import floating_leg
 
 import kickdyn as kd
-from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.kicking_chain import configuration_with_angles, kicking_chain, with_angles
 
 G1 = kd.Leg.from_robot("g1")
 
@@ -75,3 +76,26 @@ def test_a_joint_without_limits_has_a_full_turn():
 def test_a_floating_base_is_refused():
     with pytest.raises(kd.InvalidInput, match="'root_joint' moves the contact frame"):
         kicking_chain(kd.Leg.from_robot("g1", base="floating"))
+
+
+def test_continuous_joints_by_angles_are_the_same_robot():
+    robot = floating_leg(np.random.default_rng(3))
+    robot = robot.with_armature({"hip": 0.2}).with_supports()
+    angles = with_angles(robot)
+    assert (robot.nq, angles.nq, angles.nv) == (9 + 1, 9, robot.nv)
+    pose = [0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8]
+    one, other = robot.posture([*pose, 2.0, -0.4]), angles.posture([*pose, 2.0, -0.4])
+    assert other.contact_point == pytest.approx(one.contact_point, abs=1e-14)
+    assert other.jacobian == pytest.approx(one.jacobian, abs=1e-14)
+    assert other.inertia == pytest.approx(one.inertia, rel=1e-13, abs=1e-13)
+    assert angles.joint_range("hip") == (-math.pi, math.pi)
+    assert angles.velocity_limit.tolist() == robot.velocity_limit.tolist()
+    assert with_angles(G1) is G1
+
+
+def test_configurations_with_angles(spoil, load):
+    knee = 'name="knee" type="revolute"'
+    leg = load(spoil((knee, knee.replace("revolute", "continuous"))))
+    for q in ([0.1, 0.5], [0.1, math.cos(0.5), math.sin(0.5)]):
+        assert configuration_with_angles(leg, q) == pytest.approx([0.1, 0.5], abs=1e-15)
+    assert kicking_chain(with_angles(leg)).upper.tolist() == [2.0, math.pi]

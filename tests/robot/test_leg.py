@@ -39,7 +39,9 @@ def body(mass=1.0, moments=(0.1, 0.1, 0.05), at=(0.1, 0.2, 0.3)):
 @pytest.mark.parametrize(
     ("frame", "said"),
     [
-        ("tow", "'tow' is unknown: leg_human has base, hip, .*toe"),
+        ("tow", "'tow' is unknown: did you mean 'toe'. leg_human has base, hip, .*toe"),
+        ("SHANK", "'SHANK' is unknown: did you mean 'shank'"),
+        ("xyzzy", "'xyzzy' is unknown: leg_human has base"),
         ("", "'' is unknown"),
         (None, "frame is None: it must be a str"),
         ("universe", "'universe' is unknown"),  # id 0, which is no part of the leg
@@ -637,3 +639,9 @@ def test_a_foot_faster_than_floats_is_refused():
     posture = kd.Leg.human().posture([0.1, 0.2, -0.1])
     with pytest.raises(kd.InvalidInput, match="must be slower"):
         posture.joint_velocity([1e308, 0, 1e308])
+
+
+def test_a_speed_limit_of_0_is_named(spoil, load):
+    leg = load(spoil(('velocity="20"', 'velocity="0"')))
+    assert leg.warnings == ("speed limit of knee is 0: what moves it is too fast",)
+    assert kd.Leg.human().warnings == ()

@@ -84,5 +84,7 @@ def test_a_leg_without_redundancy_is_refused():
 def test_a_held_leg_is_refused():
     robot = kd.Leg.from_robot("bolt", base="floating")
     leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
-    with pytest.raises(kd.InvalidInput, match="bolt has supports or loops: only a free leg"):
+    with pytest.raises(
+        kd.InvalidInput, match="bolt has supports, loops or mimic joints: only a free"
+    ):
         self_motion(leg, leg.configuration())

@@ -34,6 +34,8 @@ def test_the_ball_lies_before_the_contact_point():
         ({"law": "none"}, "law is 'none'"),
         ({"ball_spin": [1, 2]}, "ball spin"),
         ({"uncertainty": np.nan}, "uncertainty is nan"),
+        ({"uncertainty": {"q": np.nan}}, "uncertainty of q is nan"),
+        ({"uncertainty": {"friction": None}}, "uncertainty of friction is None"),
         ({"uncertainty": {1: 2}}, "uncertainty of 1 is unknown: choose q, v"),
     ],
 )

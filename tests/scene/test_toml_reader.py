@@ -1,11 +1,13 @@
 """Scene files: every example loads, every fault is told, all at once."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.toml_reader import MAX_BYTES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -111,6 +113,31 @@ def test_a_file_is_looked_for_from_the_scenes_folder(read, tmp_path, good_urdf):
     (tmp_path / "my.urdf").write_text(good_urdf)
     text = SMALL.replace('model = "human"', 'file = "my.urdf"').replace(", ankle = -5", "")
     assert read(text).leg.joint_names == ("hip", "knee")
+
+
+def test_a_file_may_be_an_mjcf(read, tmp_path):
+    (tmp_path / "my.xml").write_text(
+        '<mujoco><worldbody><body name="thigh"><joint name="hip" axis="0 -1 0"/><geom size="0.1"/>'
+        '<body pos="0 0 -1"><joint name="knee" axis="0 1 0"/><geom size="0.1"/>'
+        '<site name="toe" pos="0.2 0 -1"/></body>'
+        "</body></worldbody></mujoco>"
+    )
+    text = SMALL.replace('model = "human"', 'file = "my.xml"').replace(", ankle = -5", "")
+    assert read(text).leg.joint_names == ("hip", "knee")
+
+
+def test_package_dirs_are_looked_for_from_the_scenes_folder(read, faults, tmp_path, good_urdf):
+    (tmp_path / "my.urdf").write_text(good_urdf)
+    (tmp_path / "share").mkdir()
+    text = SMALL.replace(", ankle = -5", "")
+    own = 'file = "my.urdf"\npackage_dirs = ["share"]'
+    leg = read(text.replace('model = "human"', own)).leg
+    assert leg.file.package_dirs == (tmp_path / "share",)
+    (line,) = faults(text.replace('model = "human"', own.replace("share", "gone")))
+    assert "leg: package_dirs names" in line
+    assert "there is no such folder" in line
+    (line,) = faults(text.replace('model = "human"', 'model = "human"\npackage_dirs = ["share"]'))
+    assert "leg.package_dirs is named without file" in line
 
 
 def test_all_faults_at_once_one_line_each(faults):
@@ -294,3 +321,57 @@ def test_supports_are_few(faults):
     supports = ", ".join(f"'h{i}'" for i in range(101))
     (line,) = faults(SMALL.replace('"human"', f'"human"\nsupports = [{supports}]'))
     assert "at most 100" in line
+
+
+def test_loops_are_closed_by_the_joints_that_are_not_named(tmp_path):
+    (tmp_path / "leg_fourbar.urdf").write_text(shipped_urdf("leg_fourbar.urdf").read_text())
+    text = """
+        [leg]
+        file = "leg_fourbar.urdf"
+        loops = [["shank_pin", "rocker_b_tip"]]
+        [posture]
+        angles_deg = {rocker_b = 40, hip = 10}
+        foot_velocity_m_s = [4, 0, 1]
+        [contact]
+        normal = [1, 0, 0.3]
+        restitution = 0.8
+    """
+    (tmp_path / "scene.toml").write_text(text)
+    scene = kd.load_scene(tmp_path / "scene.toml")
+    leg, q = scene.leg, scene.q
+    assert leg.constraints.loops == (("shank_pin", "rocker_b_tip"),)
+    assert leg.angles_deg(q)["rocker_b"] == pytest.approx(40, rel=1e-12)
+    leg.posture(q).check_velocity(scene.v)
+    assert kd.simulate(scene).impact.loop_residual <= 1e-12
+    assert kd.simulate(scene).warnings == ()
+    (tmp_path / "open.toml").write_text(text.replace("loops", "# loops"))
+    (line,) = kd.simulate(kd.load_scene(tmp_path / "open.toml")).warnings
+    assert "ends of a loop" in line
+
+
+@pytest.mark.parametrize(
+    ("loops", "said"),
+    [
+        ("['toe']", "leg.loops is .*it must be a list of pairs of names"),
+        ("[['toe', 'foot', 'hip']]", "must be a list of pairs"),
+        ("[['toe', 3]]", "must be a list of pairs"),
+        ("'toe'", "must be a list of pairs"),
+        ("[['toe', 'foot']]", "leg: loop toe - foot joins a body to itself"),
+        ("[['toe', 'tow']]", "leg: frame 'tow' is unknown"),
+        ("[['toe', 'base']]", "posture: loop toe - base stays open"),
+    ],
+)
+def test_bad_loops_are_refused(faults, loops, said):
+    (line,) = faults(SMALL.replace('"human"', f'"human"\nloops = {loops}'))
+    assert re.search(said, line)
+
+
+def test_stiff_joints(tmp_path, faults):
+    file = tmp_path / "scene.toml"
+    file.write_text(SMALL.replace('"human"', '"human"\nstiff_joints = ["ankle"]'))
+    scene = kd.load_scene(file)
+    impact = kd.simulate(scene).impact
+    assert scene.leg.stiff_joints == ("ankle",)
+    assert impact.v_after[2] == pytest.approx(scene.v[2], rel=1e-12, abs=1e-12)
+    (line,) = faults(SMALL.replace('"human"', '"human"\nstiff_joints = ["toe"]'))
+    assert "leg: joint 'toe' is unknown" in line

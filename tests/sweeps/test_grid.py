@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.grid import IN_MEMORY, LARGEST, Chunks, Grid, check_size, read_postures
 
 LEG = kd.Leg.human()
@@ -143,3 +144,77 @@ def test_chunks_are_consecutive_postures_of_like_size(shape, chunk):
         assert here == list(range(first, first + count))
         seen += here
     assert seen == list(range(number.size))
+
+
+FOURBAR = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+LOOPED = FOURBAR.with_loops(("shank_pin", "rocker_b_tip"))
+
+
+def test_loops_are_closed_at_each_point():
+    grid = Grid.of(LOOPED, {"rocker_b": np.radians([0.0, 30.0, 60.0]), "hip": [0.1, 0.2]})
+    for number in range(grid.size):
+        q = grid.configuration(LOOPED, number)
+        named = {"rocker_b": grid.axes["rocker_b"][number // 2], "hip": (0.1, 0.2)[number % 2]}
+        assert {name: LOOPED.joint_values(q)[name] for name in named} == pytest.approx(
+            named, abs=1e-15
+        )
+        LOOPED.posture(q)  # refuses open loops
+        assert LOOPED.outside_range(q) == []
+    assert grid.configuration(FOURBAR, 5)[1:].tolist() == [0, 0, 0, grid.axes["rocker_b"][2]]
+
+
+def test_points_that_cannot_be_closed_are_refused():
+    grid = Grid.of(LOOPED, {"rocker_a": [0.41]})
+    with pytest.raises(kd.InvalidInput, match=r"loop shank_pin - rocker_b_tip stays open"):
+        grid.configuration(LOOPED, 0)
+    grid = Grid.of(LOOPED, {"shank_pin_a": [1.89]})
+    with pytest.raises(kd.InvalidInput, match=r"with the loops closed, rocker_b at 74\.\d+ deg is"):
+        grid.configuration(LOOPED, 0)
+
+
+def test_all_faults_come_at_once():
+    leg = kd.Leg.human()
+    with pytest.raises(kd.InvalidInput) as caught:
+        Grid.of(leg, {"hipp": [0], "knee": [0, 9.0], "ankle": [1, 0]})
+    assert [fault[:14] for fault in str(caught.value).split("; ")] == [
+        "joint 'hipp' i",
+        "joint knee is ",
+        "joint ankle ha",
+    ]
+    with pytest.raises(kd.InvalidInput) as caught:
+        read_postures(leg, ["hip=5:0:1", "knee=x", "knee=0", "ankle=0", "ankle=1"])
+    assert [fault[:21] for fault in str(caught.value).split("; joint ")] == [
+        "joint 'hip=5:0:1': LO",
+        "'knee=x' cannot be re",
+        "'ankle' is given twic",
+    ]
+
+
+GEARED = """<robot name="geared"><link name="base"/>{}</robot>"""
+PART = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}_link"/>'
+    '<origin xyz="0 0 -0.4"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" '
+    'velocity="9"/>{2}</joint><link name="{0}_link"><inertial><origin xyz="0 0 -0.2"/>'
+    '<mass value="3"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    "</link>"
+)
+
+
+def test_mimic_joints_follow_in_a_sweep(tmp_path):
+    gear = '<mimic joint="hip" multiplier="-2" offset="0.1"/>'
+    parts = [PART.format("hip", "base", ""), PART.format("knee", "hip_link", gear)]
+    parts += [PART.format("ankle", "knee_link", ""), PART.format("toe", "ankle_link", "")]
+    path = tmp_path / "geared.urdf"
+    path.write_text(GEARED.format("".join(parts)))
+    leg = kd.Leg.from_urdf(path, "toe_link")
+    grid = Grid.of(leg, {"hip": [0.1, 0.2], "ankle": [0.5]})
+    assert grid.configuration(leg, 1) == pytest.approx([0.2, -0.3, 0.5, 0])
+    table = kd.sweep(leg, {"hip": [0.1, 0.2], "ankle": [0.5]}, kd.Kick(speed=1.0))
+    posture = leg.posture([0.2, 0.5, 0.0])
+    mass = posture.effective_mass(kd.Kick().direction)
+    assert float(table.effective_mass[1, 0]) == pytest.approx(mass, rel=1e-12)
+    with pytest.raises(kd.InvalidInput, match="joint knee mimics hip: sweep that one"):
+        Grid.of(leg, {"knee": [0.1]})
+    said = r"joint knee is moved by hip, which it mimics, to -63\.\d+ deg: its range is -57"
+    with pytest.raises(kd.InvalidInput, match=said):
+        Grid.of(leg, {"hip": [0.1, 0.6]})

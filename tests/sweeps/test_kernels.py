@@ -75,6 +75,7 @@ def test_the_general_kernel_is_kick_from(seed):
     rng = np.random.default_rng(seed)
     leg = random_leg(rng, joints=3 + seed % 5)
     model = leg.model
+    model.armature = np.linspace(0.01, 0.05, leg.nv)
     model.velocityLimit = np.linspace(4.0, 9.0, leg.nv) if seed else np.array([5.0, np.inf, 9.0])
     leg = kd.Leg.from_model(model, "toe")
     axes = {name: rng.uniform(-2, 2, 2) for name in leg.joint_names[:4]}

@@ -84,7 +84,7 @@ def test_plain_xarray_opens_a_store_without_a_warning(tmp_path, chunks):
             assert done.all() == finished
             assert done.any()
         assert (plain.attrs["finished"], plain.status.dtype) == (finished, np.int8)
-        assert plain.status.attrs["flag_values"] == [0, 1, 2, -1]
+        assert plain.status.attrs["flag_values"] == [0, 1, 2, 3, -1]
         assert plain.carry.attrs == {"units": "m", "long_name": whole.carry.attrs["long_name"]}
         assert np.isnan(plain.carry.values).tolist() == (~done).tolist()
         assert (plain.carry.values[done] == whole.carry.values[done]).all()

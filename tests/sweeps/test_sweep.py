@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps import chunk_solver
 from kickdyn.sweeps.dataset import VARIABLES
 from kickdyn.sweeps.grid import read_postures
+from kickdyn.sweeps.queries import outcome_at
 from kickdyn.sweeps.sweep import sweep_chunks
-from kickdyn.sweeps.sweep_kick import kick_from
+from kickdyn.sweeps.sweep_kick import PostureStatus, kick_from
 
 LEG = kd.Leg.human()
 KICK = kd.Kick(attack=0.0)
@@ -63,8 +65,10 @@ def test_units_and_provenance(small):
     assert small.attrs["source"].startswith(f"kickdyn {kd.__version__} (pin 4.")
     assert len(small.attrs["leg_sha256"]) == 64
     assert (small.attrs["attack_deg"], small.attrs["finished"]) == (0.0, 1)
-    assert small.status.attrs["flag_meanings"] == "ok too-fast out-of-reach not-computed"
-    assert small.status.attrs["flag_values"].tolist() == [0, 1, 2, -1]
+    assert small.status.attrs["flag_meanings"] == (
+        "ok too-fast out-of-reach not-closed not-computed"
+    )
+    assert small.status.attrs["flag_values"].tolist() == [0, 1, 2, 3, -1]
 
 
 def test_nan_only_where_the_status_says_out_of_reach():
@@ -156,3 +160,32 @@ def test_importing_compiles_nothing():
         sys.exit(len(calls))
     """
     assert subprocess.run([sys.executable, "-c", textwrap.dedent(script)]).returncode == 0
+
+
+def test_a_sweep_of_loops_and_supports_is_single_strikes():
+    """Row by row, whatever joints close the loop; the best report closes it too."""
+    fourbar = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf"))
+    leg = fourbar.with_loops(("shank_pin", "rocker_b_tip"))
+    robot = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
+    kick = kd.Kick(air=None)
+    for each, joints in (
+        (leg, {"rocker_a": [0.0, 0.2, 0.41], "hip": [0.0, 0.5]}),
+        (robot, {"FR_KFE": [0.0, 0.6], "FR_HFE": [0.1, 0.3]}),
+    ):
+        data = kd.sweep(each, joints, kick)
+        for index in np.ndindex(*data.status.shape):
+            one = data.isel(dict(zip(joints, index, strict=True)))
+            if one.status == PostureStatus.NOT_CLOSED.flag:
+                assert float(one.rocker_a) == 0.41
+                assert np.isnan([float(one[name]) for name in VARIABLES]).all()
+                continue
+            named = {name: float(one[name]) for name in joints}
+            posture = each.posture(each.close_loops(each.configuration(named), keep=named))
+            impact = kick_from(posture, kick).impact
+            assert float(one.ball_speed) == pytest.approx(impact.ball_after.speed, rel=1e-12)
+            assert impact.momentum_residual <= 1e-12
+            assert max(impact.loop_residual, impact.support_residual) <= 1e-10
+            assert outcome_at(each, kick, one).impact.ball_after.speed == pytest.approx(
+                impact.ball_after.speed, rel=1e-12
+            )
+    assert "close it by with_loops" in kd.sweep(fourbar, {"hip": 0.1}, kick).attrs["warnings"]

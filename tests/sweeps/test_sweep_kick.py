@@ -179,5 +179,5 @@ def test_a_kick_that_some_velocity_can_do_is_not_too_fast():
 
 def test_statuses_have_flags():
     assert {status.value: status.flag for status in PostureStatus} == {
-        "ok": 0, "too-fast": 1, "out-of-reach": 2, "not-computed": -1,
+        "ok": 0, "too-fast": 1, "out-of-reach": 2, "not-closed": 3, "not-computed": -1,
     }  # fmt: skip

@@ -5,6 +5,7 @@ from rich.console import Console
 import kickdyn as kd
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.summary import summarize
+from kickdyn.sweeps.sweep_kick import kick_from
 from kickdyn.sweeps.sweep_report import as_json, extreme_lines, paper_lines, show, table, text
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
@@ -100,7 +101,9 @@ def test_none_where_nothing_is_possible():
     _, summary, lines = swept("knee=0:20:10", kick=kick)
     assert lines == []
     report = as_json(LEG, kick, summary, lines)
-    assert report["status"] == {"ok": 0, "too-fast": 3, "out-of-reach": 0}
+    assert report["status"] == {
+        "ok": 0, "too-fast": 3, "out-of-reach": 0, "not-closed": 0,
+    }  # fmt: skip
 
 
 def test_the_papers_postures_meet_table_2():
@@ -129,7 +132,31 @@ def test_a_whole_robot_is_swept_by_its_named_joints():
     robot = kd.Leg.from_robot("bolt", base="floating")
     leg = robot.with_supports(kd.Support("FL_FOOT", point=True))
     kick = kd.Kick(speed=2.0)
-    data, _, lines = swept("FR_HFE=-30:30:30", "FR_KFE=-60:0:30", leg=leg, kick=kick)
+    joints = ["FR_HFE=-30:30:30", "FR_KFE=-60:0:30"]
+    data, summary, lines = swept(*joints, leg=leg, kick=kick)
     assert data.ball_speed.shape == (3, 3)
     assert list(lines[0].angles) == list(leg.joint_names[1:])
-    assert [row.split(",")[0].strip() for row in printed(leg, lines)[3:9]] == [*lines[0].angles]
+    # shown are the joints of the kicking limb, and others where they are not at 0
+    limb = ["FR_HAA", "FR_HFE", "FR_KFE"]
+    assert [row.split(",")[0].strip() for row in printed(leg, lines)[3:7]] == [
+        *limb,
+        "effective mass",
+    ]
+    said = text(summary, lines, 1000)
+    assert "The robot's 3 other joints are at 0; --json lists all." in said
+    assert "FL_" not in said
+    _, summary, lines = swept(*joints, "FL_KFE=30", leg=leg, kick=kick)
+    assert "FL_KFE" in [row.split(",")[0].strip() for row in printed(leg, lines)]
+    assert "The robot's 2 other joints are at 0" in text(summary, lines)
+
+
+def test_both_effective_masses_of_stiff_joints():
+    leg = LEG.with_stiff_joints("ankle")
+    _, _, lines = swept("knee=10:20:10", leg=leg)
+    for line in lines:
+        free = kick_from(LEG.posture(line.outcome.posture.q), KICK).impact.effective_mass
+        assert line.as_json()["free_effective_mass"] == pytest.approx(free, rel=1e-12)
+        assert line.as_json()["effective_mass"] > free
+    (row,) = (row for row in printed(leg, lines) if "all joints free, kg" in row)
+    assert float(row.split()[-1]) == pytest.approx(free, rel=1e-3)
+    assert "free_effective_mass" not in swept("knee=10")[2][0].as_json()

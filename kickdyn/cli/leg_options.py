@@ -1,0 +1,119 @@
+"""The options of command lines that say which leg kicks, and how it is held."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, NamedTuple
+
+import click
+
+from kickdyn.cli.command import warn
+from kickdyn.cli.named_legs import load_leg
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.leg import Leg
+
+
+class LegOptions(NamedTuple):
+    """What the options of `leg_options` say.
+
+    Attributes:
+        leg_name: a name of `named_legs.LEGS`, or a file.
+        frame: the contact frame; None is the default of `load_leg`.
+        loops: pairs of frames' names.
+        supports: frames' names.
+        package_dirs: folders for the meshes of a URDF file.
+        locked: joints that do not move, with their values [deg; m for prismatic joints].
+        stiff_joints: joints' names.
+    """
+
+    leg_name: str
+    frame: str | None
+    loops: tuple[tuple[str, str], ...]
+    supports: tuple[str, ...]
+    package_dirs: tuple[str, ...]
+    locked: dict[str, float]
+    stiff_joints: tuple[str, ...]
+
+    def load(self) -> Leg:
+        """Return the leg, its warnings written to standard error.
+
+        A leg that stands on a support has a floating base, which could not move otherwise.
+        """
+        base = "floating" if self.supports else "fixed"
+        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, self.locked)
+        if self.supports:
+            leg = leg.with_supports(*self.supports)
+        if self.loops:
+            leg = leg.with_loops(*self.loops)
+        if self.stiff_joints:
+            leg = leg.with_stiff_joints(*self.stiff_joints)
+        warn(leg.warnings)
+        return leg
+
+
+def _read_locked(_: click.Context, __: click.Option, texts: tuple[str, ...]) -> dict[str, float]:
+    """Return the joints that `--lock` names, with their values [deg; m for prismatic joints]."""
+    locked: dict[str, float] = {}
+    for text in texts:
+        name, _equals, value = text.rpartition("=")
+        try:
+            if not name or name in locked:
+                raise ValueError
+            locked[name] = float(value)
+        except ValueError:
+            once = "once for each joint" if name in locked else "[deg; m]"
+            raise InvalidInput(f"lock is {text!r}: it must be JOINT=VALUE, {once}") from None
+    return locked
+
+
+def _read_loops(
+    _: click.Context, __: click.Option, texts: tuple[str, ...]
+) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of frames that `--loop` names."""
+    loops = []
+    for text in texts:
+        first, colon, second = text.partition(":")
+        if not (colon and first and second):
+            raise InvalidInput(f"loop is {text!r}: it must be two frames, A:B")
+        loops.append((first, second))
+    return tuple(loops)
+
+
+_OPTIONS = (
+    click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
+                 show_default=True,
+                 help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of "
+                 "kickdyn[robots] on its fixed base (g1, talos, ...)."),
+    click.option("--frame", metavar="NAME",
+                 help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
+                 "its right foot]"),
+    click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
+                 help="Joint that does not move, and where it is [deg; m for prismatic joints]; "
+                 "repeatable."),
+    click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
+                 help="Two frames whose origins stay together, by a ball joint: they close a loop "
+                 "that the file cuts open; repeatable."),
+    click.option("--support", "supports", multiple=True, metavar="FRAME",
+                 help="A foot that stands on the ground; the base then floats, and a robot has "
+                 "both legs; repeatable."),
+    click.option("--stiff", "stiff_joints", multiple=True, metavar="JOINT",
+                 help="Joint whose velocity the impact does not change, as of a motor with a high "
+                 "gear; repeatable."),
+    click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
+                 type=click.Path(exists=True, file_okay=False),
+                 help="ROS package with meshes of a URDF file, or a folder that contains it; "
+                 "repeatable."),
+)  # fmt: skip
+
+
+def leg_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command with the options of a leg, which it takes as one argument `leg_options`."""
+
+    @wraps(command)
+    def with_options(*args: Any, **given: Any) -> Any:
+        """Call the command with the options of the leg in one."""
+        options = LegOptions(**{name: given.pop(name) for name in LegOptions._fields})
+        return command(*args, leg_options=options, **given)
+
+    for option in reversed(_OPTIONS):
+        with_options = option(with_options)
+    return with_options

@@ -1,0 +1,57 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+
+pytest.importorskip("casadi")
+from kickdyn.planning import swing_kick
+
+JOINTS = 6
+
+
+def tried(monkeypatch, answers):
+    """Solve with a solver that gives `answers`, and return the slacks it was called with."""
+    slacks = []
+
+    class Problem:
+        iterations = 0
+
+        def __init__(self, *_):
+            pass
+
+        def solve(self, _, slack):
+            slacks.append(slack)
+            iterations, share, use = answers[len(slacks) - 1]
+            self.iterations += iterations
+            if share is None:
+                return None
+            return SimpleNamespace(share=share), (SimpleNamespace(torque_use=use),)
+
+    monkeypatch.setattr(swing_kick, "_SwingKickProblem", Problem)
+    program = SimpleNamespace(qs=slice(None), n=JOINTS, leg=SimpleNamespace(name="leg"))
+    found = SimpleNamespace(posture=SimpleNamespace(q=np.zeros(JOINTS)))
+    try:
+        best = swing_kick.solve_with_swing(program, found, "joint-speed")[0].share
+    except kd.InvalidInput:
+        best = None
+    return slacks, best
+
+
+@pytest.mark.parametrize(
+    ("answers", "slacks", "best"),
+    [
+        ([(60, 1.0, 0.99)], [0.04], 1.0),
+        ([(60, 0.5, 0.99), (60, 0.6, 1.0), (60, 0.7, 1.01), (60, 0.6, 1.0)],
+         [0.04, 0.1, 0.2, 0.3], 0.6),
+        ([(60, 0.47, 1.38), (60, 0.43, 0.96)], [0.04, 0.3], 0.43),
+        ([(60, None, 0.0), (60, 0.7, 1.15), (60, 0.6, 0.9)], [0.04, 0.1, 0.3], 0.6),
+        ([(60, 1.0, 1.05), (60, None, 0.0), (60, 1.0, 1.0)], [0.04, 0.1, 0.2], 1.0),
+        ([(130, None, 0.0), (130, None, 0.0)], [0.04, 0.1], None),
+    ],
+)  # fmt: skip
+def test_too_small_slacks_are_left_out_and_iterations_are_bounded(
+    answers, slacks, best, monkeypatch
+):
+    assert tried(monkeypatch, answers) == (slacks, best)

@@ -1,0 +1,198 @@
+import os
+
+import pytest
+
+import kickdyn as kd
+from kickdyn.robot import mesh_path
+from kickdyn.robot.mesh_path import MeshFinder
+
+MANIFEST = "<?xml version='1.0'?><package format='3'><name>{}</name></package>"
+
+
+def package(folder, name, *files):
+    """Make a ROS package with files in it."""
+    for file in files:
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).touch()
+    (folder / "package.xml").write_text(MANIFEST.format(name))
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def no_ros(monkeypatch):
+    for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """A package in a folder of another name, as repositories are, and a secret beside it."""
+    (tmp_path / "secret.stl").touch()
+    return package(
+        tmp_path / "ws" / "robot_repo",
+        "robot_description",
+        *("urdf/robot.urdf", "urdf/beside.stl", "meshes/a b.stl", "meshes/visual/hip.stl"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("beside.stl", "urdf/beside.stl"),
+        ("../meshes/a b.stl", "meshes/a b.stl"),
+        ("package://robot_description/meshes/visual/hip.stl", "meshes/visual/hip.stl"),
+        ("package:///robot_description//meshes/a b.stl", "meshes/a b.stl"),
+        ("package://robot_repo/meshes/a b.stl", "meshes/a b.stl"),
+        ("model://robot_description/meshes/a b.stl", "meshes/a b.stl"),
+        ("package://robot_description/urdf/../meshes/a b.stl", "meshes/a b.stl"),
+        ("file://{robot}/meshes/a%20b.stl", "meshes/a b.stl"),
+        ("{robot}/meshes/a b.stl", "meshes/a b.stl"),
+    ],
+)
+def test_names_in_the_own_package(robot, name, file):
+    found = MeshFinder(robot / "urdf").find(name.format(robot=robot))
+    assert found == robot / file
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../../secret.stl",
+        "package://robot_description/../../secret.stl",
+        "package://robot_description//{top}/secret.stl/../../secret.stl",
+        "file://{top}/secret.stl",
+        "{top}/secret.stl",
+        "link.stl",
+        "package://robot_description/urdf/link.stl",
+        "package://robot_description/urdf/out/secret.stl",
+        "package://../secret.stl",
+        "package://./../../../secret.stl",
+    ],
+)
+@pytest.mark.parametrize("named", [False, True])
+def test_what_lies_outside_is_refused(robot, tmp_path, name, named):
+    """Also if the package itself is named in package_dirs."""
+    (robot / "urdf/link.stl").symlink_to(tmp_path / "secret.stl")
+    (robot / "urdf/out").symlink_to(tmp_path)
+    finder = MeshFinder(robot / "urdf", [robot] if named else [])
+    with pytest.raises(kd.InvalidInput, match=r"lies outside|is missing") as caught:
+        finder.find(name.format(top=tmp_path))
+    assert repr(name.format(top=tmp_path)) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name", ["http://x/a.stl", "file://meshes/a.stl", "ftp://a.stl", "javascript://a.stl", "://a"]
+)
+def test_addresses_are_refused(robot, name):
+    with pytest.raises(kd.InvalidInput, match="no addresses"):
+        MeshFinder(robot / "urdf").find(name)
+
+
+def test_an_unknown_package_says_what_to_do(robot):
+    with pytest.raises(kd.InvalidInput) as caught:
+        MeshFinder(robot / "urdf").find("package://hand_description/meshes/hand.stl")
+    assert str(caught.value) == (
+        "mesh 'package://hand_description/meshes/hand.stl' is missing: package 'hand_description' "
+        "is unknown, name its folder in package_dirs (--package-dir) or ROS_PACKAGE_PATH"
+    )
+
+
+@pytest.mark.parametrize("given", ["hand_repo", ".", "../ws", "ws"])
+def test_package_dirs_are_packages_or_contain_them(tmp_path, robot, given):
+    """Up to two levels down, by the name in the manifest or by that of the folder."""
+    hand = package(tmp_path / "ws/hand_repo", "hand_description", "meshes/hand.stl")
+    top = {"hand_repo": hand, ".": hand.parent, "../ws": tmp_path / "x/../ws", "ws": tmp_path}
+    (tmp_path / "x").mkdir()
+    finder = MeshFinder(robot / "urdf", [tmp_path / "x", top[given]])
+    found = hand / "meshes/hand.stl"
+    assert finder.find("package://hand_description/meshes/hand.stl") == found
+    # a file that is named by its path, too
+    assert finder.find(f"file://{found}") == found
+    assert finder.find("../../hand_repo/meshes/hand.stl") == found
+
+
+def test_a_folder_of_the_name_needs_no_manifest_in_package_dirs(tmp_path, robot):
+    (tmp_path / "share/hand/meshes").mkdir(parents=True)
+    (tmp_path / "share/hand/meshes/hand.stl").touch()
+    for folder in ("share", "share/hand"):
+        finder = MeshFinder(robot / "urdf", [tmp_path / folder])
+        found = finder.find("package://hand/meshes/hand.stl")
+        assert found == tmp_path / "share/hand/meshes/hand.stl"
+
+
+def test_packages_of_the_environment(tmp_path, robot, monkeypatch):
+    one = package(tmp_path / "ros1/stack/one", "one", "one.stl")
+    two = package(tmp_path / "ros2/share/two", "two", "two.stl")
+    gone = tmp_path / "gone"
+    monkeypatch.setenv(
+        "ROS_PACKAGE_PATH", os.pathsep.join(["", "relative", str(gone), str(one.parent.parent)])
+    )
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{gone}{os.pathsep}{tmp_path / 'ros2'}")
+    monkeypatch.chdir(tmp_path)
+    package(tmp_path / "relative/three", "three", "three.stl")
+    finder = MeshFinder(robot / "urdf")
+    with pytest.raises(kd.InvalidInput, match="package 'three' is unknown"):
+        finder.find("package://three/three.stl")  # it would depend on the working directory
+    assert finder.find("package://one/one.stl") == one / "one.stl"
+    assert finder.find("package://two/two.stl") == two / "two.stl"
+    assert finder.find(f"file://{two}/two.stl") == two / "two.stl"
+
+
+def test_the_first_of_several_packages_is_taken(tmp_path, robot, monkeypatch):
+    """package_dirs, then the own package, then the environment."""
+    for name in ("named", "installed"):
+        package(tmp_path / name / "robot_description", "robot_description", "a.stl")
+    (robot / "a.stl").touch()
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "installed"))
+    mesh = "package://robot_description/a.stl"
+    named = MeshFinder(robot / "urdf", [tmp_path / "named"]).find(mesh)
+    assert named == tmp_path / "named/robot_description/a.stl"
+    assert MeshFinder(robot / "urdf").find(mesh) == robot / "a.stl"
+    assert MeshFinder(tmp_path).find(mesh) == tmp_path / "installed/robot_description/a.stl"
+
+
+def test_a_package_that_is_a_link_to_elsewhere_is_none(tmp_path, robot):
+    """Or an unpacked archive could make all of the disk a package."""
+    (tmp_path / "archive").mkdir()
+    (tmp_path / "archive/evil").symlink_to(tmp_path)
+    package(tmp_path / "real", "real_package", "a.stl")
+    (tmp_path / "archive/alias").symlink_to(tmp_path / "real")
+    finder = MeshFinder(tmp_path / "archive", [tmp_path / "archive"])
+    with pytest.raises(kd.InvalidInput, match="lies outside"):
+        finder.find("package://evil/secret.stl")
+    for name in ("alias", "real_package"):
+        with pytest.raises(kd.InvalidInput, match=r"lies outside|is unknown"):
+            finder.find(f"package://{name}/a.stl")
+
+
+@pytest.mark.parametrize(
+    "manifest", ["", "<package>", "<robot><name>robot</name></robot>", "\0", "<package/>"]
+)
+def test_a_file_that_is_no_manifest_makes_no_package(tmp_path, manifest):
+    """Without one, meshes are in the folder of the robot's file."""
+    (tmp_path / "robot/urdf").mkdir(parents=True)
+    (tmp_path / "robot/package.xml").write_text(manifest)
+    (tmp_path / "robot/a.stl").touch()
+    finder = MeshFinder(tmp_path / "robot/urdf")
+    if manifest == "<package/>":  # a package without a name is known by its folder's
+        assert finder.find("package://robot/a.stl") == tmp_path / "robot/a.stl"
+        return
+    for name in ("package://robot/a.stl", "../a.stl"):
+        with pytest.raises(kd.InvalidInput, match=r"is unknown|lies outside"):
+            finder.find(name)
+
+
+def test_the_folders_are_searched_once(tmp_path, robot, monkeypatch):
+    """However many packages a file names."""
+    seen = []
+    search = mesh_path._packages_in
+    monkeypatch.setattr(
+        mesh_path, "_packages_in", lambda folder: seen.append(folder) or search(folder)
+    )
+    finder = MeshFinder(robot / "urdf", [tmp_path])
+    for number in range(3):
+        with pytest.raises(kd.InvalidInput, match="is unknown"):
+            finder.find(f"package://none_{number}/a.stl")
+    assert seen == [tmp_path]
+    with pytest.raises(kd.InvalidInput, match=r"is unknown|cannot be found"):
+        finder.find(f"package://{'x' * 5000}/a.stl")

@@ -92,7 +92,9 @@ def test_the_nearest_ball_within_reach_is_named(how):
     said = refusal(**how)
     assert "the nearest ball found that it can kick so has its centre at (" in said
     near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
-    plan = kd.plan_kick(LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_height=near[2])
+    plan = kd.plan_kick(
+        LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_height=near[2]
+    )
     assert plan.impact.ball_after.position[2] == pytest.approx(near[2], abs=1e-3)
     wished = next(iter(how.values()))
     far = near[2] - wished if "ball_height" in how else np.linalg.norm(np.subtract(near, wished))

@@ -87,7 +87,9 @@ def test_the_vacuum_needs_no_correction():
 @settings(max_examples=60, deadline=None)
 def test_a_flight_over_level_ground_is_found_again(speed, angle, spin):
     velocity = (speed * math.cos(angle), 0.0, speed * math.sin(angle))
-    path = kd.fly(kd.BallState(velocity=velocity, spin=(0, spin, 0)), BALL, kd.Air(drag="brazuca"), tol=1e-12)
+    path = kd.fly(
+        kd.BallState(velocity=velocity, spin=(0, spin, 0)), BALL, kd.Air(drag="brazuca"), tol=1e-12
+    )
     goal = kd.Goal(path.range, time=path.duration)
     launch = kd.plan_launch(goal, BALL, kd.Air(drag="brazuca"), spin=(0, spin, 0))
     assert launch.status == "met"

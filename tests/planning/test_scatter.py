@@ -51,7 +51,8 @@ def test_first_order_and_drawn_kicks_agree(sources):
 
 def test_drag_alone_is_a_difference_of_flights():
     thin, thick = (
-        kd.Air(drag=lambda re, s, k=k: k * kd.Air(drag="brazuca").drag.function(re, s)) for k in (0.98, 1.02)
+        kd.Air(drag=lambda re, s, k=k: k * kd.Air(drag="brazuca").drag.function(re, s))
+        for k in (0.98, 1.02)
     )
     ends = [kd.fly(HIT.ball_after, BALL, air).landing.position for air in (thin, thick)]
     expected = np.linalg.norm((ends[0] - ends[1])[:2]) / 2

@@ -25,7 +25,9 @@ def test_the_flight_is_that_of_fly(air):
 
 
 def test_slopes_are_those_of_differences():
-    field = ShootingProblem(kd.Ball(), kd.Air(drag="brazuca"), SPIN / np.linalg.norm(SPIN), seeks_spin=True)
+    field = ShootingProblem(
+        kd.Ball(), kd.Air(drag="brazuca"), SPIN / np.linalg.norm(SPIN), seeks_spin=True
+    )
     ahead, left = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
 
     def results(change):

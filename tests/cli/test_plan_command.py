@@ -35,7 +35,7 @@ def test_text_and_files(tmp_path):
     files = ["--view", "kick.html", "--json", "kick.json"]
     ended = door("--distance", "30", "--time", "1.5", "--leg", "human", *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
-    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.48", "wrote kick.html"):
+    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.85", "wrote kick.html"):
         assert words in ended.stdout
     page = (tmp_path / "kick.html").read_text()
     assert "The ball comes to (30, 0, 0) m" in page
@@ -113,7 +113,9 @@ def test_the_flight_s_warnings_are_in_table_page_and_json(tmp_path):
     files = ["--view", "kick.html", "--json", "kick.json"]
     ended = door("--distance", "100", "--time", "3", "--no-limits", *files, cwd=tmp_path)
     lines = json.loads((tmp_path / "kick.json").read_text())["warnings"]
-    assert re.match(r"drag brazuca: \d+ % of the flight is outside Re 0 to 5.1e\+05", lines[0])
+    assert re.match(
+        r"drag supercritical: \d+ % of the flight is outside Re 0 to 5.1e\+05", lines[0]
+    )
     page = (tmp_path / "kick.html").read_text()
     for line in lines:
         assert f"\nWarning: {line}.\n" in ended.stdout

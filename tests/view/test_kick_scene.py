@@ -1,4 +1,6 @@
 import math
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +10,9 @@ import kickdyn as kd
 from kickdyn.view import kick_scene
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.kick_scene import draw_kick, stripe_width
+from kickdyn.view.kick_scene import describe_buried, draw_kick, stripe_width
 from kickdyn.view.leg_figure import joint_poses
+from kickdyn.view.playback import kick_pace
 
 
 def film(viewer):
@@ -168,3 +171,15 @@ def test_odd_kicks_are_drawn(make_kick, speed, degrees, attack):
 )
 def test_stripes_are_round_numbers(extent, width):
     assert stripe_width(extent) == pytest.approx(width)
+
+
+def test_bodies_under_the_lawn_are_announced(make_kick):
+    hit, _, path = make_kick(kd.Leg.human(), 5.0, degrees=(20, 40, 0))
+    low = SimpleNamespace(
+        duration=path.duration,
+        sample=lambda _: SimpleNamespace(position=hit.ball_before.position - [0.0, 0.0, 5.0]),
+    )
+    pace = kick_pace(hit, path.duration)
+    assert describe_buried(hit, low, pace) == ""
+    said = describe_buried(hit, path, pace)
+    assert re.fullmatch(r"Under the ground in this picture: .* m, \d+ ms (before|after) .*\.", said)

@@ -21,7 +21,7 @@ from kickdyn.accuracy.heyoka_flight import heyoka_landings
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 MANY, FEW = 10_000, 200
 
 

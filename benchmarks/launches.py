@@ -32,7 +32,7 @@ def reachable(n: int, seed: int = 1) -> list[tuple[kd.Goal, kd.Air, np.ndarray]]
         level = speed * math.cos(up)
         velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
         spin, wind = draw.normal(0, 20, 3), np.append(draw.normal(0, 3, 2), 0.0)
-        air = kd.Air(wind=wind)
+        air = kd.Air(wind=wind, drag="brazuca")
         shot = ShootingProblem(BALL, air, spin).shoot(
             velocity, 2 * velocity[2] / 9.81 * draw.uniform(0.6, 1)
         )
@@ -50,7 +50,7 @@ def reachable(n: int, seed: int = 1) -> list[tuple[kd.Goal, kd.Air, np.ndarray]]
 
 def unreachable(n: int, seed: int = 2) -> list[tuple[kd.Goal, kd.Air]]:
     """Return goals that no launch of up to `LIMIT` meets."""
-    draw, air, goals = np.random.default_rng(seed), kd.Air(), []
+    draw, air, goals = np.random.default_rng(seed), kd.Air(drag="brazuca"), []
     while len(goals) < n:
         distance, rise = draw.uniform(5, 40), draw.uniform(0.5, 3)
         target, kind = (distance, 0.0, rise), len(goals) % 5
@@ -84,7 +84,7 @@ def kicks(n: int, seed: int = 3) -> None:
             target = (size * math.cos(aside), size * math.sin(aside), 0.0)
             goal = kd.Goal(target, time=draw.uniform(0.9, 1.3) * 0.38 * math.sqrt(size))
             began = time.perf_counter()
-            plan = kd.plan_kick(leg, goal, BALL, kd.Air())
+            plan = kd.plan_kick(leg, goal, BALL, kd.Air(drag="brazuca"))
             spent.append(time.perf_counter() - began)
             inside = (plan.q >= leg.lower).all() and (plan.q <= leg.upper).all()
             kept += bool(inside and max(plan.speed_use, plan.torque_use) <= 1.0)
@@ -119,7 +119,7 @@ def main() -> None:
         limits[launch.limit or "MET"] += 1
     spent = time.perf_counter() - began
     print(f"{few} out of reach: {dict(limits)}; {spent / few:.2f} s each")
-    for name, air in (("standard", kd.Air()), ("the paper's", kd.Air.paper())):
+    for name, air in (("standard", kd.Air(drag="brazuca")), ("the paper's", kd.Air.paper())):
         for distance, flown in ((30, 1.5), (50, 2.0), (100, 3.0)):
             launch = kd.plan_launch(kd.Goal(distance, time=flown), BALL, air)
             missed = np.abs(launch.errors).max()

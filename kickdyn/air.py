@@ -81,7 +81,7 @@ class Air(ValueEquality, ReprMixin):
         density: float = density_of(293.15, 101_325),
         viscosity: float = viscosity_of(293.15),
         wind: ArrayLike | Wind = (0.0, 0.0, 0.0),
-        drag: str | Coefficient | None = "brazuca",
+        drag: str | Coefficient | None = "supercritical",
         lift: str | Coefficient | None = "saturating",
         torque: str | Coefficient | None = "smits-smith",
         *,
@@ -135,8 +135,8 @@ class Air(ValueEquality, ReprMixin):
     ) -> "Air":
         """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind.
 
-        The paper prints no coefficients; those of kickdyn's default ball stand in. It has neither
-        buoyancy nor decay of spin.
+        The paper prints no coefficients; those of a Brazuca in the wind tunnel stand in. It has
+        neither buoyancy nor decay of spin.
         """
         return cls(
             density=1.220, viscosity=1.8e-5, drag=drag, lift=lift, torque=None, buoyancy=False

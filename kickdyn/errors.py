@@ -15,7 +15,17 @@ class KickdynError(Exception):
 
 
 class InvalidInput(KickdynError, ValueError):
-    """A value that cannot be used; the message names it and says what is valid."""
+    """A value that cannot be used; the message names it and says what is valid.
+
+    Attributes:
+        faults: one line per fault; the message has all of them.
+    """
+
+    faults: tuple[str, ...]
+
+    def __init__(self, *faults: str) -> None:
+        super().__init__("; ".join(faults))
+        self.faults = tuple(str(KickdynError(fault)) for fault in faults)
 
 
 class FaultyFile(InvalidInput):
@@ -28,8 +38,8 @@ class FaultyFile(InvalidInput):
 
     def __init__(self, source: str, faults: Sequence[str]) -> None:
         self.source = printable(source)
+        super().__init__(f"{self.source}: {'; '.join(map(printable, faults))}")
         self.faults = tuple(printable(fault) for fault in faults)
-        super().__init__(f"{self.source}: {'; '.join(self.faults)}")
 
     def __reduce__(self) -> "tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]":
         return (type(self), (self.source, self.faults))

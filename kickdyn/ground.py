@@ -1,11 +1,14 @@
 """The level ground that a ball lands on, and the surfaces that it bounces and rolls on."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.errors import InvalidInput
+
+COEFFICIENTS = ("restitution", "friction", "rolling_deceleration", "tangential_restitution")
+"""Names of the numbers of a surface."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +24,11 @@ class Surface:
         tangential_restitution: of the contact point while it grips, -1 to 1. With 0 the ball rolls
             after the bounce; a value above 0 reverses the motion of the contact point.
         source: where the numbers come from.
+        deviations: standard deviations of the coefficients by their names, where they were
+            measured, as in `Segments.surface`; motions are computed without them.
 
     Raises:
-        InvalidInput: a coefficient outside its range.
+        InvalidInput: a coefficient outside its range, or a deviation of something else.
     """
 
     name: str
@@ -32,6 +37,7 @@ class Surface:
     rolling_deceleration: float
     tangential_restitution: float = 0.0
     source: str = ""
+    deviations: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         validation.number("ground restitution", self.restitution, at_least=0, at_most=1)
@@ -39,6 +45,14 @@ class Surface:
         validation.number("rolling deceleration", self.rolling_deceleration, above=0, unit="m/s2")
         e = self.tangential_restitution
         validation.number("tangential restitution", e, at_least=-1, at_most=1)
+        validation.check_type(Mapping, deviations=self.deviations)
+        for name, value in self.deviations.items():
+            if name not in COEFFICIENTS:
+                raise InvalidInput(
+                    f"deviations has {validation.brief(name)}: its names are "
+                    f"{', '.join(COEFFICIENTS)}"
+                )
+            validation.number(f"deviation of {name}", value, at_least=0)
 
 
 SURFACES = {

@@ -28,7 +28,7 @@ def comparable(text):
 @pytest.mark.parametrize("page", SNIPPETS, ids=lambda page: page.stem)
 def test_snippets_print_the_outputs_shown(page, tmp_path):
     """Blocks of a page run one after the other, as a reader would run them."""
-    for folder in ("urdf", "scenes"):
+    for folder in ("urdf", "scenes", "data"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     if '.save("picture.png")' in page.read_text("utf-8") and not any(map(shutil.which, BROWSERS)):
         pytest.skip("no chromium or google-chrome to take a picture with")

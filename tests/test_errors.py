@@ -31,3 +31,10 @@ def test_urdf_error_survives_a_process_pool():
         *(kd.UrdfError, str(error)),
         *("leg.urdf", ("one", "two")),
     )
+
+
+def test_several_faults_are_one_message():
+    error = kd.InvalidInput("a is 1:\n it must be 2", "b is 3")
+    assert str(error) == "a is 1: it must be 2; b is 3"
+    assert error.faults == ("a is 1: it must be 2", "b is 3")
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)

@@ -23,8 +23,12 @@ def client_of(notebook, folder):
 
 @by_name
 def test_runs(file, tmp_path):
+    """As in the folder of the notebooks, beside which is the folder of the data."""
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    folder = tmp_path / "notebooks"
+    folder.mkdir()
     notebook = nbformat.read(file, as_version=4)
-    client_of(notebook, tmp_path).execute()
+    client_of(notebook, folder).execute()
     errors = [
         output
         for cell in notebook.cells
@@ -32,7 +36,7 @@ def test_runs(file, tmp_path):
         if output.output_type == "error" or output.get("name") == "stderr"
     ]
     assert errors == []
-    assert list(tmp_path.iterdir()) == []
+    assert list(folder.iterdir()) == []
 
 
 @by_name

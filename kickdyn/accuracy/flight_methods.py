@@ -74,8 +74,8 @@ def measure_flights(
     ball, rows = Ball(), [_measure_vacuum()]
     without_spin = [BallState(state.position, state.velocity) for state in kicks()]
     for scene, air, states in (
-        ("drag only", Air(lift=None, torque=None), without_spin),
-        ("full", Air(), kicks()),
+        ("drag only", Air(drag="brazuca", lift=None, torque=None), without_spin),
+        ("full", Air(drag="brazuca"), kicks()),
     ):
         exact, measured = np.array(LANDINGS[scene][: len(states)]), []
         for name, land in _methods(scene, ball, air, tolerances).items():

@@ -1,4 +1,4 @@
-"""Landing points of the default ball by heyoka's Taylor integrator, and its equations of motion."""
+"""Landing points of a Brazuca by heyoka's Taylor integrator, and its equations of motion."""
 
 import math
 from collections.abc import Callable, Sequence

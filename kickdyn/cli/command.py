@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import click
 
-from kickdyn.errors import InvalidInput, KickdynError, NoImpact, SceneError, printable
+from kickdyn.errors import FaultyFile, InvalidInput, KickdynError, NoImpact, SceneError, printable
 
 
 @contextmanager
@@ -49,7 +49,11 @@ def run(command: click.Command) -> NoReturn:
         _fail(name, 2, error.format_message())
     except SceneError as error:
         _fail(name, 2, *(f"{error.source}: {fault}" for fault in error.faults))
-    except (InvalidInput, NoImpact) as error:
+    except FaultyFile as error:
+        _fail(name, 2, str(error))
+    except InvalidInput as error:
+        _fail(name, 2, *error.faults)
+    except NoImpact as error:
         _fail(name, 2, str(error))
     except KickdynError as error:
         _fail(name, 1, str(error))

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 from kickdyn.errors import FaultyFile, InvalidInput
 from kickdyn.robot.catalog import ROBOTS, robot_file
+from kickdyn.robot.descriptions import DESCRIPTION
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.leg_file import read_leg
@@ -28,14 +29,15 @@ def load_leg(
     package_dirs: Sequence[str] = (),
     locked: Mapping[str, float] | None = None,
 ) -> Leg:
-    """Return a leg by one of the names `LEGS`, or that of a URDF or MJCF file.
+    """Return a leg by one of the names `LEGS` or of robot_descriptions, or of a URDF or MJCF file.
 
     On a `fixed` base, a robot is its kicking leg; on a `floating` one, both legs and the base. The
     contact frame is by default a robot's toe, or the frame `toe` of a file; a file's meshes may be
     in the folders `package_dirs`; `locked` has values of joints that do not move [deg; m for
     prismatic joints]. Raises `InvalidInput`, or `FaultyFile` if the file is refused.
     """
-    if package_dirs and name in LEGS:
+    described = name.endswith(DESCRIPTION)
+    if package_dirs and (name in LEGS or described):
         raise InvalidInput(f"package-dir is {package_dirs[0]!r}: it is for a URDF file, not {name}")
     if name in SHIPPED:
         path = shipped_urdf(SHIPPED[name])
@@ -45,15 +47,15 @@ def load_leg(
         angles = _in_radians(locked, _slides(robot_file(name))) if locked else None
         robot = Leg.from_robot(name, frame, base=base, legs_only=True, locked=angles)
         return robot if base == "floating" else kicking_chain(robot).leg
+    if described and not os.path.exists(name):  # noqa: PTH110
+        return _locked(Leg.from_robot(name, frame, base=base), locked)
     if not os.path.exists(name) and not Path(name).suffix:  # noqa: PTH110 any text may be a name
         raise InvalidInput(f"leg {name!r} is neither {', '.join(LEGS)} nor a file")
     try:
         if not locked:
             return read_leg(name, frame or "toe", base, package_dirs)
         if is_mjcf(name):
-            leg = read_leg(name, frame or "toe", base, package_dirs)
-            slides = {joint for joint in locked if leg.joint_unit(joint) == "m"}
-            return leg.locked(_in_radians(locked, slides))
+            return _locked(read_leg(name, frame or "toe", base, package_dirs), locked)
         angles = _in_radians(locked, _slides(read_document(name)))
         return Leg.from_urdf(
             name, frame or "toe", base=base, package_dirs=package_dirs, locked=angles
@@ -63,6 +65,14 @@ def load_leg(
     except InvalidInput as error:  # what else can be wrong is the frame
         fault = str(error) if frame else f"no --frame is named, and {error}"
         raise InvalidInput(fault) from None
+
+
+def _locked(leg: Leg, values: Mapping[str, float] | None) -> Leg:
+    """Return a leg with joints locked at their values [deg; m for prismatic joints]."""
+    if not values:
+        return leg
+    slides = {joint for joint in values if leg.joint_unit(joint) == "m"}
+    return leg.locked(_in_radians(values, slides))
 
 
 def _slides(urdf: RobotFile) -> set[str]:

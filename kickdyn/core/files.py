@@ -23,26 +23,34 @@ def shipped(folder: str) -> Path:
     return packaged if packaged.exists() else package.parent / folder
 
 
+def check_file(
+    path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]
+) -> None:
+    """Raise `error`, which calls the file `source`, unless it is regular and of `most` bytes."""
+    try:
+        status = os.stat(path)  # noqa: PTH116 a path of any kind
+    except FileNotFoundError:
+        raise error(source, ["there is no such file"]) from None
+    except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
+        raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
+    if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
+        raise error(source, ["is not a regular file"])
+    if status.st_size > most:
+        raise error(source, [f"has {status.st_size} bytes: at most {most} are read"])
+
+
 def read_text(path: str | os.PathLike[str], source: str, most: int, error: type[FaultyFile]) -> str:
     """Return the text of a regular UTF-8 file of at most `most` bytes, or raise `error`.
 
     The error calls the file `source`.
     """
+    check_file(path, source, most, error)
     try:
-        status = os.stat(path)  # noqa: PTH116 a path of any kind
-        if not stat.S_ISREG(status.st_mode):  # a FIFO would block for ever, /dev/zero never end
-            raise error(source, ["is not a regular file"])
-        if status.st_size > most:
-            raise error(source, [f"has {status.st_size} bytes: at most {most} are read"])
         return Path(path).read_bytes().decode("utf-8-sig")
-    except FaultyFile:  # a ValueError as well
-        raise
-    except FileNotFoundError:
-        raise error(source, ["there is no such file"]) from None
     except UnicodeDecodeError as fault:
         line = f"is not UTF-8 text (byte {fault.start}): save it as UTF-8"
         raise error(source, [line]) from None
-    except (OSError, ValueError) as fault:  # ValueError: a NUL in the name
+    except OSError as fault:
         raise error(source, [f"cannot be read ({_reason(fault)})"]) from None
 
 

@@ -17,6 +17,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
+from kickdyn.ground import Ground
 from kickdyn.identification.track import Track
 
 UNITS = {
@@ -153,8 +154,16 @@ class Identification(ReprMixin):
 
     @cached_property
     def flights(self) -> tuple[Flight, ...]:
-        """The fitted flights, each flown on until it is back at the height of its launch."""
-        return tuple(fly(launch, self.ball, self.air) for launch in self.launches)
+        """The fitted flights, each flown on until it is as low as its lowest measured position."""
+        return tuple(
+            fly(launch, self.ball, self.air, Ground(self._lowest(track, launch)))
+            for track, launch in zip(self.tracks, self.launches, strict=True)
+        )
+
+    def _lowest(self, track: Track, launch: BallState) -> float:
+        """Return the height of a ground that the ball touches at its lowest position [m]."""
+        lowest = min(float(track.positions[:, 2].min()), float(launch.position[2]))
+        return lowest - self.ball.radius
 
     @property
     def flight(self) -> Flight:
@@ -182,16 +191,12 @@ class Identification(ReprMixin):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What to know before using the numbers; empty if there is nothing."""
-        lines = [
-            f"{name} is not determined by the measurement: {reason}"
-            for name, reason in self.undetermined.items()
-        ]
-        for name, value in self.values.items():
-            if _plain(name) in LOOSEST and self.deviations[name] > 0.5 * abs(value):
-                lines.append(
-                    f"{name} is {value:.3g} with a standard deviation of "
-                    f"{self.deviations[name]:.2g}: more than half its value"
-                )
+        lines = []
+        if self.undetermined:
+            lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
+        loose = [name for name, v in self.values.items() if self.deviations[name] > 0.5 * abs(v)]
+        if loose:
+            lines.append(f"the standard deviation is more than half the value: {', '.join(loose)}")
         if self.widening > 1.0:
             lines.append(
                 "neighbouring residuals go together, as in smoothed tracks: the standard "

@@ -33,7 +33,7 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.flight_lanes import Lane, fly_lanes
 from kickdyn.identification.identification_result import Identification, ModelScore
-from kickdyn.identification.track import Track
+from kickdyn.identification.track import Track, refuse_units
 
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch and say how well they do."""
@@ -46,8 +46,14 @@ OUTLIER = 4.5
 """Residuals of more than this many standard deviations are left out: in normally distributed noise
 seven of a million are."""
 
-TOL = 1e-10
-"""Relative tolerance of the integration."""
+MOST_KEPT = 0.9
+"""Share of the samples that count at least."""
+
+TOL, COARSE = 1e-10, 1e-7
+"""Relative tolerances of the integration: the least, and the one to begin with."""
+
+CONVERGED = 1e-8
+"""Relative change of the sum of squares at which a fit ends: less than 0.001 of a deviation."""
 
 FIRST_DRAG = 0.2
 """C_D from which a constant is sought: that of a ball above the drag crisis (Goff & Carre 2009)."""
@@ -255,16 +261,7 @@ def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
                 "coordinates"
             )
     falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
-    for unit, per_metre in (("millimetres", 1000.0), ("centimetres", 100.0), ("inches", 39.37)):
-        if 0.4 < falling / (9.81 * per_metre) < 2.0 and falling > 150.0:
-            raise InvalidInput(
-                f"the ball falls with {falling:.4g} per s2, as in {unit}: positions must be in "
-                "metres, with z up"
-            )
-    if 0.9 < falling / (9.81 * 3.2808) < 1.1:
-        raise InvalidInput(
-            f"the ball falls with {falling:.4g} per s2, as in feet: positions must be in metres"
-        )
+    refuse_units(float(falling))
 
 
 def _fit(problem: _Problem) -> _Estimate:
@@ -277,21 +274,33 @@ def _fit(problem: _Problem) -> _Estimate:
         _start(problem, launches, axes, size)
         for size in ((20.0, 80.0) if problem.spins else (0.0,))
     ]
-    evaluate = partial(_evaluate, problem, axes)
+    evaluate = partial(_evaluate, problem, axes, COARSE)
     if evaluate(starts[0]) is None:
         raise KickdynError("no flight could be integrated from the first guess of the launch")
     robust = [_minimise(evaluate, start, 3.0 * noise, None, 0.0, problem) for start in starts]
     _, values = min(robust, key=lambda found: found[0])
     residuals, jacobian = evaluate(values) or _impossible()
-    used = np.ones(residuals.size, dtype=bool)
+    used = np.zeros(residuals.size, dtype=bool)
     longest = max(float(np.ptp(track.positions, axis=0).max()) for track in problem.tracks)
-    for _ in range(3):  # the spread of the residuals and the outliers depend on each other
-        spread = _spread(residuals[used], longest)
-        aside = np.abs(residuals).reshape(-1, 3).max(axis=1) > OUTLIER * spread
-        used = np.repeat(~aside, 3)
+    for _ in range(4):  # the spread of the residuals and the outliers depend on each other
+        spread = _spread(residuals, longest)
+        before, used = used, np.repeat(~_outliers(residuals, spread), 3)
+        tol = min(max(1e-3 * spread / longest, TOL), COARSE)
+        if np.array_equal(before, used) and evaluate.args[-1] == tol:
+            break
+        evaluate = partial(_evaluate, problem, axes, tol)
         _, values = _minimise(evaluate, values, None, used, spread, problem)
         residuals, jacobian = evaluate(values) or _impossible()
     return _Estimate(values, axes, residuals, jacobian, used)
+
+
+def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
+    """Return which samples are too far off, shape `(n,)`: a tenth of them at most.
+
+    Where more are, the flight is not that of the model, and its residuals are no outliers.
+    """
+    farthest = np.abs(residuals).reshape(-1, 3).max(axis=1)
+    return np.asarray(farthest > max(OUTLIER * spread, float(np.quantile(farthest, MOST_KEPT))))
 
 
 def _impossible() -> tuple[Array, Array]:
@@ -334,7 +343,9 @@ def _start(problem: _Problem, launches: list[Array], axes: list[Array], size: fl
     return np.concatenate([*parts, [first[name] for name in problem.shared]])
 
 
-def _evaluate(problem: _Problem, axes: list[Array], values: Array) -> tuple[Array, Array] | None:
+def _evaluate(
+    problem: _Problem, axes: list[Array], tol: float, values: Array
+) -> tuple[Array, Array] | None:
     """Return residuals, shape `(3 n,)` [m], and their derivatives; None where a flight fails."""
     count, own = len(problem.tracks), problem.per_flight
     shared = dict(zip(problem.shared, values[count * own :].tolist(), strict=True))
@@ -353,7 +364,7 @@ def _evaluate(problem: _Problem, axes: list[Array], values: Array) -> tuple[Arra
         if problem.spins:
             lanes += [Lane(velocity, spin + 1e-5 * axis, airs[0]) for axis in axes[i].T]
         lanes += [Lane(velocity, spin, air) for air in airs[1:]]
-        moved = fly_lanes(lanes, problem.ball, float(part[2]), times, TOL)
+        moved = fly_lanes(lanes, problem.ball, float(part[2]), times, tol)
         if moved is None:
             return None
         residuals.append((part[:3] + moved[0] - track.positions).ravel())
@@ -401,7 +412,7 @@ def _minimise(
         x_scale="jac",
         loss="linear" if scale is None else "soft_l1",
         f_scale=1.0 if scale is None else scale,
-        xtol=1e-12, ftol=1e-12, gtol=1e-15, max_nfev=60,
+        xtol=1e-12, ftol=CONVERGED, gtol=1e-15, max_nfev=60,
     )  # fmt: skip
     return float(result.cost), result.x
 
@@ -499,8 +510,14 @@ def _score(model: str | Air, problem: _Problem) -> ModelScore:
         miss = math.inf if moved is None else _rms((start + moved[0] - track.positions)[half:])
         misses.append(miss)
         rest.append(answer.rms)
-    name = model if isinstance(model, str) else str(getattr(air.drag, "name", air.drag))
+    name = model if isinstance(model, str) else f"drag {_named(air.drag)}, lift {_named(air.lift)}"
     return ModelScore(name, _rms(np.array(misses)), _rms(np.array(rest)), tuple(misses))
+
+
+def _named(model: Coefficient | None) -> str:
+    """Return the name of a model, or the value of a constant."""
+    value = getattr(model, "value", None)
+    return f"{value:g}" if value is not None else str(getattr(model, "name", model))
 
 
 def _rms(errors: Array) -> float:

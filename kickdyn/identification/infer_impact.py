@@ -163,7 +163,7 @@ class InferredImpact(ReprMixin):
             yield name, f"{getattr(self, name):.4g}{spread}", ""
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
-        yield f"largest, {self.posture.leg.joint_names[worst]}", float(sizes[worst]), "N s"
+        yield f"worst joint, {self.posture.leg.joint_names[worst]}", float(sizes[worst]), "N s"
         yield from warned(self.warnings)
 
 

@@ -11,7 +11,7 @@ coefficients by the Bayesian information criterion, found by dynamic programming
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -20,20 +20,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core import validation
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import Printed
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.flight.forces import acceleration_function
 from kickdyn.ground import Ground, Surface
-from kickdyn.identification.track import Track
+from kickdyn.identification.track import Track, refuse_units
 
 LONGEST = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
 
 LEAST_NOISE = 0.012
 """Least noise of a coordinate that cuts are judged by [m]: cubics are no exact flights."""
+
+SHORT = 15
+"""Samples of a piece that may be an artefact of two cuts for one touch."""
 
 GAP = 0.25
 """Time without a sample after which a new segment begins [s]."""
@@ -51,6 +56,32 @@ standard deviations: drag and lift of a ball at 20 m/s, and their change within 
 
 LEVEL = 0.15
 """Change of height of a ball that rolls [m], within one part."""
+
+SMOOTHED, SMOOTHED_SHARE = 0.1, 0.1
+"""Time after and before a cut in which positions are those of a smoothed corner [s], and the share
+of the flight that it is at most."""
+
+LONG_ROLL = 0.5
+"""Duration of a rolling part from which its deceleration is taken [s]."""
+
+LEAST_ROLLING = 1e-3
+"""Least rolling deceleration of a measured surface [m/s2]: measurements can give one below 0."""
+
+FRICTION_DEVIATION, ROLLING_DEVIATION = 0.05, 0.3
+"""Standard deviations of one bounce's friction and of one part's rolling deceleration [m/s2]: grass
+is not level."""
+
+MOST_FRICTION = 1.0
+"""Ratio of the changes of velocity along and across the ground above which it was no bounce."""
+
+SLIDES = 0.1
+"""Share of the slip before a bounce that is left after it, from which the ball slid to the end."""
+
+MEASURED = ("restitution", "friction", "rolling_deceleration")
+"""What the bounces and the rolling say of the ground."""
+
+UNDERGROUND = 0.1
+"""Share of samples below the ground from which a track is refused."""
 
 SLOW = 0.3
 """Speed below which a ball on the ground counts as at rest [m/s]."""
@@ -126,10 +157,14 @@ class Segments(Printed):
         track: what was cut.
         parts: in the order of time.
         restitution: of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
-        friction: impulse along the ground over that across it,
-            :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces. Where the ball grips the ground it
-            is less than the coefficient of friction. None without a bounce.
-        rolling_deceleration: of the rolling parts [m/s2], air included; None without such a part.
+        friction: impulse along the ground over across it, :math:`|\Delta v_{xy}| / \Delta v_z`,
+            of the bounces on which the ball slid to the end. A ball that comes from a touch is
+            taken to have no spin, one that comes from a bounce to have the spin that the bounce
+            gave it. Where no ball slid, it is the largest of all ratios; `warnings` then says that
+            friction may be higher. None without a bounce.
+        rolling_deceleration: of the second halves of rolling parts [m/s2], without the drag of the
+            air, as a kicked ball slides first; None without such a part.
+        warnings: what to know before using the numbers.
     """
 
     track: Track
@@ -137,6 +172,7 @@ class Segments(Printed):
     restitution: Measured | None
     friction: Measured | None
     rolling_deceleration: Measured | None
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return a line for each part, and what the bounces and the rolling say."""
@@ -148,24 +184,32 @@ class Segments(Printed):
                 f"{part.kind:9} {part.first:5}-{part.last:<5} {first:8.2f}-{last:<8.2f} "
                 f"{part.begins:9} {speed:8.2f}"
             )
-        for name in ("restitution", "friction", "rolling_deceleration"):
+        for name in MEASURED:
             value = getattr(self, name)
             if value is not None:
                 lines.append(f"{name.replace('_', ' ')}: {value}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"warning: {line}" for line in self.warnings)])
 
     @property
     def flights(self) -> tuple[Track, ...]:
-        """The parts of the track in which the ball flies."""
-        return tuple(
-            self.track[part.first : part.last]
-            for part in self.parts
-            if part.kind is SegmentKind.FLIGHT
-        )
+        """The parts in which the ball flies, without the samples near their cuts.
+
+        Tracking systems smooth over touches. The samples within 0.1 s of a cut are left out, but no
+        more than a tenth of the flight at each end.
+        """
+        found = []
+        for part in self.parts:
+            times = self.track.times[part.first : part.last]
+            margin = min(SMOOTHED, SMOOTHED_SHARE * float(times[-1] - times[0]))
+            inside = (times > times[0] + margin) & (times < times[-1] - margin)
+            if part.kind is SegmentKind.FLIGHT and inside.any():
+                where = part.first + np.flatnonzero(inside)
+                found.append(self.track[int(where[0]) : int(where[-1]) + 1])
+        return tuple(found)
 
     @property
     def surface(self) -> Surface:
-        """The ground as `kickdyn.follow` takes it, of the mean values.
+        """The ground as `kickdyn.follow` takes it, with the deviations of its coefficients.
 
         Raises:
             InvalidInput: the track has no bounce, or no rolling part.
@@ -177,8 +221,9 @@ class Segments(Printed):
             "measured",
             min(max(self.restitution.median, 0.0), 1.0),
             max(self.friction.median, 0.0),
-            self.rolling_deceleration.median,
+            max(self.rolling_deceleration.median, LEAST_ROLLING),
             source=f"{self.restitution.samples} bounces of a measured track",
+            deviations={name: getattr(self, name).deviation for name in MEASURED},
         )
 
 
@@ -205,20 +250,30 @@ class _Piece(NamedTuple):
 
 
 @validation.check_arguments
-def segments(track: Track, ball: Ball, ground: Ground | None = None) -> Segments:
+def segments(
+    track: Track,
+    ball: Ball | None = None,
+    ground: Ground | None = None,
+    air: Air | None = None,
+) -> Segments:
     """Return the flights, rolls and rests of a track, with the reason for each cut.
 
     Args:
         track: positions of the ball's centre.
-        ball: its radius tells when it is on the ground.
+        ball: its radius tells when it is on the ground; None is `Ball()`.
         ground: its height; None is z = 0.
+        air: its drag is not counted as rolling deceleration; None is `Air()`.
 
     Raises:
-        InvalidInput: fewer than 5 samples, or a wrong argument.
+        InvalidInput: fewer than 5 samples, a track under the ground, or one whose ball falls as in
+            other units than metres; or a wrong argument.
     """
+    ball, air = Ball() if ball is None else ball, Air() if air is None else air
+    level = ground.height if ground is not None else 0.0
     if len(track) < 5:
         raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
-    height = (ground.height if ground is not None else 0.0) + ball.radius
+    _check_heights(track, level)
+    height = level + ball.radius
     noise = max(_noise(track), LEAST_NOISE)
     kept = np.flatnonzero(_without_spikes(track, noise))
     clean = Track(track.times[kept], track.positions[kept])
@@ -226,8 +281,36 @@ def segments(track: Track, ball: Ball, ground: Ground | None = None) -> Segments
     gaps = np.flatnonzero(np.diff(clean.times) > GAP) + 1
     for first, last in zip([0, *gaps], [*gaps, len(clean)], strict=True):
         pieces += _joined(clean, noise, _partition(clean, noise, int(first), int(last)))
+    _check_units(clean, pieces)
     parts = _described(clean, pieces, kept, height, set(gaps.tolist()), noise)
-    return Segments(track, parts, *_ground_values(clean, parts, kept))
+    friction, warnings = _friction(parts, ball)
+    return Segments(
+        track, parts, _restitution(parts, noise, track), friction,
+        _rolling(clean, parts, kept, ball, air), warnings,
+    )  # fmt: skip
+
+
+def _check_heights(track: Track, level: float) -> None:
+    """Raise `InvalidInput` for a track under the ground; trackers are off by `ON_GROUND`."""
+    heights = track.positions[:, 2]
+    if np.mean(heights < level - ON_GROUND) > UNDERGROUND:
+        where = int(np.argmin(heights))
+        raise InvalidInput(
+            f"the ball is at {heights[where]:.4g} m at {track.times[where]:.10g} s, under the "
+            f"ground at {level:g} m: z must point up, and the ground's height be that of the track"
+        )
+
+
+def _check_units(track: Track, pieces: Sequence[_Piece]) -> None:
+    """Raise `InvalidInput` where most that falls does so as in other units than metres."""
+    falls = []
+    for piece in pieces:
+        if piece.last - piece.first >= 8:
+            middle = 0.5 * float(track.times[piece.first] + track.times[piece.last - 1])
+            falls.append(-float(piece.at(middle, 2)[2]))
+    falling = np.array([fall for fall in falls if fall > 4.0])
+    if falling.size:
+        refuse_units(float(np.median(falling)))
 
 
 def _noise(track: Track) -> float:
@@ -319,7 +402,28 @@ def _joined(track: Track, noise: float, cuts: list[tuple[int, int]]) -> list[_Pi
             i = max(i - 1, 0)
         else:
             i += 1
+    i = 1
+    while i + 1 < len(pieces):
+        two = _without_middle(track, noise, *pieces[i - 1 : i + 2])
+        now = sum(piece.cost for piece in pieces[i - 1 : i + 2])
+        if len(two) == 2 and two[0].cost + two[1].cost < now + price:
+            pieces[i - 1 : i + 2] = two
+        else:
+            i += 1
     return pieces
+
+
+def _without_middle(
+    track: Track, noise: float, left: _Piece, middle: _Piece, right: _Piece
+) -> tuple[_Piece, ...]:
+    """Return two quintics that share the samples of a short middle piece best, or all three."""
+    if middle.last - middle.first > SHORT:
+        return left, middle, right
+    choices = [
+        (_fitted(track, noise, left.first, cut, 5), _fitted(track, noise, cut, right.last, 5))
+        for cut in range(middle.first, middle.last + 1)
+    ]
+    return min(choices, key=lambda two: two[0].cost + two[1].cost)
 
 
 def _described(
@@ -347,7 +451,9 @@ def _described(
             down, up = -float(speed_before[2]), float(speed_after[2])
             begins = CutReason.TOUCH
             if low and down > 0.0 and parts[-1].kind is SegmentKind.FLIGHT:
-                if kind is SegmentKind.FLIGHT and 0.0 < up <= down:  # no bounce gains height
+                along = float(np.hypot(*(speed_after - speed_before)[:2]))
+                is_passive = 0.0 < up <= down and along < MOST_FRICTION * (up + down)
+                if kind is SegmentKind.FLIGHT and is_passive:
                     begins = CutReason.BOUNCE
                 elif kind in (SegmentKind.ROLLING, SegmentKind.REST):
                     begins = CutReason.LANDING
@@ -401,31 +507,87 @@ def _meeting(track: Track, left: _Piece, right: _Piece) -> float:
     return float(times[int(np.argmin(gaps))])
 
 
-def _ground_values(
-    track: Track, parts: Iterable[Segment], kept: NDArray[np.int_]
-) -> tuple[Measured | None, Measured | None, Measured | None]:
-    """Return restitution, friction and rolling deceleration, None where no part shows them."""
-    bounces, rubs, rolls = [], [], []
+def _restitution(parts: Iterable[Segment], noise: float, track: Track) -> Measured | None:
+    """Return the ratio of vertical speeds at bounces, None without any."""
+    values, deviations = [], []
     for part in parts:
         if part.begins is CutReason.BOUNCE and part.velocity_before is not None:
-            change = part.velocity_after - part.velocity_before
-            bounces.append(float(-part.velocity_after[2] / part.velocity_before[2]))
-            rubs.append(float(np.hypot(change[0], change[1]) / change[2]))
-        if part.kind is SegmentKind.ROLLING and part.last - part.first >= 8:
-            inside = (kept >= part.first) & (kept < part.last)
-            times, points = track.times[inside], track.positions[inside, :2]
-            bend = 2.0 * np.polyfit(times - times[0], points, 2)[0]
-            speed = np.polyfit(times - times[0], points, 1)[0]
-            rolls.append(float(-bend @ speed / max(float(np.linalg.norm(speed)), 1e-300)))
-    return _median(bounces), _median(rubs), _median(rolls)
+            before, after = -float(part.velocity_before[2]), float(part.velocity_after[2])
+            values.append(after / before)
+            deviations.append(_slope_deviation(track, noise) * math.hypot(1, after / before))
+            deviations[-1] /= before
+    return _median(values, deviations)
 
 
-def _median(values: list[float]) -> Measured | None:
-    """Return the median with its standard deviation; infinite for one value, None without any."""
+def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tuple[str, ...]]:
+    """Return the friction at bounces, None without any, and what to know of it.
+
+    The slip of the contact point changes by 1 + m r^2 / I times the change of velocity.
+    """
+    ratios, sliding = [], []
+    shell = 1.0 + ball.mass * ball.radius**2 / ball.inertia if ball.inertia else math.inf
+    slip: Array | None = None
+    for before, part in pairwise(parts):
+        if part.begins is not CutReason.BOUNCE or part.velocity_before is None:
+            slip = None
+            continue
+        if slip is None or before.begins is not CutReason.BOUNCE:
+            slip = part.velocity_before[:2]
+        else:  # in flight the spin stays, the velocity changes
+            slip = slip + part.velocity_before[:2] - before.velocity_after[:2]
+        change = part.velocity_after - part.velocity_before
+        ratio = float(np.hypot(change[0], change[1]) / change[2])
+        left = slip + shell * change[:2]
+        ratios.append(ratio)
+        if float(left @ slip) > SLIDES * float(slip @ slip):
+            sliding.append(ratio)
+        slip = left
+    if sliding or not ratios:
+        return _median(sliding, [FRICTION_DEVIATION] * len(sliding)), ()
+    largest = Measured(max(ratios), FRICTION_DEVIATION, len(ratios))
+    line = f"the ball gripped the ground at all bounces: friction is at least {max(ratios):.2g}"
+    return largest, (line,)
+
+
+def _rolling(
+    track: Track, parts: Iterable[Segment], kept: NDArray[np.int_], ball: Ball, air: Air
+) -> Measured | None:
+    """Return the deceleration of rolling balls without that by drag [m/s2], None without any."""
+    decelerations = []
+    drag = acceleration_function(ball, air)
+    for part in parts:
+        inside = np.flatnonzero((kept >= part.first) & (kept < part.last))
+        late = inside[len(inside) // 2 :]
+        if part.kind is not SegmentKind.ROLLING or len(late) < 6:
+            continue
+        times, points = track.times[late], track.positions[late, :2]
+        if track.times[inside[-1]] - track.times[inside[0]] < LONG_ROLL:
+            continue
+        fit = np.polyfit(times - times.mean(), points, 2)
+        speed = max(float(np.linalg.norm(fit[1])), 1e-300)
+        ax, ay, *_ = drag(0.0, float(fit[1][0]), float(fit[1][1]), 0.0, 0.0, 0.0, 0.0)
+        decelerations.append(float((np.array([ax, ay]) - 2.0 * fit[0]) @ fit[1]) / speed)
+    return _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+
+
+def _slope_deviation(track: Track, noise: float) -> float:
+    r"""Return the standard deviation of a velocity at the end of `NEAR` seconds of samples [m/s].
+
+    That of a parabola's slope at its end, :math:`\sigma \sqrt{192 / n} / T`.
+    """
+    step = float(np.median(np.diff(track.times)))
+    return noise * math.sqrt(192.0 / max(NEAR / step, 1.0)) / NEAR
+
+
+def _median(values: Sequence[float], deviations: Sequence[float]) -> Measured | None:
+    """Return the median with its standard deviation, None without any values.
+
+    The deviation is that of the median of a normal distribution, whose spread is estimated from the
+    values, but is not below that of a single one over the root of their number.
+    """
     if not values:
         return None
-    middle = float(np.median(values))
-    if len(values) == 1:
-        return Measured(middle, math.inf, 1)
+    middle, root = float(np.median(values)), math.sqrt(len(values))
     spread = 1.4826 * float(np.median(np.abs(np.array(values) - middle)))
-    return Measured(middle, 1.2533 * spread / math.sqrt(len(values)), len(values))
+    least = float(np.median(deviations))
+    return Measured(middle, 1.2533 * max(spread, least) / root, len(values))

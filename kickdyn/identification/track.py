@@ -10,13 +10,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kickdyn.core import validation
-from kickdyn.core.files import read_text
+from kickdyn.core.files import check_file, read_text
+from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import FaultyFile, InvalidInput
 
 LARGEST_FILE = 64_000_000
 """Bytes of a track file that is read: ten hours at 25 Hz."""
+
+OTHER_UNITS = (
+    ("millimetres", 1000.0, 0.4, 2.0),
+    ("centimetres", 100.0, 0.4, 2.0),
+    ("inches", 39.37, 0.4, 2.0),
+    ("feet", 3.2808, 0.9, 1.1),
+)
+"""Units that positions may be in by mistake: name, number per metre, and by how much a ball with
+drag and lift may fall slower or faster than in free fall; lift alone could cause that of feet."""
+
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+"""Units of C3D files [m]."""
 
 FAULTS = 5
 """Rows of a file whose faults are listed."""
@@ -153,6 +166,68 @@ class Track(ValueEquality, ReprMixin):
         table = np.array(values)
         return cls(table[:, 0], table[:, 1:])
 
+    @classmethod
+    @validation.check_arguments
+    def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
+        """Read a track from a C3D file of a motion capture system: `pip install "kickdyn[c3d]"`.
+
+        Frames in which the marker was not seen are gaps and are left out. Positions are converted
+        to metres by the unit that the file names.
+
+        Args:
+            file: up to 64 MB, its z axis up.
+            marker: its label; None takes the only one of the file.
+
+        Raises:
+            FaultyFile: the file cannot be read, does not have the marker, or does not name its
+                unit or its rate.
+            InvalidInput: the package ezc3d is not installed.
+        """
+        source = str(file)
+        try:
+            import ezc3d
+        except ImportError:
+            raise InvalidInput(
+                'C3D files need the package ezc3d: install it with pip install "kickdyn[c3d]"'
+            ) from None
+        check_file(file, source, LARGEST_FILE, FaultyFile)
+        try:
+            content = ezc3d.c3d(str(file))
+            points = content["parameters"]["POINT"]
+            labels = [str(label).strip() for label in points["LABELS"]["value"]]
+            rate, unit = float(points["RATE"]["value"][0]), str(points["UNITS"]["value"][0]).strip()
+            data = np.asarray(content["data"]["points"], dtype=float)
+            first = int(content["header"]["points"]["first_frame"])
+        except (
+            ArithmeticError,
+            LookupError,
+            OSError,
+            RuntimeError,
+            TypeError,
+            ValueError,
+        ) as fault:
+            raise FaultyFile(source, [f"is no C3D file that ezc3d can read ({fault})"]) from None
+        if marker is None and len(labels) == 1:
+            marker = labels[0]
+        if marker not in labels:
+            asked = f"no marker {marker!r}" if marker is not None else "several markers, name one"
+            raise FaultyFile(
+                source, [f"it has {asked}: its markers are {validation.brief(labels)}"]
+            )
+        if unit.lower() not in METRES or not rate > 0.0:
+            raise FaultyFile(
+                source,
+                [
+                    f"its unit is {unit!r} and its rate {rate:g} Hz: the unit must be one of "
+                    f"{', '.join(METRES)}, the rate above 0"
+                ],
+            )
+        path = METRES[unit.lower()] * data[:3, labels.index(marker)].T
+        seen = np.isfinite(path).all(axis=1)
+        if not seen.any():
+            raise FaultyFile(source, [f"the marker {marker!r} is seen in no frame"])
+        return cls((first + np.flatnonzero(seen)) / rate, path[seen])
+
 
 def _finite_rows(name: str, value: ArrayLike) -> Array:
     """Return an array of finite floats, or raise `InvalidInput` that names the first other row."""
@@ -171,3 +246,17 @@ def _finite_rows(name: str, value: ArrayLike) -> Array:
             "samples at which there is no measurement"
         )
     return validation.floats(name, value)
+
+
+def refuse_units(falling: float) -> None:
+    """Raise `InvalidInput` for a ball that falls as in other units than metres.
+
+    Args:
+        falling: its acceleration downwards, by the positions [their unit per s2].
+    """
+    for unit, size, low, high in OTHER_UNITS:
+        if low < falling / (GRAVITY * size) < high:
+            raise InvalidInput(
+                f"the ball falls with {falling:.4g} per s2, as in {unit}: positions must be in "
+                "metres, with z up"
+            )

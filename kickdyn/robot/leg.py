@@ -19,17 +19,18 @@ from kickdyn.core.gravity import GRAVITY
 from kickdyn.core.representation import ReprMixin, Row, format_value, warned
 from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
-from kickdyn.errors import InvalidInput, MjcfError, UrdfError
+from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import robot, robot_file, robot_model
+from kickdyn.robot.catalog import ROBOTS, TOE, robot, robot_file, robot_model
 from kickdyn.robot.constraints import (
     ConstraintProjector,
     Constraints,
     Support,
     find_open_loops,
 )
+from kickdyn.robot.descriptions import find_description
 from kickdyn.robot.joint_table import JointTable, lock_joints
-from kickdyn.robot.mjcf_file import read_mjcf
+from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
     MAX_CONDITION,
@@ -41,7 +42,7 @@ from kickdyn.robot.model_validation import (
     rounding_gain,
     singularity_fault,
 )
-from kickdyn.robot.urdf_file import build_model, read_urdf, shipped_urdf
+from kickdyn.robot.urdf_file import build_model, check_base, read_urdf, shipped_urdf
 from kickdyn.robot.visuals import RobotFile
 
 MAX_OFFSET = 1e3
@@ -197,7 +198,14 @@ class Leg(JointTable, ReprMixin):
             MjcfError: the file is refused, or MuJoCo is not installed.
             InvalidInput: there is no such frame, base or joint to lock.
         """
-        read = build_mjcf_model(read_mjcf(path), frame, base, locked)
+        return cls._from_mjcf(read_mjcf(path), frame, base, locked)
+
+    @classmethod
+    def _from_mjcf(
+        cls, file: MjcfFile, frame: str, base: str, locked: Mapping[str, float] | None
+    ) -> "Leg":
+        """Return the leg of a checked MJCF."""
+        read = build_mjcf_model(file, frame, base, locked)
         leg = cls(read.model, frame, read.file)
         singular = _find_singularity(leg)
         if singular is not None:
@@ -215,25 +223,37 @@ class Leg(JointTable, ReprMixin):
         legs_only: bool = False,
         locked: Mapping[str, float] | None = None,
     ) -> "Leg":
-        """Load a robot of the package example-robot-data, `pip install "kickdyn[robots]"`.
+        """Load a robot by name.
 
-        Its base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
+        The robots of the package example-robot-data (`pip install "kickdyn[robots]"`) have a toe.
+        Their base is turned so that it faces x with z up (`human` is drawn with y up, `icub` facing
         -x). All else is the file's own, zero configuration and joint directions included.
 
+        Those of the package robot_descriptions (`pip install "kickdyn[descriptions]"`) are URDF and
+        MJCF files, which it downloads the first time and keeps in its own cache. They are read as
+        they are, by `from_urdf` or `from_mjcf`.
+
         Args:
-            name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos.
+            name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
+                robot_descriptions, such as `g1_mj_description`.
             frame: what touches the ball; the default is `toe`, on the front of the right foot
                 (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
                 `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
-                icub); or any frame of the file.
+                icub); or any frame of the file. A robot of robot_descriptions has no default,
+                unless its file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
-            legs_only: lock all joints but the legs' at 0.
+            legs_only: lock all joints but the legs' at 0; of example-robot-data only.
             locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
-            InvalidInput: no such robot, frame or base, the package is not installed, or a mass
-                matrix that is singular (`icub`, `romeo`), with the joints at fault.
+            InvalidInput: no such robot, frame or base, the package is not installed, a download
+                fails, or a mass matrix that is singular (`icub`, `romeo`), with the joints at
+                fault.
         """
+        if name not in ROBOTS:
+            if legs_only:
+                raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
+            return cls._from_description(name, frame, base, locked)
         model, known = robot_model(name, base, legs_only=legs_only), robot(name)
         file, (frame, cone) = robot_file(name), known.contact(frame)
         leg = cls(lock_joints(model, locked, file.mimics), frame, file, contact_normal_cone=cone)
@@ -245,6 +265,26 @@ class Leg(JointTable, ReprMixin):
                 raise
             raise InvalidInput(f"{error} (legs_only=True keeps the legs' joints)") from None
         return leg
+
+    @classmethod
+    def _from_description(
+        cls, name: str, frame: str | None, base: str, locked: Mapping[str, float] | None
+    ) -> "Leg":
+        """Load a robot of the package robot_descriptions."""
+        check_base(base)
+        found, wish = find_description(name, list(ROBOTS)), frame or TOE
+        try:
+            if found.is_mjcf:
+                return cls._from_mjcf(read_mjcf(found.file, found.folders), wish, base, locked)
+            return cls.from_urdf(
+                found.file, wish, base=base, locked=locked, package_dirs=found.folders
+            )
+        except FaultyFile:
+            raise
+        except InvalidInput as error:
+            if frame:
+                raise
+            raise InvalidInput(f"no frame is named, and {error}") from None
 
     @classmethod
     def from_model(cls, model: Any, frame: str) -> "Leg":

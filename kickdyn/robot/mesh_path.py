@@ -32,13 +32,16 @@ class MeshFinder:
     Args:
         folder: of the robot's file.
         package_dirs: packages, or folders that contain packages.
+
+    Attributes:
+        home: the package of the robot's file; its folder, if that is in no package.
     """
 
     def __init__(self, folder: Path, package_dirs: Iterable[Path] = ()) -> None:
         self._folder = folder.resolve()
         named = ((_package_name(each), each) for each in (self._folder, *self._folder.parents))
         self._around = [(name, each) for name, each in named if name is not None]
-        self._home = self._around[0][1] if self._around else self._folder
+        self.home = self._around[0][1] if self._around else self._folder
         self._dirs = [each.resolve() for each in package_dirs]
         self._packages_in = cache(_packages_in)  # a file may name thousands of packages
 
@@ -51,9 +54,9 @@ class MeshFinder:
         """
         scheme, mark, path = name.partition("://")
         if not mark:
-            return self._inside(name, [self._folder / name], [self._home, *self._dirs, *self._ros])
+            return self._inside(name, [self._folder / name], [self.home, *self._dirs, *self._ros])
         if scheme == "file" and path.startswith("/"):
-            return self._inside(name, [Path(unquote(path))], [self._home, *self._dirs, *self._ros])
+            return self._inside(name, [Path(unquote(path))], [self.home, *self._dirs, *self._ros])
         if scheme not in ("package", "model"):
             raise InvalidInput(f"mesh {name!r} is refused: only files are read, no addresses")
         package, _, below = path.lstrip("/").partition("/")

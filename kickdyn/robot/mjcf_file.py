@@ -7,7 +7,7 @@ meshes, copies, scaled masses. It is given what was checked, in memory, and open
 import os
 import stat
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from os import PathLike
@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from kickdyn.core.files import read_text
 from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
+from kickdyn.robot.mesh_path import MeshFinder
 from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
@@ -213,10 +214,11 @@ def is_mjcf(path: str | PathLike[str]) -> bool:
         return Path(path).suffix.lower() in (".xml", ".mjcf")
 
 
-def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
+def read_mjcf(path: str | PathLike[str], folders: Iterable[Path] = ()) -> MjcfFile:
     """Read and check an MJCF file, the files that it includes, and its meshes.
 
-    Included files and meshes are read from the file's own folder and the folders below it only.
+    Included files and meshes are read only below the file's own folder, or the ROS package that
+    it belongs to, and below `folders`.
 
     Raises:
         MjcfError: with the first fault of the file.
@@ -227,7 +229,7 @@ def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
     except TypeError:
         raise InvalidInput(f"MJCF path is {path!r}: it must be a str or a Path") from None
     try:
-        return _Reader(file, source).read()
+        return _Reader(file, source, folders).read()
     except ValueError as fault:
         if isinstance(fault, InvalidInput):
             raise
@@ -237,8 +239,8 @@ def read_mjcf(path: str | PathLike[str]) -> MjcfFile:
 class _Reader:
     """Reads one model; faults are raised as `ValueError`."""
 
-    def __init__(self, file: Path, source: str) -> None:
-        self.file, self.source = file, source
+    def __init__(self, file: Path, source: str, folders: Iterable[Path]) -> None:
+        self.file, self.source, self.folders = file, source, folders
         self.read_bytes = 0
         self.included: set[Path] = set()
 
@@ -250,6 +252,7 @@ class _Reader:
         if root.tag != "mujoco":
             raise ValueError(f"is not an MJCF: its root is <{root.tag[:40]}>, not <mujoco>")
         self.folder = self.file.resolve().parent
+        self.roots = [MeshFinder(self.folder).home, *(each.resolve() for each in self.folders)]
         self._include(root, 0)
         _keep_mechanics(root)
         _check_size(root)
@@ -292,14 +295,15 @@ class _Reader:
             element[at : at + 1] = list(inner)
 
     def _inside(self, what: str, name: str, folder: Path) -> Path | None:
-        """Return a regular file in the model's folder, links followed; None if it is missing."""
+        """Return a regular file that may be read, links followed; None if it is missing."""
         if not name or "://" in name:
             raise ValueError(f"{what} {name!r} is refused: it must be the name of a file")
         try:
             file = (folder / name).resolve()
-            if not file.is_relative_to(self.folder):
+            if not any(file.is_relative_to(root) for root in self.roots):
                 raise ValueError(
-                    f"{what} {name!r} is refused: it lies outside the model's folder {self.folder}"
+                    f"{what} {name!r} is refused: it lies outside {self.roots[0]}, the model's "
+                    "folder or ROS package"
                 )
             if not file.exists():
                 return None

@@ -17,6 +17,7 @@ from kickdyn.ground import SURFACES
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
 from kickdyn.robot.catalog import ROBOTS
+from kickdyn.robot.descriptions import DESCRIPTION
 from kickdyn.scene.scene import compliant_contact_faults
 
 Check = Callable[[str, Any], Any]
@@ -99,6 +100,10 @@ _pairs = _valid(
     ),
     "it must be a list of pairs of names, at most 100",
 )
+_robot = _valid(
+    lambda value: isinstance(value, str) and (value in ROBOTS or value.endswith(DESCRIPTION)),
+    f"choose {', '.join(ROBOTS)}, or a name of robot_descriptions, NAME{DESCRIPTION}",
+)
 _flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
 UNCERTAINTY = {
@@ -120,7 +125,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
     "leg": {
         "model": _choice("human", "testbed"),
         "file": _text,
-        "robot": _choice(*ROBOTS),
+        "robot": _robot,
         "frame": _text,
         "base": _choice("fixed", "floating"),
         "package_dirs": _texts,

@@ -66,7 +66,7 @@ class Grid:
                 with _collected(faults):
                     _check_range(leg, name, still, "not named, so at")
         if faults:
-            raise InvalidInput("; ".join(faults))
+            raise InvalidInput(*faults)
         grid = cls(axes)
         check_size(grid.shape, LARGEST)
         return grid
@@ -179,7 +179,7 @@ def read_postures(leg: Leg, joints: Iterable[str]) -> dict[str, Array]:
                 raise InvalidInput(f"joint {name!r} is given twice: give it once")
             axes[name] = values
     if faults:
-        raise InvalidInput("; ".join(faults))
+        raise InvalidInput(*faults)
     if not axes:
         names = leg.joint_names
         raise InvalidInput(

@@ -7,7 +7,7 @@ from references.exact_flight import extrapolated, landing, mp
 import kickdyn as kd
 from kickdyn.accuracy.flight_methods import kicks
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 
 
 def test_a_step_is_right_to_twenty_digits():
@@ -26,5 +26,5 @@ def test_it_is_where_fly_lands_and_does_not_depend_on_the_step(state, monkeypatc
 
 def test_without_spin_there_is_drag_only():
     state = kd.BallState(velocity=(24, 1, 9))
-    flown = kd.fly(state, BALL, kd.Air(lift=None), tol=1e-13).landing.position
+    flown = kd.fly(state, BALL, kd.Air(drag="brazuca", lift=None), tol=1e-13).landing.position
     assert landing(state, BALL, AIR) == pytest.approx(flown, abs=1e-11)

@@ -11,7 +11,7 @@ from kickdyn.accuracy.flight_methods import kicks
 from kickdyn.accuracy.heyoka_flight import equations, heyoka_landings
 from kickdyn.flight.forces import acceleration_function
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 
 
 def test_heyoka_lands_there_too():

@@ -36,6 +36,8 @@ def test_ctrl_c_ends_a_command_in_one_line():
     [
         (None, 0, ""),
         (kd.InvalidInput("mass is -1 kg"), 2, "kick: mass is -1 kg"),
+        (kd.InvalidInput("mass is -1 kg", "e is 2"), 2, "kick: mass is -1 kg\nkick: e is 2"),
+        (kd.UrdfError("a.urdf", ["no link", "no joint"]), 2, "kick: a.urdf: no link; no joint"),
         (kd.NoImpact("the foot recedes"), 2, "kick: the foot recedes"),
         (kd.SceneError("s.toml", ["a", "b"]), 2, "kick: s.toml: a\nkick: s.toml: b"),
         (kd.KickdynError("no\x1b answer"), 1, "kick: no\\x1b answer"),

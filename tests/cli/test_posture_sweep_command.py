@@ -421,7 +421,7 @@ def test_a_robot_is_swept_by_name():
     assert f"{weight:.4g}" in ended.stdout
     ended = door(*sweep, "--frame", "nose")
     assert ended.returncode == 2
-    assert "frame 'nose' is unknown: g1 has" in ended.stderr
+    assert "frame 'nose' is unknown: did you mean 'instep'? g1 has" in ended.stderr
 
 
 def test_ball_and_law():

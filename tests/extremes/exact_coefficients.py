@@ -104,6 +104,12 @@ def _soccer(ball: drag.SoccerBall) -> Formula:
     return formula
 
 
+def _supercritical(c: Constants, reynolds: float, spin: float) -> Any:
+    """Return the drag of a soccer ball beyond its crisis."""
+    weight = _joined(c, c.m.mpf(reynolds), c.m.mpf(20000), c.m.mpf(70000))
+    return (1 - weight) * _sphere(c, reynolds, spin) + weight * c(0.2)
+
+
 def _goff_carre(c: Constants, reynolds: float, spin: float) -> Any:
     """Return the drag by Goff and Carre."""
     m, v, middle = c.m, c(reynolds) / c(drag.REYNOLDS_PER_SPEED), c(12.19)
@@ -145,6 +151,7 @@ FORMULAS: dict[tuple[str, str], Formula] = {
     ("drag", "brown-lawler"): _brown_lawler,
     ("drag", "sphere"): _sphere,
     **{("drag", name): _soccer(ball) for name, ball in drag.BALLS.items()},
+    ("drag", "supercritical"): _supercritical,
     ("drag", "goff-carre"): _goff_carre,
     ("lift", "saturating"): _saturating,
     ("lift", "wang"): _wang,

@@ -130,7 +130,7 @@ def vertical_answers(
 
 def tolerances() -> Iterator[ExtremeCase]:
     """Yield a spinning kick at every tolerance, and flown in pieces, against 20 digits."""
-    ball, air = Ball(), Air()
+    ball, air = Ball(), Air(drag="brazuca")
     start = BallState((0, 0, 0), (24, 1, 9), (0, -30, 15))
     ground = Ground(height=-ball.radius)
     finest = exact_landing(start, ball, air)

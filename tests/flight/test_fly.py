@@ -453,7 +453,7 @@ def test_what_leaves_the_data_is_said():
     assert kd.fly(launch((25, 0, 10)), BALL, kd.Air()).warnings == ()
     fast = kd.fly(launch((60, 0, 10)), BALL, kd.Air())
     (said,) = fast.warnings
-    assert re.match(r"drag brazuca: \d+ % of the flight is outside Re 0 to 5.1e\+05", said)
+    assert re.match(r"drag supercritical: \d+ % of the flight is outside Re 0 to 5.1e\+05", said)
 
 
 @pytest.mark.parametrize(

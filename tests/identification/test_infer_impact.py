@@ -7,6 +7,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.robot.urdf_file import shipped_urdf
 
 LEG, BALL = kd.Leg.human(), kd.Ball()
 
@@ -84,6 +85,7 @@ def test_a_spin_about_the_impulse_is_no_point_contact():
     found = inferred(hit, after)
     share = 20.0 * BALL.inertia / (BALL.radius * np.linalg.norm(hit.impulse))
     assert found.residual == pytest.approx(share, rel=1e-9)
+    assert found.normal == pytest.approx(hit.contact.normal, abs=1e-9)
     assert any("at one point does not explain" in line for line in found.warnings)
     assert "warning" in str(found)
     deviation = 20.0 / 2.0
@@ -102,7 +104,7 @@ def test_a_spin_too_large_for_its_impulse_is_refused():
 
 
 def test_deviations_are_those_of_repeated_measurements():
-    hit, rng = struck(0.3), np.random.default_rng(4)
+    hit, rng = struck(0.3, angle=1.2), np.random.default_rng(4)
     noise = {
         "velocity_deviation": (0.02, 0.05),
         "spin_deviation": (0.2, 0.5),
@@ -156,6 +158,13 @@ def test_what_is_no_impact_is_refused():
         posture, *rest = arguments
         with pytest.raises(kd.InvalidInput, match="it must be a kickdyn"):
             kd.infer_impact(posture, hit.v_before, *rest)
+    leg = kd.Leg.from_urdf(shipped_urdf("leg_fourbar.urdf")).with_loops(
+        ("shank_pin", "rocker_b_tip")
+    )
+    angles = {"hip": 1.0, "rocker_b": 0.5}
+    held = leg.posture(leg.close_loops(leg.configuration(angles), keep=angles))
+    with pytest.raises(kd.InvalidInput, match=r"v moves .* a constraint of the leg"):
+        kd.infer_impact(held, np.ones(leg.nv), BALL, before, after)
     many = kd.BallState(np.zeros((2, 3)))
     with pytest.raises(kd.InvalidInput, match="it must be one state"):
         kd.infer_impact(hit.posture, hit.v_before, BALL, before, many)

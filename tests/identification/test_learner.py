@@ -79,6 +79,30 @@ def test_the_goals_of_fig_15_are_met_in_few_rounds():
         assert sum(learner) <= sum(loop)
 
 
+def test_before_the_first_kick_it_knows_the_prior():
+    learner = learner_for(scatter=1e-6, deviation=0.5)
+    assert learner.deviations == pytest.approx(PRIOR)
+    assert learner.estimates["restitution"] == pytest.approx(0.7)
+    assert learner.estimates["drag_scale"] == 1.0
+    assert learner.landing_scatter == pytest.approx(0.25 * np.eye(2), abs=1e-6)
+    assert not learner.is_done
+
+
+def test_an_observation_that_cannot_be_used_changes_nothing(monkeypatch):
+    learner = learner_for()
+    command, estimates, deviations = learner.command, learner.estimates, learner.deviations
+
+    def refuse(*_):
+        raise kd.KickdynError("no launch")
+
+    monkeypatch.setattr("kickdyn.identification.learner.plan_launch", refuse)
+    with pytest.raises(kd.KickdynError, match="no launch"):
+        learner.observe([28.0, 1.0])
+    assert learner.shots == ()
+    assert (learner.command, learner.estimates) == (command, estimates)
+    assert learner.deviations == deviations
+
+
 def test_without_scatter_the_model_becomes_the_world():
     world = World(3, 0.0)
     learner = learner_for(scatter=1e-4, deviation=1e-4, time_deviation=1e-5)
@@ -157,9 +181,10 @@ def test_a_landing_alone_is_enough():
 
 
 def test_it_goes_on_after_a_kick_that_is_far_off():
-    learner = learner_for(prior=dict.fromkeys(PRIOR, 0.01))
-    learner.observe([30.0, 0.0], 1.5)
-    assert learner.is_done
+    for prior, done in ((PRIOR, False), (dict.fromkeys(PRIOR, 0.01), True)):
+        learner = learner_for(prior=prior)
+        learner.observe([30.0, 0.0], 1.5)
+        assert learner.is_done is done
     learner.observe([10.0, 8.0], 1.5)
     assert not learner.is_done
 

@@ -73,3 +73,51 @@ def test_a_faulty_file_is_refused(tmp_path, text, message):
 def test_columns_are_four_names(tmp_path):
     with pytest.raises(kd.InvalidInput, match="four columns"):
         kd.Track.from_csv(tmp_path / "track.csv", columns=("t", "x"))
+
+
+@pytest.fixture
+def c3d(tmp_path):
+    """Return a function that writes a C3D file of two markers in a unit."""
+    ezc3d = pytest.importorskip("ezc3d")
+
+    def written(unit="mm", labels=("ball", "foot"), size=1000.0):
+        content, points = ezc3d.c3d(), np.ones((4, len(labels), 6))
+        points[:3, 0] = size * np.arange(18).reshape(6, 3).T
+        points[:3, 0, 2] = np.nan  # not seen
+        parameters = content["parameters"]["POINT"]
+        parameters["UNITS"]["value"], parameters["RATE"]["value"] = [unit], [100.0]
+        parameters["LABELS"]["value"] = labels
+        content["data"]["points"] = points
+        content.write(str(tmp_path / "track.c3d"))
+        return tmp_path / "track.c3d"
+
+    return written
+
+
+@pytest.mark.parametrize(("unit", "size"), [("mm", 1000.0), ("m", 1.0)])
+def test_a_marker_of_a_c3d_file_in_metres(c3d, unit, size):
+    track = kd.Track.from_c3d(c3d(unit, size=size), marker="ball")
+    assert track.times == pytest.approx([0, 0.01, 0.03, 0.04, 0.05])
+    assert track.positions[:2] == pytest.approx(np.array([[0, 1, 2], [3, 4, 5]]), rel=1e-6)
+    assert len(kd.Track.from_c3d(c3d(unit, ("ball",)))) == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "marker", "message"),
+    [
+        ({}, "head", r"no marker 'head': its markers are \['ball', 'foot'\]"),
+        ({}, None, "several markers, name one"),
+        ({"unit": "furlong"}, "ball", "its unit is 'furlong'"),
+    ],
+)
+def test_a_faulty_c3d_file_is_refused(c3d, options, marker, message):
+    with pytest.raises(kd.InvalidInput, match=message):
+        kd.Track.from_c3d(c3d(**options), marker)
+
+
+def test_what_is_no_c3d_file_is_refused(tmp_path):
+    pytest.importorskip("ezc3d")
+    (tmp_path / "text.c3d").write_text("t,x,y,z\n")
+    for name, message in (("text.c3d", "is no C3D file"), ("none.c3d", "no such file")):
+        with pytest.raises(kd.InvalidInput, match=message):
+            kd.Track.from_c3d(tmp_path / name)

@@ -17,7 +17,7 @@ from kickdyn.planning.kick_program import (
 )
 from kickdyn.planning.scatter import scatter
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 LEG = kd.Leg.human()
 PLAN = kd.plan_kick(LEG, kd.Goal(15, time=1), BALL, AIR)
 OBJECTIVES = [name for name in KickObjective if name != "scatter"]
@@ -60,7 +60,7 @@ def limited(what, value):
 
 @pytest.mark.parametrize(("what", "named"), [("velocityLimit", "speed"), ("effortLimit", "torque")])
 def test_a_limit_of_0_is_refused_or_lifted_and_an_infinite_one_holds(what, named):
-    goal, air = kd.Goal(10, time=1), kd.Air()
+    goal, air = kd.Goal(10, time=1), kd.Air(drag="brazuca")
     said = f"^{named} limit of knee is 0: it must be above 0.*no-limits"
     with pytest.raises(kd.InvalidInput, match=said):
         kd.plan_kick(limited(what, 0.0), goal, BALL, air)
@@ -83,7 +83,7 @@ def changed(**limits):
 
 def refusal(leg=LEGS["human"], **how):
     with pytest.raises(kd.InvalidInput, match="has no posture") as error:
-        kd.plan_kick(leg, kd.Goal(15, time=1), BALL, kd.Air(), **how)
+        kd.plan_kick(leg, kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), **how)
     return str(error.value)
 
 
@@ -92,7 +92,9 @@ def test_the_nearest_ball_within_reach_is_named(how):
     said = refusal(**how)
     assert "the nearest ball found that it can kick so has its centre at (" in said
     near = [float(part) for part in said.rpartition("(")[2].partition(")")[0].split(",")]
-    plan = kd.plan_kick(LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(), ball_height=near[2])
+    plan = kd.plan_kick(
+        LEGS["human"], kd.Goal(15, time=1), BALL, kd.Air(drag="brazuca"), ball_height=near[2]
+    )
     assert plan.impact.ball_after.position[2] == pytest.approx(near[2], abs=1e-3)
     wished = next(iter(how.values()))
     far = near[2] - wished if "ball_height" in how else np.linalg.norm(np.subtract(near, wished))

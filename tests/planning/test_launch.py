@@ -14,7 +14,7 @@ from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.launch_solver import LaunchFamily
 from kickdyn.planning.shooting import ShootingProblem
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 
 
 def errors(launch):
@@ -40,7 +40,7 @@ def drawn(kind, rng):
     speed, up, turn = rng.uniform(8, 34), rng.uniform(0.15, 1.1), rng.uniform(-0.4, 0.4)
     level = speed * math.cos(up)
     velocity = np.array([level * math.cos(turn), level * math.sin(turn), speed * math.sin(up)])
-    air, spin = kd.Air(wind=(*rng.normal(0, 3, 2), 0)), rng.normal(0, 15, 3)
+    air, spin = kd.Air(drag="brazuca", wind=(*rng.normal(0, 3, 2), 0)), rng.normal(0, 15, 3)
     shot = ShootingProblem(BALL, air, spin).shoot(velocity, 2 * velocity[2] / 9.81 * 0.85)
     target = shot.state(shot.time)[0]
     part = 0.4 * math.hypot(*target[:2])
@@ -64,7 +64,7 @@ def test_what_was_flown_is_found_again(kind):
     assert np.median(steps) <= (6 if kind == "speed" else 4)
 
 
-@pytest.mark.parametrize("air", [kd.Air(), kd.Air.paper()])
+@pytest.mark.parametrize("air", [kd.Air(drag="brazuca"), kd.Air.paper()])
 def test_the_papers_goals_take_few_steps(air):
     goals = [kd.Goal(distance, time=time) for distance, time in ((30, 1.5), (50, 2), (100, 3))]
     found = [kd.plan_launch(goal, BALL, air) for goal in goals]
@@ -87,9 +87,11 @@ def test_the_vacuum_needs_no_correction():
 @settings(max_examples=60, deadline=None)
 def test_a_flight_over_level_ground_is_found_again(speed, angle, spin):
     velocity = (speed * math.cos(angle), 0.0, speed * math.sin(angle))
-    path = kd.fly(kd.BallState(velocity=velocity, spin=(0, spin, 0)), BALL, kd.Air(), tol=1e-12)
+    path = kd.fly(
+        kd.BallState(velocity=velocity, spin=(0, spin, 0)), BALL, kd.Air(drag="brazuca"), tol=1e-12
+    )
     goal = kd.Goal(path.range, time=path.duration)
-    launch = kd.plan_launch(goal, BALL, kd.Air(), spin=(0, spin, 0))
+    launch = kd.plan_launch(goal, BALL, kd.Air(drag="brazuca"), spin=(0, spin, 0))
     assert launch.status == "met"
     assert launch.flight.range == pytest.approx(path.range, abs=1e-8)
     assert launch.flight.duration == pytest.approx(path.duration, abs=1e-8)
@@ -166,7 +168,7 @@ def test_an_apex_right_before_the_target_is_found():
 
 
 def test_the_walk_along_the_family_finds_what_newton_does_not():
-    wind = kd.Air(wind=(25.0, 0, 0), lift=None)
+    wind = kd.Air(drag="brazuca", wind=(25.0, 0, 0), lift=None)
     speed = kd.plan_launch(kd.Goal(30, speed=3), BALL, wind).speed
     vacuum = math.sqrt(9.81 * 30)
     assert speed < 0.95 * vacuum
@@ -231,7 +233,7 @@ def test_a_target_below_the_start_lies_on_the_ground():
 
 
 def test_where_all_launches_go_down_the_nearest_has_a_time_for_an_apex():
-    wind = kd.Air(wind=(15.0, 0, 0))
+    wind = kd.Air(drag="brazuca", wind=(15.0, 0, 0))
     nearest = kd.plan_launch(kd.Goal((5, 0, -60), apex=10), BALL, wind, speed_limit=4.59)
     assert (nearest.limit, nearest.reached.kind) == ("highest-path", "time")
     assert nearest.angle < 0
@@ -241,10 +243,10 @@ def test_where_all_launches_go_down_the_nearest_has_a_time_for_an_apex():
 @pytest.mark.parametrize(
     ("goal", "air", "spin"),
     [
-        ((5, 0.05), kd.Air(), -100),
-        ((0.5, 1e-4), kd.Air(), 0),
-        ((1000, 5), kd.Air(), 0),
-        ((30, 60), kd.Air(), 0),
+        ((5, 0.05), kd.Air(drag="brazuca"), -100),
+        ((0.5, 1e-4), kd.Air(drag="brazuca"), 0),
+        ((1000, 5), kd.Air(drag="brazuca"), 0),
+        ((30, 60), kd.Air(drag="brazuca"), 0),
     ],
 )
 def test_status_is_what_the_flight_of_a_hard_goal_shows(goal, air, spin):
@@ -256,7 +258,7 @@ def test_status_is_what_the_flight_of_a_hard_goal_shows(goal, air, spin):
 
 def test_where_the_ground_is_in_the_way_of_every_launch_none_is_given():
     with pytest.raises(OutOfReach, match="the ground is in the way of every launch") as error:
-        kd.plan_launch(kd.Goal(5, speed=0.01), BALL, kd.Air(wind=(0, 0, 40)))
+        kd.plan_launch(kd.Goal(5, speed=0.01), BALL, kd.Air(drag="brazuca", wind=(0, 0, 40)))
     again = pickle.loads(pickle.dumps(error.value))
     assert (again.limit, again.nearest) == ("ground", None)
     assert str(again) == str(error.value)
@@ -296,7 +298,7 @@ def test_a_launch_does_not_depend_on_the_units(named, kg, half):
     mass, metre, second = 2.0**kg, 4.0**half, 2.0**half
     size = {"time": second, "over": metre, "beside": metre}
     named = {"time": 1.1, **named} if "beside" in named else named
-    ball, air = kd.Ball(), kd.Air(wind=(1, -2, 0))
+    ball, air = kd.Ball(), kd.Air(drag="brazuca", wind=(1, -2, 0))
     thick = {
         "density": air.density * mass / metre**3,
         "viscosity": air.viscosity * mass / metre / second,
@@ -309,7 +311,7 @@ def test_a_launch_does_not_depend_on_the_units(named, kg, half):
                 **{name: np.multiply(size[name], value) for name, value in named.items()},
             ),
             kd.Ball(mass * ball.mass, metre * ball.radius),
-            kd.Air(wind=metre / second * np.array([1, -2, 0]), **thick),
+            kd.Air(drag="brazuca", wind=metre / second * np.array([1, -2, 0]), **thick),
             spin=np.array([3, -20, 5]) / second,
             spin_limit=900 / second,
         ),

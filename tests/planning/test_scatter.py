@@ -6,7 +6,7 @@ import pytest
 import kickdyn as kd
 from kickdyn.planning.scatter import UNITS, landing_slopes, scatter
 
-LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air()
+LEG, BALL, AIR = kd.Leg.from_robot("g1", legs_only=True), kd.Ball(), kd.Air(drag="brazuca")
 HIT = kd.plan_kick(LEG, kd.Goal((6, 1, 0), time=0.9), BALL, AIR, spin=(0, -12, 6)).impact
 SMALL = {"speed": 2e-3, "angle": 1e-3, "contact": 1e-4, "restitution": 2e-3, "drag": 0.02}
 LAUNCH = [name for name in UNITS if name != "drag"]
@@ -51,7 +51,8 @@ def test_first_order_and_drawn_kicks_agree(sources):
 
 def test_drag_alone_is_a_difference_of_flights():
     thin, thick = (
-        kd.Air(drag=lambda re, s, k=k: k * kd.Air().drag.function(re, s)) for k in (0.98, 1.02)
+        kd.Air(drag=lambda re, s, k=k: k * kd.Air(drag="brazuca").drag.function(re, s))
+        for k in (0.98, 1.02)
     )
     ends = [kd.fly(HIT.ball_after, BALL, air).landing.position for air in (thin, thick)]
     expected = np.linalg.norm((ends[0] - ends[1])[:2]) / 2

@@ -9,7 +9,7 @@ SPIN = np.array([5.0, -30.0, 20.0])
 VELOCITY = np.array([18.0, 2.0, 9.0])
 
 
-@pytest.mark.parametrize("air", [None, kd.Air(wind=(1, -2, 0))])
+@pytest.mark.parametrize("air", [None, kd.Air(drag="brazuca", wind=(1, -2, 0))])
 def test_the_flight_is_that_of_fly(air):
     shot = ShootingProblem(kd.Ball(), air, SPIN).shoot(VELOCITY, 1.1)
     path = kd.fly(kd.BallState(velocity=VELOCITY, spin=SPIN), kd.Ball(), air, tol=1e-12)
@@ -25,7 +25,9 @@ def test_the_flight_is_that_of_fly(air):
 
 
 def test_slopes_are_those_of_differences():
-    field = ShootingProblem(kd.Ball(), kd.Air(), SPIN / np.linalg.norm(SPIN), seeks_spin=True)
+    field = ShootingProblem(
+        kd.Ball(), kd.Air(drag="brazuca"), SPIN / np.linalg.norm(SPIN), seeks_spin=True
+    )
     ahead, left = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
 
     def results(change):
@@ -43,7 +45,7 @@ def test_slopes_are_those_of_differences():
 @pytest.mark.parametrize("up", [-0.05, 0.4])
 def test_lowest_and_highest_places(spin, up):
     velocity = 35 * np.array([np.cos(up), 0, np.sin(up)])
-    shot = ShootingProblem(kd.Ball(), kd.Air(), np.array(spin)).shoot(velocity, 1.3)
+    shot = ShootingProblem(kd.Ball(), kd.Air(drag="brazuca"), np.array(spin)).shoot(velocity, 1.3)
     heights = [shot.state(at)[0][2] for at in np.linspace(0, 1.3, 20_001)]
     assert shot.lowest() == pytest.approx(min(heights), abs=1e-6)
     assert shot.apex()[0] == pytest.approx(max(heights), abs=1e-6)
@@ -53,7 +55,7 @@ def test_lowest_and_highest_places(spin, up):
 
 
 def test_a_short_dip_is_not_overlooked():
-    field = ShootingProblem(kd.Ball(), kd.Air(), np.array([0, -80.0, 0]))
+    field = ShootingProblem(kd.Ball(), kd.Air(drag="brazuca"), np.array([0, -80.0, 0]))
     velocity = np.array([35, 0, -0.02])
     far = field.shoot(velocity, 3.0)
     lands = brentq(lambda at: far.state(at)[0][2] + 1e-9, 0.2, 3.0)  # a hair lower than the start

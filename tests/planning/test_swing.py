@@ -11,7 +11,7 @@ from scipy.integrate import simpson, solve_ivp
 
 import kickdyn as kd
 
-BALL, AIR = kd.Ball(), kd.Air()
+BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 HUMAN = kd.Leg.human()
 LEGS = {
     "human": (HUMAN, kd.Goal(20, time=1.2)),
@@ -274,7 +274,9 @@ def test_a_plan_without_a_swing_promises_none():
 def test_the_way_a_plan_carries_is_the_answer_where_the_solver_finds_none():
     leg = kd.Leg.testbed()
     goal = kd.Goal(1.7027424644632017, time=0.3004798734347314)
-    plan = kd.plan_kick(leg, goal, kd.Ball(), kd.Air(), swing=True, objective="kinetic-energy")
+    plan = kd.plan_kick(
+        leg, goal, kd.Ball(), kd.Air(drag="brazuca"), swing=True, objective="kinetic-energy"
+    )
     swing = kd.plan_swing(leg, plan)
     assert swing.status == "met"
     assert swing.torque_use <= 1.0

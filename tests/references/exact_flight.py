@@ -1,4 +1,4 @@
-"""Landing points of the default ball with 20 digits, by mpmath."""
+"""Landing points of a Brazuca with 20 digits, by mpmath."""
 
 from __future__ import annotations
 

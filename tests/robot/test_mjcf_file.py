@@ -135,7 +135,10 @@ def test_included_files_stand_where_they_are_named(tmp_path):
         ("<include/>", "included file '' is refused"),
         ('<include file="robot.xml"/>', "includes 'robot.xml' twice"),
         ('<include file="other.xml"/>', "includes 'other.xml' twice"),  # which includes itself
-        ('<include file="../secret.xml"/>', "is refused: it lies outside the model's folder"),
+        (
+            '<include file="../secret.xml"/>',
+            r"is refused: it lies outside .*model, the model's folder",
+        ),
         ('<include file="/etc/passwd"/>', "'/etc/passwd' is refused: it lies outside"),
         ('<include file="link.xml"/>', "'link.xml' is refused: it lies outside"),
         ('<include file="file:///a.xml"/>', "is refused: it must be the name of a file"),
@@ -220,7 +223,7 @@ def test_a_mesh_is_found(tmp_path, compiler, mesh, name):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("../box.stl", "mesh '../box.stl' is refused: it lies outside the model's folder"),
+        ("../box.stl", "mesh '../box.stl' is refused: it lies outside"),
         ("/etc/passwd.stl", "is refused: it lies outside"),
         ("http://a/box.stl", "is refused: it must be the name of a file"),
         ("box.png", "has no known ending: .stl, .obj, .msh are read"),
@@ -239,6 +242,20 @@ def test_a_mesh_that_is_refused(tmp_path, name, said, monkeypatch):
     with pytest.raises(kd.MjcfError, match=said) as refusal:
         kd.Leg.from_mjcf(file, "arm")
     assert "\n" not in str(refusal.value)
+
+
+def test_a_ros_package_is_read_as_a_whole(tmp_path):
+    """Meshes may be beside the folder of the model in its package, as URDF files have them."""
+    (tmp_path / "mjcf").mkdir()
+    box(tmp_path, "meshes/box.stl")
+    text = MESH.format('meshdir="../meshes"', 'file="box.stl"', "")
+    file = write(tmp_path / "mjcf", robot=text)
+    with pytest.raises(kd.MjcfError, match=r"outside .*mjcf, the model's folder or ROS package"):
+        kd.Leg.from_mjcf(file, "arm")
+    (tmp_path / "package.xml").write_text("<package><name>robot</name></package>")
+    assert kd.Leg.from_mjcf(file, "arm").model.inertias[1].mass == pytest.approx(48.0)
+    (tmp_path / "package.xml").unlink()
+    assert len(read_mjcf(file, [tmp_path]).meshes) == 1
 
 
 def test_a_missing_mesh_costs_only_its_picture(tmp_path):

@@ -1,0 +1,57 @@
+"""How well drag models predict a measured match: `python benchmarks/drag_models.py [TRACK.csv]`.
+
+Every flight of at least 0.4 s that `kd.segments` finds is fitted in its first half (launch and
+spin), and its second half is predicted. The table has the distance between prediction and
+measurement in the second halves: the median over the flights, the quartiles, the root mean square,
+and on how many flights each model is the best. It is the table of docs/identification.md.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import kickdyn as kd
+from kickdyn.aerodynamics.drag import constant
+
+TRACK = Path(__file__).resolve().parent.parent / "data" / "match_ball.csv"
+BALL = kd.Ball()
+AIRS = [
+    *(
+        kd.Air(drag=name)
+        for name in ("supercritical", "goff-carre", "teamgeist", "brazuca", "tango12", "jabulani")
+    ),
+    kd.Air(drag=constant(0.155)),
+    kd.Air(drag="supercritical", lift="nathan"),
+]
+"""What is compared: the drag models with the default lift, a constant, and another lift."""
+
+
+def misses(flights: "list[kd.Track]") -> "dict[str, np.ndarray]":
+    """Return the distance in the second half of each flight by model, shape `(flights,)` [m]."""
+    found: dict[str, list[float]] = {}
+    for number, flight in enumerate(flights, start=1):
+        for score in kd.identify(flight, BALL, free="spin", compare=AIRS).comparison:
+            found.setdefault(score.model, []).append(score.prediction_rms)
+        print(f"\r{number} of {len(flights)} flights", end="", file=sys.stderr, flush=True)
+    return {name: np.array(values) for name, values in found.items()}
+
+
+def main(file: str) -> None:
+    """Print the table."""
+    flights = [one for one in kd.segments(kd.Track.from_csv(file), BALL).flights
+               if one.duration >= 0.4]  # fmt: skip
+    table = misses(flights)
+    least = np.min([*table.values()], axis=0)
+    print(f"\n{len(flights)} flights, {sum(f.duration for f in flights):.1f} s\n")
+    print("| model | median [cm] | quartiles [cm] | rms [cm] | best on |")
+    print("|---|---|---|---|---|")
+    for name, miss in sorted(table.items(), key=lambda item: float(np.median(item[1]))):
+        low, middle, high = 100.0 * np.quantile(miss, (0.25, 0.5, 0.75))
+        rms = 100.0 * float(np.sqrt(np.mean(miss**2)))
+        best = int((miss <= least).sum())
+        print(f"| {name} | {middle:.1f} | {low:.1f} to {high:.1f} | {rms:.1f} | {best} |")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else str(TRACK))

@@ -281,7 +281,9 @@ def plan_kick(
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
-            ball; a spin for which friction is too low; an unknown objective.
+            ball; a spin for which friction is too low; an unknown objective; a leg with loops,
+            which tie joints together that a plan chooses one by one; a leg with stiff joints, whose
+            effective mass the plan does not know (`strike`, `collide` and sweeps know both).
     """
     leg = with_angles(leg)
     standing = StandingRobot(leg) if is_floating(leg) else None

@@ -35,7 +35,8 @@ def check_unconstrained(leg: Leg, what: str) -> None:
     constraints = leg.constraints
     if constraints is not None and (constraints.supports or constraints.loops):
         raise InvalidInput(
-            f"{leg.name} has supports or loops: {what} for legs without supports and loops only"
+            f"{leg.name} has supports or loops: {what} for legs without supports and loops only, "
+            "because a plan chooses each joint by itself, and these tie joints together"
         )
     if leg.stiff_joints:
         raise InvalidInput(

@@ -33,7 +33,7 @@ from kickdyn.scene.simulation import Simulation
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
 from kickdyn.view.document import html_document, recording_viewer
-from kickdyn.view.kick_scene import draw_kick
+from kickdyn.view.kick_scene import describe_buried, draw_kick
 from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes
@@ -244,6 +244,7 @@ def page(
         path = fly(impact.ball_after, impact.ball, Air())
     viewer = recording_viewer()
     pace, stripe = draw_kick(viewer, impact, path, scenery, swing)
+    caption = " ".join(filter(None, [caption, describe_buried(impact, path, pace, swing)]))
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     panel = kick_panel(impact, path, pace, stripe, caption, viewer.window.warnings)
     return Page(viewer, title, panel, pace, height)

@@ -115,13 +115,13 @@ def test_lift_changes_with_the_wind_more_where_the_spin_is_along_the_flight():
 
 def test_spin_that_decays_where_lift_does_not_depend_on_it():
     """At the nodes: between these, the spin parameter is below where lift saturates."""
-    ground, air = kd.Ground(-1.19249), kd.Air()
+    ground, air = kd.Ground(-1.19249), kd.Air(drag="brazuca")
     launch = kd.BallState(
         (0.5664, -0.003269, -0.6735), (1.485, -1.253, 2.172), (20.74, -25.27, 23.69)
     )
     ends = [
         kd.fly(launch, kd.Ball(), each, ground, tol=1e-12).landing.position
-        for each in (air, kd.Air(torque=None))
+        for each in (air, kd.Air(drag="brazuca", torque=None))
     ]
     around = Envelope(launch, FlightEnvironment(kd.Ball(), air, ground, None))
     decay = next(effect for effect in EFFECTS if effect.name == "spin decay")

@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import Footing, check_unconstrained
+from kickdyn.impact.constraint_impulses import Footing, check_free_joints, check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.plane import Plane
@@ -281,9 +281,12 @@ def plan_kick(
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
-            ball; a spin for which friction is too low; an unknown objective.
+            ball; a spin for which friction is too low; an unknown objective; a leg with loops,
+            which tie joints together that a plan chooses one by one; a leg with stiff joints, whose
+            effective mass the plan does not know (`strike`, `collide` and sweeps know both).
     """
     leg = with_angles(leg)
+    check_free_joints(leg, "kicks are planned")
     standing = StandingRobot(leg) if is_floating(leg) else None
     if standing is None:
         check_unconstrained(leg, "kicks from a fixed base are planned")

@@ -7,6 +7,7 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
+from kickdyn.view import kick_scene
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import describe_buried, draw_kick, stripe_width
@@ -126,6 +127,20 @@ def test_the_ball_rests_on_the_ground(scene, kick):
     (ground,) = (c["matrix"] for c in said
                  if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
     assert ground[14] == pytest.approx(kick[0].ball_after.position[2] - kick[1].radius)
+
+
+def test_the_shadow_is_smaller_than_the_ball_and_the_lawn_ends_beyond_the_landing(
+    kick, monkeypatch
+):
+    discs, lawns = [], []
+    monkeypatch.setattr(kick_scene, "draw_disc", lambda *drawn, **_: discs.append(drawn[1]))
+    monkeypatch.setattr(kick_scene, "draw_ground", lambda *drawn: lawns.append(drawn))
+    viewer = recording_viewer()
+    draw(viewer, kick)
+    assert discs[0] == pytest.approx(0.8 * kick[1].radius)
+    ((_, foot, _, _, reach),) = lawns
+    away = np.linalg.norm(kick[2].landing.position - foot)
+    assert reach > away + 7.0  # eight times the leg and ball, which are about 1 m tall
 
 
 def test_a_flight_to_lower_ground_ends_on_it(make_kick):

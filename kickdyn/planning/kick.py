@@ -18,7 +18,7 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import Footing, check_unconstrained
+from kickdyn.impact.constraint_impulses import Footing, check_free_joints, check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.impact.unilateral import unilateral_strike
@@ -306,6 +306,7 @@ def plan_kick(
             effective mass the plan does not know (`strike`, `collide` and sweeps know both).
     """
     leg = with_angles(leg)
+    check_free_joints(leg, "kicks are planned")
     standing = StandingRobot(leg) if is_floating(leg) else None
     if standing is None:
         check_unconstrained(leg, "kicks from a fixed base are planned")

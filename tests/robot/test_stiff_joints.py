@@ -230,5 +230,8 @@ def test_bad_names_are_refused(joints, said):
 
 
 def test_a_plan_is_for_free_joints():
+    bolt = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
+    with pytest.raises(kd.InvalidInput, match=r"bolt has stiff joints \(FR_KFE\): kicks are"):
+        plan_kick(bolt.with_stiff_joints("FR_KFE"), kd.Goal(10, time=1.0), kd.Ball())
     with pytest.raises(kd.InvalidInput, match=r"leg_human has stiff joints \(ankle\): kicks are"):
         plan_kick(STIFF, kd.Goal(10, time=1.0), kd.Ball())

@@ -14,13 +14,14 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.constraint_impulses import Footing, check_free_joints, check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
+from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
@@ -151,17 +152,36 @@ class KickPlan(ReprMixin):
         stand, and a body that is under the ground while the foot approaches the ball by the ball's
         radius with the joints' velocity of the impact.
         """
-        footing = self.impact.footing.items()
-        return (
-            *self.path.warnings,
-            *(
-                f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
-                "(unilateral_strike computes the kick from ground that only pushes)"
-                for name, state in footing
-                if state != Footing.STANDS
-            ),
-            *self._under_ground(),
-        )
+        return (*self.path.warnings, *self._leaving(), *self._under_ground())
+
+    def _leaving(self) -> list[str]:
+        """Return a line for each support that does not stand.
+
+        Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
+        friction's moment about the vertical.
+        """
+        impact, held = self.impact, self.impact.footing
+        lines = [
+            f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
+            "(unilateral_strike computes the kick from ground that only pushes)"
+            for name, state in held.items()
+            if state != Footing.STANDS
+        ]
+        constraints = self.leg.constraints
+        supports = () if self.balance is None or constraints is None else constraints.supports
+        if lines or not supports or any(support.friction is None for support in supports):
+            return lines
+        try:
+            free = unilateral_strike(impact.posture, self.v, impact.ball, impact.contact)
+        except KickdynError as error:
+            return [f"it is unknown whether the foot stands ({error})"]
+        off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
+        return [
+            f"{name} {state} on ground that only pushes (unilateral_strike), which changes the "
+            f"ball's velocity by {off:.2g} m/s"
+            for name, state in free.footing.items()
+            if state != Footing.STANDS
+        ]
 
     def _under_ground(self) -> list[str]:
         """Return a line for each body under the ground, at the impact or in the approach."""

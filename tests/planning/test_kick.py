@@ -407,6 +407,16 @@ def test_a_foot_that_cannot_stand_is_held_and_named():
     assert any(line.startswith(f"{FOOT} {state}: the plan holds it") for line in plan.warnings)
 
 
+def test_a_foot_that_turns_about_the_vertical_is_named():
+    goal = kd.Goal((4, 1, 0), time=0.8)
+    plan = kd.plan_kick(STANDING, goal, BALL, AIR)
+    free = kd.unilateral_strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
+    (state,) = free.footing.values()
+    named = [line for line in plan.warnings if line.startswith(f"{FOOT} {state} on ground that")]
+    assert plan.impact.footing == {FOOT: "stands"}
+    assert len(named) == (state != "stands")
+
+
 def test_a_floating_base_without_a_support_is_refused():
     with pytest.raises(kd.InvalidInput, match="does not stand: kicks are planned for robots on a"):
         kd.plan_kick(STANDING.with_supports(), kd.Goal(3, time=0.4), BALL, AIR)

@@ -160,3 +160,11 @@ def test_a_coefficient_of_the_users_own_is_not_bounded():
     constant = kd.Air(drag=kd.aerodynamics.drag.constant(0.25))
     around = Envelope(LAUNCH, FlightEnvironment(kd.Ball(), constant, kd.Ground(), None))
     assert around.shift(1e-9) < 1e-6
+
+
+def test_how_high_above_the_ground_the_ball_meets_a_wall():
+    ball, launch = kd.Ball(), kd.BallState((0, 0, 5), (10, 0, 5))
+    wall = kd.Plane((4, 0, 0), (-1, 0, 0), reached_by="centre")
+    around = Envelope(launch, FlightEnvironment(ball, None, kd.Ground(3.0), wall))
+    height = around._other_end()[0]
+    assert height == pytest.approx(5 + 5 * 0.4 - 9.81 / 2 * 0.4**2 - 3.0 - ball.radius)

@@ -3,8 +3,8 @@
 Each synthetic flight (5 to 35 m/s, spins up to 100 rad/s, 25 to 240 Hz, noise of 2 mm to 3 cm, a
 gap, 5 % outliers) is fitted with spin and drag unknown. Printed is the share of flights whose truth
 lies in the 95 % region of all ten unknowns: that in which the sum of squares, that of the spin's
-usual size included, exceeds the least one by less than the 95 % quantile of chi-squared. An argument
-is the number of flights, 300 without it, a second one the first seed.
+usual size included, exceeds the least one by less than the 95 % quantile of chi-squared. Arguments:
+the number of flights, 300 without it, and the first seed.
 """
 
 import sys

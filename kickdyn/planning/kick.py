@@ -35,6 +35,7 @@ from kickdyn.planning.kick_program import (
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
+from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.kicking_chain import kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
 
@@ -132,8 +133,10 @@ class KickPlan(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of `path`: a line for each coefficient used outside its range."""
-        return self.path.warnings
+        """A line for each coefficient, of the air or of the contact, used outside its range."""
+        impact = self.impact
+        of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
+        return (*self.path.warnings, *of_contact)
 
     @property
     def too_fast_after(self) -> dict[str, float]:
@@ -168,7 +171,7 @@ def plan_kick(
     air: Air | None = None,
     *,
     objective: str = KickObjective.JOINT_SPEED,
-    restitution: float = 0.8,
+    restitution: float | str | ArrayLike = 0.8,
     friction: float = 0.4,
     spin: ArrayLike = (0.0, 0.0, 0.0),
     offset: ArrayLike | None = None,
@@ -195,7 +198,8 @@ def plan_kick(
         air: None is the vacuum.
         objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
             plans of all other objectives, so that it scatters no more than theirs.
-        restitution: of the contact; 0.8 as the paper's Table 2.
+        restitution: of the contact, as for `Contact`; 0.8 as the paper's Table 2. Over the speed of
+            approach u, u (1 + e) must increase with u.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
             out: a ball at rest takes spin across it only.
@@ -233,7 +237,9 @@ def plan_kick(
         launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
     else:
         launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
-    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, offset)
+    target = impact_target_for(
+        launch.velocity, launch.spin, ball, checked_restitution(restitution), friction, offset
+    )
     chain = kicking_chain(leg, branches=True)
     program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
     if uncertainty is None:

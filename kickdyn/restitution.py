@@ -83,17 +83,15 @@ def read_restitution(text: str) -> Restitution:
     if text in MODELS:
         return text
     try:
-        if ":" not in text:
-            return checked_restitution(float(text))
         rows = [[float(part) for part in row.split(":")] for row in text.split(",")]
-        if any(len(row) != 2 for row in rows):
+        if rows != [rows[0][:1]] and any(len(row) != 2 for row in rows):
             raise ValueError
     except ValueError:
         raise InvalidInput(
             f"restitution is {validation.brief(text)}: it must be a number such as 0.7, a table "
             f"such as 5:0.8,20:0.65 [m/s:e], or a model's name: {', '.join(MODELS)}"
         ) from None
-    return checked_restitution(rows)
+    return checked_restitution(rows[0][0] if len(rows[0]) == 1 else rows)
 
 
 def rows_of(restitution: str | Table) -> Table:
@@ -144,7 +142,7 @@ def range_warnings(restitution: Restitution, speed: float) -> tuple[str, ...]:
     e = restitution_at(restitution, speed)
     return (
         f"restitution{name} is known from {low:g} to {high:g} m/s, and the foot approaches at "
-        f"{speed:.4g} m/s: e is {e:.4g}, as at the nearest of them",
+        f"{speed:.4g} m/s: e is {e:.4g}, that of the nearer end",
     )
 
 

@@ -1,17 +1,20 @@
-"""Compare the same kick of every robot: the table of docs/robots.md, and a 3-D page of each row.
+"""Compare the same kick of every robot: the tables of docs/robots.md, and a 3-D page of each row.
 
     python benchmarks/robots_table.py [--pages FOLDER]
+    python benchmarks/robots_table.py --rotors ROBOT FRAME
 
 Posture of the paper's Table 2 (hip 5, knee 10, ankle -5 degrees, all other joints at 0), foot at
 1 m/s along 30 degrees upward, which is also the contact normal, e 0.8, frictionless, a size 5 ball
 at rest. Robots strike on a fixed base, on a floating base, and on a floating base with the left
-foot fixed.
+foot fixed. The second form prints the line on rotors of a robot by name, such as
+`booster_t1_mj_description right_foot_link`, which robot_descriptions downloads.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +34,15 @@ BENDS = {
     "human": ("right_hip_Z", "right_knee_Z", "right_ankle_Z"),
     "simple_humanoid": ("RLEG_HIP_P", "RLEG_KNEE", "RLEG_ANKLE_P"),
 }
+ROTORS = {
+    "humanoid.xml": ("right_foot", "floating"),
+    "walker2d_v5.xml": ("foot", "fixed"),
+    "hopper.xml": ("foot", "fixed"),
+}
+"""MJCF models of gymnasium that give rotor inertias: contact frame and base.
+
+Walker and hopper have slides and a hinge of their own at the root.
+"""
 RISES = {"toe": 30, "instep": 70, "sole_edge": -30}
 SINGULAR = ("icub", "romeo")
 POINT_FEET = ("bolt",)
@@ -109,6 +121,34 @@ def contact_table() -> str:
     return "\n".join(lines)
 
 
+def rotor_table() -> str:
+    """Return the table of robots whose file gives rotor inertias, in Markdown."""
+    lines = [
+        "| model | contact frame | rotors | impulse on the ball [N s] | effective mass [kg] "
+        "| ball / foot speed | worst joint [N s] | where |",
+        "|---|---|---|---:|---:|---:|---:|---|",
+    ]
+    package = find_spec("gymnasium")
+    assert package is not None
+    assert package.origin is not None
+    folder = Path(package.origin).parent / "envs" / "mujoco" / "assets"
+    for name, (frame, base) in ROTORS.items():
+        lines += rotor_lines(kd.Leg.from_mjcf(folder / name, frame, base=base))
+    return "\n".join(lines)
+
+
+def rotor_lines(leg: kd.Leg) -> Iterator[str]:
+    """Yield the lines of a leg as it is, straight, and without its rotors."""
+    bare = leg.with_armature(dict.fromkeys(leg.single_joints, 0.0))
+    for rotors, one in (("as in the file", leg), ("none", bare)):
+        hit = struck(one.posture(one.configuration()))
+        joint, size = hit.worst_joint
+        yield (
+            f"| {leg.name} | {leg.frame} | {rotors} | {np.linalg.norm(hit.impulse):.4f} "
+            f"| {hit.effective_mass:.4f} | {hit.speed_ratio:.4f} | {size:.4f} | {joint} |"
+        )
+
+
 def pages(folder: Path) -> None:
     """Write a page of every line that shows the kick."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -119,8 +159,13 @@ def pages(folder: Path) -> None:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["--rotors"]:
+        print("\n".join(rotor_lines(kd.Leg.from_robot(*sys.argv[2:4], base="floating"))))
+        sys.exit()
     print(table())
     print()
     print(contact_table())
+    print()
+    print(rotor_table())
     if sys.argv[1:2] == ["--pages"]:
         pages(Path(sys.argv[2]))

@@ -9,6 +9,7 @@ import click
 from kickdyn.cli.command import warn
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
 
 
@@ -19,7 +20,7 @@ class LegOptions(NamedTuple):
         leg_name: a name of `named_legs.LEGS`, or a file.
         frame: the contact frame; None is the default of `load_leg`.
         loops: pairs of frames' names.
-        supports: frames' names.
+        supports: that the robot stands on.
         package_dirs: folders for the meshes of a URDF file.
         locked: joints that do not move, with their values [deg; m for prismatic joints].
         stiff_joints: joints' names.
@@ -28,7 +29,7 @@ class LegOptions(NamedTuple):
     leg_name: str
     frame: str | None
     loops: tuple[tuple[str, str], ...]
-    supports: tuple[str, ...]
+    supports: tuple[Support, ...]
     package_dirs: tuple[str, ...]
     locked: dict[str, float]
     stiff_joints: tuple[str, ...]
@@ -78,6 +79,22 @@ def _read_loops(
     return tuple(loops)
 
 
+def _read_supports(
+    _: click.Context, __: click.Option, texts: tuple[str, ...]
+) -> tuple[Support, ...]:
+    """Return the supports that `--support` names."""
+    supports = []
+    for text in texts:
+        frame, colon, friction = text.partition(":")
+        try:
+            supports.append(Support(frame, friction=float(friction) if colon else None))
+        except ValueError:
+            raise InvalidInput(
+                f"support is {text!r}: it must be a frame, or FRAME:FRICTION as foot:0.6"
+            ) from None
+    return tuple(supports)
+
+
 _OPTIONS = (
     click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
                  show_default=True,
@@ -92,9 +109,10 @@ _OPTIONS = (
     click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
                  help="Two frames whose origins stay together, by a ball joint: they close a loop "
                  "that the file cuts open; repeatable."),
-    click.option("--support", "supports", multiple=True, metavar="FRAME",
-                 help="A foot that stands on the ground; the base then floats, and a robot has "
-                 "both legs; repeatable."),
+    click.option("--support", "supports", multiple=True, metavar="FRAME[:FRICTION]",
+                 callback=_read_supports,
+                 help="A foot that stands on the ground, and Coulomb's coefficient under it; the "
+                 "base then floats, and a robot has both legs; repeatable."),
     click.option("--stiff", "stiff_joints", multiple=True, metavar="JOINT",
                  help="Joint whose velocity the impact does not change, as of a motor with a high "
                  "gear; repeatable."),

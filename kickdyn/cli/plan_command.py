@@ -25,6 +25,7 @@ from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_jso
 from kickdyn.planning.swing import plan_swing
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import is_floating
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -96,7 +97,8 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 )
 @click.option("--ball-height", type=float,
               help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
-              "of the foot of the straight leg; of a robot's, with its knees bent. "
+              "of the foot of the straight leg; of a robot's, with its knees bent; of a robot "
+              "on a support, on its ground, 0. "
               "(In Python, it is free by default; for human, -0.7042 is this one.)")  # fmt: skip
 @click.option("--ball-at", callback=TRIPLE, metavar="X,Y,Z",
               help="Where its centre lies, instead [m]: what is left is the leg's "
@@ -188,7 +190,7 @@ def plan(
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
-    if ball_height is None and ball_at is None:
+    if ball_height is None and ball_at is None and not is_floating(leg):
         ball_height = _lying_height(leg, ball, offset)
     try:
         with busy("planning the kick") as show:

@@ -3,8 +3,10 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
@@ -12,13 +14,14 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import check_unconstrained
+from kickdyn.impact.constraint_impulses import Footing, check_free_joints, check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
+from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
@@ -34,10 +37,16 @@ from kickdyn.planning.kick_program import (
 )
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.passes import plan_pass
+from kickdyn.planning.stance import Stance
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
 from kickdyn.restitution import checked_restitution, range_warnings
-from kickdyn.robot.kicking_chain import kicking_chain, with_angles
+from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
+
+APPROACH = 10
+"""Configurations of the approach that are compared with the ground."""
 
 FAR = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
@@ -68,6 +77,8 @@ class KickPlan(ReprMixin):
             leg whose foot moves in a plane, and a goal aside of it.
         phases: of the swing that `swing=True` found with the kick, before and after the impact;
             `plan_swing` starts from there.
+        balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
+            None for a leg on a fixed base.
     """
 
     status: PlanStatus
@@ -84,6 +95,7 @@ class KickPlan(ReprMixin):
     binding: tuple[str, ...]
     heading: float
     phases: tuple[SwingPhase, SwingPhase] | None = None
+    balance: float | None = None
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
@@ -131,12 +143,72 @@ class KickPlan(ReprMixin):
         """Duration of the path less the time of `launch` [s]."""
         return self.path.duration - self.launch.time
 
-    @property
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each coefficient, of the air or of the contact, used outside its range."""
+        """What is not as it should be, a line each.
+
+        A coefficient of the flight or of the contact used outside its range; a body that is under
+        the ground (level, under the ball or under the target, whichever is lower) at the impact.
+        Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
+        support that does not stand, and a body that is under the ground while the foot approaches
+        the ball by the ball's radius with the joints' velocity of the impact.
+        """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
-        return (*self.path.warnings, *of_contact)
+        return (*self.path.warnings, *of_contact, *self._leaving(), *self._under_ground())
+
+    def _leaving(self) -> list[str]:
+        """Return a line for each support that does not stand.
+
+        Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
+        friction's moment about the vertical.
+        """
+        impact, held = self.impact, self.impact.footing
+        lines = [
+            f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
+            "(unilateral_strike computes the kick from ground that only pushes)"
+            for name, state in held.items()
+            if state != Footing.STANDS
+        ]
+        constraints = self.leg.constraints
+        supports = () if self.balance is None or constraints is None else constraints.supports
+        if lines or not supports or any(support.friction is None for support in supports):
+            return lines
+        try:
+            free = unilateral_strike(impact.posture, self.v, impact.ball, impact.contact)
+        except KickdynError as error:
+            return [f"it is unknown whether the foot stands ({error})"]
+        off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
+        return [
+            f"{name} {state} on ground that only pushes (unilateral_strike), which changes the "
+            f"ball's velocity by {off:.2g} m/s"
+            for name, state in free.footing.items()
+            if state != Footing.STANDS
+        ]
+
+    def _under_ground(self) -> list[str]:
+        """Return a line for each body under the ground, at the impact or in the approach."""
+        impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
+        below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
+        start = 0.0 if self.balance is None else -impact.ball.radius / speed
+        times = np.linspace(0.0, start, APPROACH)
+        model = self.leg.workspace.model
+        motion = [
+            hold_support(impact.posture, pin.integrate(model, self.q, time * self.v))
+            for time in times
+        ]
+        floor = float(impact.ball_before.position[2]) + below
+        now = find_depths(self.leg, motion[:1], floor)
+        lines = [f"{one.frame} is {one.depth:.3f} m under the ground" for one in now]
+        known = {one.frame for one in now}
+        for one in find_depths(self.leg, motion, floor) if start else []:
+            if one.frame not in known:
+                lines.append(
+                    f"{one.frame} comes from {one.depth:.3f} m under the ground, "
+                    f"{-1e3 * times[one.number]:.0f} ms before the impact, if the joints keep its "
+                    "velocity"
+                )
+        return lines
 
     @property
     def too_fast_after(self) -> dict[str, float]:
@@ -192,7 +264,8 @@ def plan_kick(
 
     Args:
         leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
-            limb. The plan's q has one angle for each continuous joint.
+            limb; or a robot on a floating base that stands on one flat support, see below, without
+            loops and mimic joints. The plan's q has one angle for each continuous joint.
         goal: from where the ball lies.
         ball: mass and radius.
         air: None is the vacuum.
@@ -218,18 +291,35 @@ def plan_kick(
             goal is then a time and a target as high as the ball.
         uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
-            its limits and a second each: `plan_swing` then finds the motion. For objectives
-            `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
+            its limits and a second each: `plan_swing` then finds the motion. For a fixed base and
+            objectives `joint-speed` and `kinetic-energy`, with limits; needs
+            `pip install "kickdyn[swing]"`.
+
+    A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
+    foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
+    of the `Support`, its sole is what the shapes of the file have within 2 mm of the ground. At the
+    impact, the centre of mass is above the sole, the kicking foot above the ground, and, where
+    there is such a posture, the ground can supply the support's impulse: `impact.footing` says
+    whether. The motion before is not planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
-            ball; a spin for which friction is too low; an unknown objective.
+            ball; a spin for which friction is too low; an unknown objective; a leg with loops,
+            which tie joints together that a plan chooses one by one; a leg with stiff joints, whose
+            effective mass the plan does not know (`strike`, `collide` and sweeps know both).
     """
     leg = with_angles(leg)
-    check_unconstrained(leg, "kicks are planned")
+    check_free_joints(leg, "kicks are planned")
+    standing = StandingRobot(leg) if is_floating(leg) else None
+    if standing is None:
+        check_unconstrained(leg, "kicks from a fixed base are planned")
+    elif swing:
+        raise InvalidInput(f"swing is True: {leg.name} stands, and swings are for fixed bases")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
     ball_position = _checked_ball_position(ball_height, ball_at)
+    if standing is not None:
+        ball_position = _lying_on_ground(ball_position, ball)
     offset = None if offset is None else validation.vector("contact offset", offset, 3, unit="m")
     wished_spin = validation.vector("spin", spin, 3, unit="rad/s")
 
@@ -240,21 +330,27 @@ def plan_kick(
     target = impact_target_for(
         launch.velocity, launch.spin, ball, checked_restitution(restitution), friction, offset
     )
-    chain = kicking_chain(leg, branches=True)
-    program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
-    if uncertainty is None:
-        cost = program.cost(objective)
-        solution = _feasible(program, program.solve(cost))
+    chain = kicking_chain(leg if standing is None else standing.leg, branches=True)
+    scatter = None if uncertainty is None else scatter_cost(target, launch, air, uncertainty)
+    if standing is None:
+        program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
+        solution = _solve(program, objective, scatter)
     else:
-        cost = scatter_cost(target, launch, air, uncertainty)
-        solution = _solve_scatter(program, cost)
+        program, solution = _solve_standing(
+            standing, chain, target, ball_position, limits, objective, scatter
+        )
+    cost = scatter or program.cost(objective)
     static_share, phases = solution.share, None  # the share without regard to a swing
     if swing:
         from kickdyn.planning.swing_kick import solve_with_swing
 
         solution, phases = solve_with_swing(program, solution, objective)
-    robot = turn_leg(leg, program.heading) if program.heading else leg
-    q, v = chain.whole(robot, solution.posture.q, solution.v)
+    if standing is None:
+        robot = turn_leg(leg, program.heading) if program.heading else leg
+        q, v = chain.whole(robot, solution.posture.q, solution.v)
+    else:
+        robot = standing.robot
+        q, v = standing.whole(*chain.whole(standing.leg, solution.posture.q, solution.v))
     impact = strike(robot.posture(q), v, ball, target.contact)
 
     speed = np.abs(solution.v[program.vs]) / program.velocity_limit
@@ -279,7 +375,56 @@ def plan_kick(
         ),
         heading=program.heading,
         phases=phases,
+        balance=None if program.stance is None else program.stance.balance(solution.posture),
     )
+
+
+def _solve(program: KickProgram, objective: KickObjective, scatter: Cost | None) -> KickSolution:
+    """Return the solution of a program for an objective, or for a cost of scatter."""
+    if scatter is not None:
+        return _solve_scatter(program, scatter)
+    return _feasible(program, program.solve(program.cost(objective)))
+
+
+def _solve_standing(
+    standing: StandingRobot,
+    chain: KickingChain,
+    target: ImpactTarget,
+    ball_position: float | Array | None,
+    limits: bool,
+    objective: KickObjective,
+    scatter: Cost | None,
+) -> tuple[KickProgram, KickSolution]:
+    """Return the solution of a standing robot, and its program.
+
+    Where no posture that meets the goal has a support's impulse that ground can supply, the foot is
+    held.
+    """
+
+    def program(impulse: Array | None) -> KickProgram:
+        """Return the program, where the ground must supply the support's impulse or not."""
+        stance = Stance(standing, impulse)
+        return KickProgram(chain.leg, target, ball_position, limits=limits, stance=stance)
+
+    stands = program(target.impulse)
+    found = stands.solve_whole(
+        stands.cost(KickObjective.JOINT_SPEED if scatter is not None else objective)
+    )
+    if found is None:
+        held = program(None)
+        return held, _solve(held, objective, scatter)
+    return stands, found if scatter is None else _solve_scatter(stands, scatter)
+
+
+def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
+    """Return the position of a ball that lies on the ground z = 0, or raise `InvalidInput`."""
+    height = ball.radius if position is None else np.atleast_1d(position)[-1]
+    if abs(height - ball.radius) > 1e-9:
+        raise InvalidInput(
+            f"the ball's centre is at a height of {height:g} m: a standing robot kicks a ball that "
+            f"lies on its ground, at {ball.radius:g} m"
+        )
+    return ball.radius if position is None else position
 
 
 def _checked_objective(

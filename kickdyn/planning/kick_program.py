@@ -13,14 +13,19 @@ normal and :math:`\tau` the torque that keeps the joint velocity. SLSQP of scipy
 several postures, drawn with a fixed seed.
 """
 
+import ctypes
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
+from scipy.linalg import _fblas
 from scipy.optimize import minimize
 
 from kickdyn.air import Air
@@ -33,6 +38,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
+from kickdyn.planning.stance import Stance
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -127,7 +133,8 @@ class KickProgram:
     """The nonlinear program for a leg on a fixed base and an impact target.
 
     The ball has a height of its centre, or a position, shape `(3,)` [m, world frame], or is free.
-    A leg whose foot moves in a plane may `turn` towards the launch.
+    A leg whose foot moves in a plane may `turn` towards the launch; one with a `stance`, on the
+    supporting foot, does not, and keeps its margins.
 
     Attributes:
         leg: turned by `heading` [rad] to the left about the vertical.
@@ -146,9 +153,11 @@ class KickProgram:
         *,
         limits: bool = True,
         turn: bool = True,
+        stance: Stance | None = None,
     ) -> None:
         chain = kicking_chain(leg)
         self.target, self.ball_position, self.limits = target, ball_position, limits
+        self.stance = stance
         self.names, self.qs, self.vs = chain.names, chain.qs, chain.vs
         self.n = len(self.names)
         self.lower, self.upper = chain.lower, chain.upper
@@ -161,7 +170,7 @@ class KickProgram:
         self._draw = np.random.default_rng(0)
         self._set_leg(leg)
         self.heading = 0.0
-        if turn and self._leaves_directions(target.impulse):
+        if turn and stance is None and self._leaves_directions(target.impulse):
             self.heading = _heading_towards(self.directions, target.impulse)
             if self.heading:
                 self._set_leg(turn_leg(leg, self.heading))
@@ -217,17 +226,22 @@ class KickProgram:
         is feasible at all.
         """
         starts = self._starts()
+        found = self.solve_whole(cost, starts)
+        if found is not None:
+            return found
+        weaker = [one for x in starts if (one := self._solve_from(x, None)) is not None]
+        if not weaker:
+            return None
+        best = max(weaker, key=lambda one: one.share)
+        if best.share < 1.0 - 1e-6:
+            return best
+        return self._solve_from(self._unknowns(best), cost) or replace(best, share=1.0)
+
+    def solve_whole(self, cost: Cost, starts: list[Array] | None = None) -> KickSolution | None:
+        """Return the best solution that reaches the whole foot velocity; None without any."""
+        starts = self._starts() if starts is None else starts
         found = [one for x in starts if (one := self._solve_from(x, cost)) is not None]
-        if not found:
-            weaker = [one for x in starts if (one := self._solve_from(x, None)) is not None]
-            if not weaker:
-                return None
-            best = max(weaker, key=lambda one: one.share)
-            if best.share < 1.0 - 1e-6:
-                return best
-            again = self._solve_from(self._unknowns(best), cost)
-            found = [again or replace(best, share=1.0)]
-        return min(found, key=lambda one: one.value)
+        return min(found, key=lambda one: one.value) if found else None
 
     def improve(self, found: KickSolution, cost: Cost) -> KickSolution:
         """Return the best solution near one, or that one with its value of the cost."""
@@ -321,7 +335,8 @@ class KickProgram:
     def _starts(self) -> list[Array]:
         """Return the unknowns of the 4 postures, of 80 drawn, that need the least joint speed."""
         rated = []
-        low, high = np.maximum(self.lower, -1.0), np.minimum(self.upper, 1.0)  # farther: tangled
+        far = 1.0 if self.stance is None else 0.5  # farther: tangled; standing, a trunk lies down
+        low, high = np.maximum(self.lower, -far), np.minimum(self.upper, far)
         for number in range(80):
             q = self._draw.uniform(np.minimum(low, self.upper), np.maximum(high, self.lower))
             posture = self.posture(q)
@@ -329,6 +344,8 @@ class KickProgram:
             v = np.linalg.pinv(rows, rcond=1e-2) @ self.target.foot_velocity(posture)
             off = float(np.linalg.norm(self.position_error(posture)))
             off -= float(self.facing(posture).clip(max=0.0).sum())
+            if self.stance is not None:
+                off -= float(self.stance.margins(posture).clip(max=0.0).sum())
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
         return [start for _, _, start in sorted(rated)[:4]]
 
@@ -364,17 +381,18 @@ class KickProgram:
                 "jac": lambda x, rows=rows: at(x).slopes[rows],
             }
             for kind, rows in (("eq", equal), ("ineq", above))
-            if kind == "eq" or self.limits or len(self.contact_normal_cone)
+            if kind == "eq" or self.limits or self.stance or len(self.contact_normal_cone)
         ]
-        found = minimize(
-            lambda x: at(x).values[0],
-            latest.x,
-            jac=lambda x: at(x).slopes[0],
-            method="SLSQP",
-            bounds=list(zip(low, high, strict=True)),
-            constraints=constraints,
-            options={"maxiter": 80, "ftol": 1e-7},
-        )
+        with _one_blas_thread():
+            found = minimize(
+                lambda x: at(x).values[0],
+                latest.x,
+                jac=lambda x: at(x).slopes[0],
+                method="SLSQP",
+                bounds=list(zip(low, high, strict=True)),
+                constraints=constraints,
+                options={"maxiter": 80, "ftol": 1e-7},
+            )
         x = np.clip(found.x, low, high)
         if not np.isfinite(x).all():
             return None
@@ -407,7 +425,7 @@ class ProgramPoint:
         """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
         program, wanted = self.program, self.wanted
         missed = self.posture.jacobian @ self.v - self.reached
-        parts = [
+        parts: list[ArrayLike] = [
             [self._scaled_cost(self.posture, self.v)],
             program.velocity_rows @ missed / math.sqrt(wanted @ wanted),
             program.position_error(self.posture),
@@ -415,7 +433,10 @@ class ProgramPoint:
         if program.limits:
             use = program.torque(self.posture.q, self.v) / program.torque_limit
             parts.append(1.0 - 2 * FEASIBLE - use * use)
-        return np.concatenate([*parts, program.facing(self.posture)])
+        parts.append(program.facing(self.posture))
+        if program.stance is not None:
+            parts.append(program.stance.margins(self.posture) - 2 * FEASIBLE)
+        return np.concatenate(parts)
 
     @cached_property
     def slopes(self) -> Array:
@@ -445,6 +466,9 @@ class ProgramPoint:
         for row in program.contact_normal_cone:
             turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)
             rows.append(np.append(turning[program.vs], np.zeros(n + 1)))
+        if program.stance is not None:
+            by_q = program.stance.slopes(posture, program.vs)
+            rows += list(np.hstack([by_q, np.zeros((len(by_q), n + 1))]))
         return np.array(rows)
 
     def _scaled_cost(self, posture: Posture, v: Array) -> float:
@@ -466,6 +490,34 @@ class ProgramPoint:
                 v = program.whole_velocity(there[n : 2 * n] * program.velocity_scale)
                 slope[i] = (self._scaled_cost(posture, v) - float(self.values[0])) / STEP
         return slope
+
+
+@cache
+def _blas_threads() -> tuple[Any, int] | None:
+    """Return how to set the threads of SciPy's OpenBLAS, and their number; None where unknown."""
+    library = ctypes.CDLL(_fblas.__file__)
+    try:
+        return library.scipy_openblas_set_num_threads, library.scipy_openblas_get_num_threads()
+    except AttributeError:  # another BLAS, or one that is linked in another way
+        return None
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Keep OpenBLAS from using threads for matrices of 100 rows, where they take 5 times as long.
+
+    That is on a free machine; on a busy one they wait for each other.
+    """
+    found = _blas_threads()
+    if found is None:
+        yield
+        return
+    set_threads, threads = found
+    set_threads(1)
+    try:
+        yield
+    finally:
+        set_threads(threads)
 
 
 def explain_infeasible(program: KickProgram) -> str:

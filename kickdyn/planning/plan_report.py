@@ -182,6 +182,7 @@ class PlanReport:
             found.append(str(score(self.plan)))
         if self.swing is not None:
             found.append(_describe_swing(self.swing))
+        found += [_describe_stance(name, self.plan) for name in self.plan.impact.footing]
         found += _after_impact(self.plan, limits=self.limits)
         return found + [f"Warning: {line}." for line in self.plan.warnings]
 
@@ -259,6 +260,13 @@ class PlanReport:
                 **_attributes(found, "mean covariance radius"),
                 "by_source": {name: part.tolist() for name, part in found.by_source.items()},
             }
+        if plan.balance is not None:
+            report["stance"] = {
+                "footing": {name: str(state) for name, state in impact.footing.items()},
+                "balance": plan.balance,
+                "impulse": {name: p.tolist() for name, p in impact.support_impulses.items()},
+                "friction": {name: _least_friction(name, plan) for name in impact.footing},
+            }
         if self.swing is not None:
             report["swing"] = _swing_json(self.swing)
         return report
@@ -335,6 +343,22 @@ def _describe_scatter(found: Scatter) -> str:
     sizes = {name: math.sqrt(float(part.trace())) for name, part in found.by_source.items()}
     parts = ", ".join(f"{size:.3g} m by {name}" for name, size in sizes.items())
     return f"It lands {found.radius:.3g} m off in the root mean square: {parts}."
+
+
+def _least_friction(frame: str, plan: KickPlan) -> float | None:
+    """Return the least coefficient of friction under a support; None where it is not pressed."""
+    x, y, z = plan.impact.support_impulses[frame][:3].tolist()
+    return math.hypot(x, y) / z if z > 0.0 else None
+
+
+def _describe_stance(frame: str, plan: KickPlan) -> str:
+    """Return how a robot stands on a support, in a line."""
+    friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
+    needs = f", with friction of {friction:.2g} or more" if state == "stands" and friction else ""
+    return (
+        f"It stands on {frame}, its centre of mass {1e3 * (plan.balance or 0.0):.1f} mm inside the "
+        f"sole's edge; at the impact that foot {state}{needs}."
+    )
 
 
 def _describe_swing(swing: Swing) -> str:

@@ -168,8 +168,9 @@ def plan_swing(
 
     Raises:
         InvalidInput: CasADi is missing; a joint is at the end of its range and moves into it; no
-            swing is found; a leg with supports or loops, joints that move but are not between base
-            and foot, or joints without limits; a value out of range.
+            swing is found; a leg with supports or loops, which tie joints together that a swing
+            chooses one by one, or with stiff joints; joints that move but are not between base and
+            foot, or joints without limits; a value out of range.
     """
     given, leg = leg, with_angles(leg)
     check_unconstrained(leg, "swings are planned")

@@ -80,3 +80,11 @@ class RobotFile:
         A reader of a file format overrides it.
         """
         return []
+
+    @cached_property
+    def visuals_by_frame(self) -> dict[str, list[Visual]]:
+        """The shapes by the frame that they are fixed to; raises what `visuals` raises."""
+        found: dict[str, list[Visual]] = {}
+        for visual in self.visuals():
+            found.setdefault(visual.frame, []).append(visual)
+        return found

@@ -58,20 +58,11 @@ class ReportLine:
             "angles": self.angles,
             "status": self.outcome.status.value,
             **{name: finite(value) for name, value in self.values.items()},
-            **self._free_mass(),
+            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass),
             "impulse_vector": None if impact is None else impact.impulse.tolist(),
             "worst_joint": None if impact is None else impact.worst_joint[0],
             "paper_immovable_impulse": self.paper,
             "explanation": self.explanation or None,
-        }
-
-    def _free_mass(self) -> dict[str, float | None]:
-        """Return the effective mass with all joints free, of a leg that has stiff ones."""
-        impact = self.outcome.impact
-        if not self.outcome.posture.leg.stiff_joints:
-            return {}
-        return {
-            "free_effective_mass": None if impact is None else finite(impact.free_effective_mass)
         }
 
 

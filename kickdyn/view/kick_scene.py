@@ -14,6 +14,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.swing import Swing
+from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.leg_figure import draw_leg, joint_poses
@@ -51,7 +52,7 @@ def draw_kick(
     pace = kick_pace(impact, path.duration, None if swing is None else swing.backswing.duration)
     curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
     forward = _forward(impact, curve)
-    floor = min(before.position[2], curve[-1, 2]) - ball.radius
+    floor = _floor(impact, path)
 
     joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
     near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
@@ -84,6 +85,35 @@ def draw_kick(
     animation = _animation(viewer, impact, path, pace, floor, swing, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
     return pace, stripe
+
+
+def describe_buried(
+    impact: Impact, path: Flight | Course, pace: Pace, swing: Swing | None = None
+) -> str:
+    """Return which bodies the animation of a kick shows under the ground, as a sentence, or none.
+
+    The deepest one with its depth and time; the ground is the lawn that `draw_kick` draws.
+    """
+    leg = impact.posture.leg
+    shown = [
+        swing.configuration(time) if swing else leg_configuration(impact, time)
+        for time in pace.times
+    ]
+    found = find_depths(leg, shown, _floor(impact, path))
+    if not found:
+        return ""
+    worst, time = found[0], float(pace.times[found[0].number])
+    when = f"{abs(1e3 * time):.0f} ms {'before' if time < 0.0 else 'after'} the impact"
+    others = f"; also {', '.join(one.frame for one in found[1:])}" if found[1:] else ""
+    return (
+        f"Under the ground in this picture: {worst.frame} by {worst.depth:.3f} m, {when}{others}."
+    )
+
+
+def _floor(impact: Impact, path: Flight | Course) -> float:
+    """Return the height of the lawn, under the ball where it starts or ends [m]."""
+    end = path.sample(path.duration).position
+    return float(min(impact.ball_before.position[2], end[2])) - impact.ball.radius
 
 
 def set_stage(viewer: Any, camera: Camera) -> None:

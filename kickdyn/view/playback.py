@@ -11,6 +11,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
+from kickdyn.robot.standing import hold_support
 from kickdyn.view.marks import pose_of
 
 RATE = 60
@@ -79,23 +80,22 @@ def leg_configuration(impact: Impact, time: float) -> Array:
     """Return q at a time from the impact [s], shape `(nq,)`.
 
     The joints move with the velocity before the impact, and after it come to rest from the
-    velocity after it, within their ranges.
+    velocity after it, within their ranges; a floating base, so that the first support stays.
     """
     leg, q = impact.posture.leg, impact.posture.q
     model = leg.workspace.model
-    if time <= 0:
-        step = impact.v_before * time
-    else:
-        fastest = float(np.abs(impact.v_after).max())
+    v, shown = impact.v_before, time
+    if time > 0:
+        v, fastest = impact.v_after, float(np.abs(impact.v_after).max())
         ease = TRAVEL / fastest if fastest > 0 else math.inf
-        step = impact.v_after * (-ease * math.expm1(-time / ease) if math.isfinite(ease) else time)
-    moved = np.asarray(pin.integrate(model, q, step))
+        shown = -ease * math.expm1(-time / ease) if math.isfinite(ease) else time
+    moved = np.asarray(pin.integrate(model, q, shown * v))
     # Only a joint of one number has a range; and a posture outside it must not jump back.
     single = np.zeros(model.nq, dtype=bool)
     for joint in model.joints[1:]:
         single[joint.idx_q] = joint.nq == 1
     within = np.clip(moved, np.fmin(leg.lower, q), np.fmax(leg.upper, q))
-    return np.where(single, within, moved)
+    return hold_support(impact.posture, np.where(single, within, moved))
 
 
 def ball_pose(before: BallState, path: Flight | Course, time: float) -> Array:

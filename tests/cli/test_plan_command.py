@@ -294,3 +294,48 @@ def test_arc_wind_and_offset_are_those_of_the_plan(tmp_path):
     foot = leg.posture(leg.configuration(angles)).with_contact_offset((0.02, 0, 0.01))
     centre = foot.contact_point + kd.Ball().radius * np.array(report["impact"]["normal"])
     assert centre[2] == pytest.approx(-0.7, abs=1e-4)
+
+
+G1 = ["--leg", "g1", "--support", "left_ankle_roll_link:0.7", "--distance", "3", "--time", "0.4"]
+
+
+def test_a_robot_on_a_support_says_how_it_stands(tmp_path):
+    file = tmp_path / "kick.json"
+    ended = CliRunner().invoke(plan, [*G1, "--json", str(file)])
+    assert "It stands on left_ankle_roll_link, its centre of mass" in ended.output
+    assert "that foot stands, with friction of 0." in ended.output
+    stance = json.loads(file.read_text())["stance"]
+    assert stance["footing"] == {"left_ankle_roll_link": "stands"}
+    assert 0.0 <= stance["balance"] < 0.1
+    x, y, z, *_ = stance["impulse"]["left_ankle_roll_link"]
+    assert math.hypot(x, y) / z == pytest.approx(stance["friction"]["left_ankle_roll_link"])
+    assert stance["friction"]["left_ankle_roll_link"] <= 0.7
+
+
+def test_feet_under_the_ground_are_announced(tmp_path):
+    file = tmp_path / "kick.json"
+    arguments = ["--leg", "g1", "--distance", "1.5", "--time", "0.5", "--json", str(file)]
+    ended = CliRunner().invoke(plan, arguments)
+    found = re.findall(r"Warning: (\w+) is (0\.\d+) m under the ground", ended.output)
+    depths = {frame: float(depth) for frame, depth in found}
+    assert 0.07 < depths["left_ankle_roll_link"] < 0.1
+    assert depths["right_ankle_roll_link"] > 0.07
+    assert len(json.loads(file.read_text())["warnings"]) >= len(depths)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--swing"], "swing is True: g1 stands, and swings are for fixed bases"),
+        (["--ball-height", "0.5"], "lies on its ground, at 0.109817 m"),
+        (["--support", "right_knee_link"], "support right_knee_link is on the kicking limb"),
+        (["--support", "pelvis"], "stands on left_ankle_roll_link, pelvis: kicks are planned from"),
+        (["--loop", "left_knee_link:torso_link"], "one support (Leg.with_supports) and no loops"),
+        (["--support", "left_knee_link:much"], "support is 'left_knee_link:much': it must be a"),
+    ],
+)
+def test_a_robot_that_cannot_stand_so_is_refused_in_one_line(more, message):
+    ended = CliRunner().invoke(plan, [*G1, *more])
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert message in str(ended.exception)
+    assert "\n" not in str(ended.exception)

@@ -1,10 +1,16 @@
 from dataclasses import replace
+from pathlib import Path as FilePath
 
+import gymnasium
 import numpy as np
+import pinocchio as pin
 import pytest
+from matplotlib.path import Path
+from scipy.spatial import ConvexHull
 
 import kickdyn as kd
 from kickdyn.planning.kick_program import KickObjective
+from kickdyn.robot.standing import hold_support
 
 HUMAN = kd.Leg.human()
 G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
@@ -195,12 +201,6 @@ def test_bad_input(goal, options, words):
         kd.plan_kick(HUMAN, goal, BALL, None, **options)
 
 
-def test_a_held_leg_is_refused():
-    leg = kd.Leg.from_robot("g1", base="floating", legs_only=True)
-    with pytest.raises(kd.InvalidInput, match="more than one coordinate"):
-        kd.plan_kick(leg, kd.Goal(3, time=0.7), BALL)
-
-
 def test_a_plan_for_the_whole_robot_is_that_for_its_leg():
     robot, goal = kd.Leg.from_robot("g1"), kd.Goal((4, 1, 0), time=0.8)
     whole, alone = (kd.plan_kick(leg, goal, BALL) for leg in (robot, G1))
@@ -271,6 +271,168 @@ def test_a_joint_at_either_end_of_its_range_is_in_its_stop(end):
     leg = kd.Leg.from_model(model, "toe")
     hit = kd.strike(leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
     assert replace(plan, impact=hit).into_stop == (HUMAN.joint_names[joint],)
+
+
+FOOT = "left_ankle_roll_link"
+STANDING = kd.Leg.from_robot("g1", base="floating", legs_only=True).with_supports(
+    kd.Support(FOOT, friction=0.7)
+)
+
+
+@pytest.fixture(scope="module")
+def standing():
+    """A kick of G1 on its left foot."""
+    return kd.plan_kick(STANDING, kd.Goal(3, time=0.4), BALL, AIR)
+
+
+def frame_pose(leg, q, name):
+    data = leg.model.createData()
+    pin.framesForwardKinematics(leg.model, data, q)
+    return data.oMf[leg.model.getFrameId(name)]
+
+
+def test_a_standing_robot_meets_its_goal_on_the_ground(standing):
+    plan = standing
+    assert plan.status == "met"
+    assert plan.landing_error < 1e-6
+    again = kd.strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
+    assert again.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-9)
+    assert plan.impact.ball_before.position[2] == pytest.approx(BALL.radius, abs=1e-4)
+    assert plan.impact.footing == {FOOT: "stands"}
+    (support,) = plan.leg.constraints.supports
+    foot = frame_pose(plan.leg, plan.q, FOOT)
+    corners = support.sole @ foot.rotation.T + foot.translation
+    assert corners[:, 2] == pytest.approx(0.0, abs=1e-12)
+    centre = pin.centerOfMass(plan.leg.model, plan.leg.model.createData(), plan.q)[:2]
+    assert Path(corners[ConvexHull(corners[:, :2]).vertices, :2]).contains_point(centre)
+    assert plan.balance >= 0.0
+    for name in plan.leg.single_joints:
+        low, high = plan.leg.joint_range(name)
+        assert low <= plan.leg.joint_values(plan.q)[name] <= high
+    limit = plan.leg.velocity_limit[6:]
+    assert (np.abs(plan.v[6:]) <= limit).all()
+    assert not any(line.endswith("m under the ground") for line in plan.warnings)
+
+
+def test_momentum_of_robot_and_ball_is_the_impulse_of_the_ground(standing):
+    impact, model = standing.impact, standing.leg.model
+    robot = []
+    for v in (impact.v_before, impact.v_after):
+        data = model.createData()
+        pin.computeCentroidalMomentum(model, data, standing.q, v)
+        p = data.hg.linear.copy()
+        robot.append(np.concatenate([p, data.hg.angular + np.cross(data.com[0], p)]))
+    ball = []
+    for state in (impact.ball_before, impact.ball_after):
+        p = BALL.mass * state.velocity
+        ball.append([*p, *(np.cross(state.position, p) + BALL.inertia * state.spin)])
+    wrench = impact.support_impulses[FOOT]
+    place = frame_pose(standing.leg, standing.q, FOOT).translation
+    ground = [*wrench[:3], *(wrench[3:] + np.cross(place, wrench[:3]))]
+    change = robot[1] - robot[0] + np.subtract(ball[1], ball[0])
+    assert change == pytest.approx(ground, abs=1e-12)
+
+
+def test_constrained_dynamics_from_before_the_impact_meet_the_plan(standing):
+    """By Pinocchio, with the support as a constraint and torques that keep the joints' speed."""
+    leg, duration, steps = standing.leg, 0.02, 20
+    model = leg.model
+    number = model.getFrameId(FOOT)
+    frame = model.frames[number]
+    place = frame_pose(leg, standing.q, FOOT)
+    hold = pin.RigidConstraintModel(
+        *(pin.ContactType.CONTACT_6D, model, frame.parentJoint, frame.placement),
+        *(0, place, pin.LOCAL),
+    )
+    holds, kept = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    holds.append(hold)
+    kept.append(hold.createData())
+    data, other = model.createData(), model.createData()
+    pin.initConstraintDynamics(model, data, holds, kept)
+
+    def base_velocity(q, joints):
+        rows = pin.computeFrameJacobian(model, other, q, number, pin.LOCAL)
+        return np.concatenate([np.linalg.solve(rows[:, :6], -rows[:, 6:] @ joints), joints])
+
+    def torque(time):
+        """The torque at a posture on the straight line of the joints, by inverse dynamics."""
+        q = held(time)
+        v = base_velocity(q, standing.v[6:])
+        pin.forwardKinematics(model, other, q, v, np.zeros(model.nv))
+        bias = pin.getFrameAcceleration(model, other, number, pin.LOCAL).vector
+        rows = pin.computeFrameJacobian(model, other, q, number, pin.LOCAL)
+        a = np.zeros(model.nv)
+        a[:6] = np.linalg.solve(rows[:, :6], -bias)
+        needed = pin.rnea(model, other, q, v, a)
+        # the ground's wrench balances the base; it loads the joints too
+        wrench = np.linalg.solve(rows[:, :6].T, needed[:6])
+        return np.concatenate([np.zeros(6), needed[6:] - rows[:, 6:].T @ wrench])
+
+    def held(time):
+        q = standing.q.copy()
+        q[7:] += time * standing.v[6:]
+        return hold_support(standing.impact.posture, q)
+
+    def rates(q, v, time):
+        return pin.constraintDynamics(model, data, q, v, torque(time), holds, kept)
+
+    q = held(-duration)
+    v = base_velocity(q, standing.v[6:])
+    step = duration / steps
+    for k in range(steps):  # Runge-Kutta on the group
+        time = -duration + k * step
+        v1, a1 = v, rates(q, v, time)
+        v2 = v + step / 2 * a1
+        a2 = rates(pin.integrate(model, q, step / 2 * v1), v2, time + step / 2)
+        v3 = v + step / 2 * a2
+        a3 = rates(pin.integrate(model, q, step / 2 * v2), v3, time + step / 2)
+        v4 = v + step * a3
+        a4 = rates(pin.integrate(model, q, step * v3), v4, time + step)
+        q = pin.integrate(model, q, step / 6 * (v1 + 2 * v2 + 2 * v3 + v4))
+        v = v + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    assert q[7:] == pytest.approx(standing.q[7:], abs=1e-8)
+    posture = leg.posture(q)
+    assert posture.contact_point == pytest.approx(standing.impact.posture.contact_point, abs=1e-6)
+    assert posture.jacobian @ v == pytest.approx(standing.impact.foot_velocity, abs=1e-6)
+
+
+def test_a_foot_that_cannot_stand_is_held_and_named():
+    """On a sole of a millimetre, in a kick for which the ground must push to the side."""
+    sole = [(0.03, 0.0, -0.035), (0.031, 0.0, -0.035), (0.03, 0.001, -0.035)]
+    narrow = kd.Support(FOOT, friction=0.01, sole=sole)
+    plan = kd.plan_kick(STANDING.with_supports(narrow), kd.Goal((4, 1, 0), time=0.8), BALL, AIR)
+    assert plan.status == "met"
+    (state,) = plan.impact.footing.values()
+    assert state in ("slips", "tips", "lifts-off")
+    assert any(line.startswith(f"{FOOT} {state}: the plan holds it") for line in plan.warnings)
+
+
+def test_a_foot_that_turns_about_the_vertical_is_named():
+    goal = kd.Goal((4, 1, 0), time=0.8)
+    plan = kd.plan_kick(STANDING, goal, BALL, AIR)
+    free = kd.unilateral_strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
+    (state,) = free.footing.values()
+    named = [line for line in plan.warnings if line.startswith(f"{FOOT} {state} on ground that")]
+    assert plan.impact.footing == {FOOT: "stands"}
+    assert len(named) == (state != "stands")
+
+
+def test_a_floating_base_without_a_support_is_refused():
+    with pytest.raises(kd.InvalidInput, match="does not stand: kicks are planned for robots on a"):
+        kd.plan_kick(STANDING.with_supports(), kd.Goal(3, time=0.4), BALL, AIR)
+
+
+def test_a_humanoid_of_an_mjcf_file_kicks_from_one_foot():
+    file = FilePath(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
+    humanoid = kd.Leg.from_mjcf(file, "right_foot", base="floating").with_supports("left_foot")
+    front = (0.075, 0.0, 0.1)
+    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=front)
+    assert plan.status == "met"
+    assert plan.landing_error < 1e-6
+    assert plan.impact.ball_before.position[2] == pytest.approx(BALL.radius, abs=1e-4)
+    foot = frame_pose(plan.leg, plan.q, "left_foot")
+    lowest = foot.act(np.array([0.0, 0.0, 0.1]))[2] - 0.075  # a sphere
+    assert lowest == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_continuous_joint_is_planned_by_its_angle(tmp_path):

@@ -1,12 +1,15 @@
 """The nonlinear program's derivatives, against differences, and where it has no solution."""
 
+import ctypes
 import math
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.linalg import _fblas
 
 import kickdyn as kd
+from kickdyn.planning import kick_program
 from kickdyn.planning.impact_target import impact_target_for
 from kickdyn.planning.kick_program import (
     KickObjective,
@@ -177,3 +180,13 @@ def test_robust_scatters_no_more_than_any_other_objective(leg, goal, spread):
         other = kd.plan_kick(leg, goal, BALL, AIR, objective=name)
         assert other.status == "met"
         assert own <= scatter(other.impact, AIR, **spread).radius * (1 + 1e-6), name
+
+
+def test_the_threads_of_blas_are_as_before_a_solution():
+    found = kick_program._blas_threads()
+    if found is None:
+        pytest.skip("another BLAS than SciPy's own")
+    count = ctypes.CDLL(_fblas.__file__).scipy_openblas_get_num_threads
+    with kick_program._one_blas_thread():
+        assert count() == 1
+    assert count() == found[1]

@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 import kickdyn as kd
 from kickdyn.planning.kick import plan_kick
 from kickdyn.robot.urdf_file import shipped_urdf
-from kickdyn.sweeps.sweep_kick import kick_from
+from kickdyn.sweeps.sweep_kick import (
+    kick_from,
+    least_speed_use,
+    slowest_joint_velocity,
+    speed_use,
+)
 
 HUMAN = kd.Leg.human()
 STIFF = HUMAN.with_stiff_joints("ankle")
@@ -105,6 +110,10 @@ def test_velocities_before_are_those_of_the_free_leg():
     posture.check_velocity(np.ones(3))
     kick = kd.Kick(speed=5.0, air=None)
     assert kick_from(posture, kick).speed_use == pytest.approx(kick_from(free, kick).speed_use)
+    wish = np.array([4.0, 0.0, 1.0])
+    slowest = slowest_joint_velocity(posture, wish)
+    assert speed_use(posture, slowest) == pytest.approx(least_speed_use(free, wish), rel=1e-6)
+    assert posture.point_velocity(slowest) == pytest.approx(wish, abs=1e-8)
     far = posture.with_contact_offset([0.02, 0, -0.03])
     assert far.without_stiff_joints.jacobian.tolist() == far.jacobian.tolist()
     offset = free.with_contact_offset([0.02, 0, -0.03])
@@ -221,5 +230,8 @@ def test_bad_names_are_refused(joints, said):
 
 
 def test_a_plan_is_for_free_joints():
+    bolt = kd.Leg.from_robot("bolt", base="floating").with_supports("FL_FOOT")
+    with pytest.raises(kd.InvalidInput, match=r"bolt has stiff joints \(FR_KFE\): kicks are"):
+        plan_kick(bolt.with_stiff_joints("FR_KFE"), kd.Goal(10, time=1.0), kd.Ball())
     with pytest.raises(kd.InvalidInput, match=r"leg_human has stiff joints \(ankle\): kicks are"):
         plan_kick(STIFF, kd.Goal(10, time=1.0), kd.Ball())

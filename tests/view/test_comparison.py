@@ -34,6 +34,17 @@ def test_legs_stand_side_by_side_with_arrows_to_one_scale(hits, commands_of):
     assert scales == pytest.approx([scales[0]] * 3)
 
 
+def test_the_ground_is_under_the_lowest_foot(hits, commands_of):
+    def ground(shown):
+        said = commands_of(kd.page(shown).html)
+        moved = {c["path"]: c["matrix"] for c in said if c["type"] == "set_transform"}
+        return moved["/meshcat/ground"][14]
+
+    alone = [ground({name: hit}) for name, hit in hits.items()]
+    assert max(alone) - min(alone) > 0.01
+    assert ground(hits) == min(alone)
+
+
 def test_the_panel_says_both_impulses_and_escapes(hits):
     html = kd.page(hits, caption="<i>three").html
     assert "<b></th>" not in html

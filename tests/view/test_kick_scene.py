@@ -1,14 +1,18 @@
 import math
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import umsgpack
 
 import kickdyn as kd
+from kickdyn.view import kick_scene
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.kick_scene import draw_kick, stripe_width
+from kickdyn.view.kick_scene import describe_buried, draw_kick, stripe_width
 from kickdyn.view.leg_figure import joint_poses
+from kickdyn.view.playback import kick_pace
 
 
 def film(viewer):
@@ -125,6 +129,20 @@ def test_the_ball_rests_on_the_ground(scene, kick):
     assert ground[14] == pytest.approx(kick[0].ball_after.position[2] - kick[1].radius)
 
 
+def test_the_shadow_is_smaller_than_the_ball_and_the_lawn_ends_beyond_the_landing(
+    kick, monkeypatch
+):
+    discs, lawns = [], []
+    monkeypatch.setattr(kick_scene, "draw_disc", lambda *drawn, **_: discs.append(drawn[1]))
+    monkeypatch.setattr(kick_scene, "draw_ground", lambda *drawn: lawns.append(drawn))
+    viewer = recording_viewer()
+    draw(viewer, kick)
+    assert discs[0] == pytest.approx(0.8 * kick[1].radius)
+    ((_, foot, _, _, reach),) = lawns
+    away = np.linalg.norm(kick[2].landing.position - foot)
+    assert reach > away + 7.0  # eight times the leg and ball, which are about 1 m tall
+
+
 def test_a_flight_to_lower_ground_ends_on_it(make_kick):
     hit, ball, _ = make_kick(kd.Leg.human(), 5.0)
     viewer = recording_viewer()
@@ -153,3 +171,15 @@ def test_odd_kicks_are_drawn(make_kick, speed, degrees, attack):
 )
 def test_stripes_are_round_numbers(extent, width):
     assert stripe_width(extent) == pytest.approx(width)
+
+
+def test_bodies_under_the_lawn_are_announced(make_kick):
+    hit, _, path = make_kick(kd.Leg.human(), 5.0, degrees=(20, 40, 0))
+    low = SimpleNamespace(
+        duration=path.duration,
+        sample=lambda _: SimpleNamespace(position=hit.ball_before.position - [0.0, 0.0, 5.0]),
+    )
+    pace = kick_pace(hit, path.duration)
+    assert describe_buried(hit, low, pace) == ""
+    said = describe_buried(hit, path, pace)
+    assert re.fullmatch(r"Under the ground in this picture: .* m, \d+ ms (before|after) .*\.", said)

@@ -16,6 +16,7 @@ import trimesh
 import kickdyn as kd
 from kickdyn.view import marks
 from kickdyn.view.camera import LEFT, RIGHT, UP
+from kickdyn.view.page import _of_scene
 
 
 @pytest.fixture(scope="module")
@@ -396,3 +397,21 @@ def test_a_browser_that_leaves_is_not_reported(server, capfd):
         if "process_request" in thread.name:
             thread.join(timeout=10)
     assert capfd.readouterr() == ("", "")
+
+
+def test_the_wall_of_a_scene_stands_on_the_lower_of_both_ends(kick):
+    hit, ball, _ = kick
+    posture = hit.posture
+    scene = kd.Scene(
+        posture.leg,
+        posture.q,
+        hit.v_before,
+        ball,
+        hit.contact,
+        plane=kd.Plane((3, 0, 0), (-1, 0, 0)),
+    )
+    answer = kd.simulate(scene, tolerance=0.1)
+    heights = scene.ball_position[2], answer.end.position[2]
+    assert abs(heights[0] - heights[1]) > 0.05
+    (wall,) = _of_scene(answer, "")[3]
+    assert wall.corners()[:, 2].min() == pytest.approx(min(heights) - ball.radius)

@@ -140,3 +140,16 @@ def test_a_ball_on_the_ground_turns_as_it_rolls():
     angle = math.remainder(way / ball.radius, 2 * math.pi)
     assert place[:3, :3] == pytest.approx(pin.rpy.rpyToMatrix(0, angle, 0), abs=1e-3)
     assert place[0, 3] == pytest.approx(way)
+
+
+def test_a_support_stays_where_it_is():
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    leg, foot = robot.with_supports("left_ankle_roll_link"), "left_ankle_roll_link"
+    posture = leg.posture(leg.configuration({"right_hip_pitch_joint": -0.3}))
+    v = posture.joint_velocity([4, 0, 1])
+    hit = kd.strike(posture, v, kd.Ball(), kd.Contact((4, 0, 1), 0.8))
+    data, places = leg.model.createData(), []
+    for time in (0.0, -0.1, -0.02, 0.05, 3.0):
+        pin.framesForwardKinematics(leg.model, data, motion.leg_configuration(hit, time))
+        places.append(data.oMf[leg.model.getFrameId(foot)].copy())
+    assert all(place.isApprox(places[0], 1e-12) for place in places)

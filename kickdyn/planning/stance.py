@@ -1,0 +1,135 @@
+r"""What a robot that stands on one foot must keep in a kick, as functions of its posture.
+
+- Static balance: the centre of mass is above the sole.
+- The kicking foot is above the ground.
+- The support's impulse :math:`\lambda` in the strike, which follows from the posture and from the
+  impulse on the ball alone, is one that the ground can supply:
+  :math:`\lambda_z \ge 0, |\lambda_t| \le \mu \lambda_z`, its centre of pressure in the sole.
+"""
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from kickdyn.core.validation import Array
+from kickdyn.robot.leg import Posture
+from kickdyn.robot.standing import StandingRobot, joint_spheres
+
+LENGTH = 0.1
+"""Scale of distances from the ground and from the edge of the sole [m]."""
+
+STEP = 1e-6
+"""Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
+
+
+class Stance:
+    """The margins of a standing robot, 0 or more where they are kept, and their derivatives.
+
+    Postures are those of `standing.leg`.
+
+    Attributes:
+        standing: the robot.
+        impulse: on the ball, shape `(3,)` [N s]; None does not ask what the ground can supply.
+    """
+
+    def __init__(self, standing: StandingRobot, impulse: Array | None = None) -> None:
+        self.standing, self.impulse = standing, impulse
+        self._size = 1.0 if impulse is None else float(np.linalg.norm(impulse))
+        leg, robot = standing.leg, standing.robot
+        hull = ConvexHull(standing.sole)
+        self._normals, self._offsets = hull.equations[:, :2], -hull.equations[:, 2]
+        foot = joint_spheres(robot, robot.contact_joint)
+        ends = _extremes(foot.centres)
+        # the pose of the kicking foot's joint in its frame is that in the leg's
+        own = robot.workspace.model.frames[robot.frame_id].placement
+        new = leg.workspace.model.frames[leg.frame_id].placement
+        self._centres = np.array([(new * own.inverse()).act(x) for x in foot.centres[ends]])
+        self._radii = foot.radii[ends]
+        self._friction = standing.support.friction
+
+    def margins(self, posture: Posture) -> Array:
+        """Return how far all is inside its bounds, about 1 for a good distance, shape `(k,)`."""
+        parts = [
+            (self._offsets - self._normals @ self.centre_of_mass(posture)[:2]) / LENGTH,
+            (self._points(posture)[:, 2] - self._radii) / LENGTH,
+        ]
+        if self.impulse is not None:
+            parts.append(self._impulse_margins(posture))
+        return np.concatenate(parts)
+
+    def slopes(self, posture: Posture, vs: NDArray[np.int64]) -> Array:
+        """Return the derivatives of the margins by joints at `vs`, shape `(k, n)`."""
+        leg = posture.leg
+        model, data = leg.workspace.model, leg.workspace.data
+        moved = pin.jacobianCenterOfMass(model, data, posture.q)
+        moved *= data.mass[0] / (data.mass[0] + model.inertias[0].mass)
+        rows = [-self._normals @ moved[:2] / LENGTH]
+        pin.computeJointJacobians(model, data, posture.q)
+        joint = leg.contact_joint
+        own = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+        arms = self._centres @ posture.rotation_world_joint.T
+        # z of v + w x arm
+        rows.append((own[2] + np.outer(arms[:, 1], own[3]) - np.outer(arms[:, 0], own[4])) / LENGTH)
+        found = np.vstack(rows)[:, vs]
+        if self.impulse is None:
+            return found
+        here, columns = self._impulse_margins(posture), []
+        for v in vs:
+            step = np.zeros(leg.nv)
+            step[v] = STEP
+            there = leg.posture(pin.integrate(model, posture.q, step))
+            columns.append((self._impulse_margins(there) - here) / STEP)
+        return np.vstack([found, np.column_stack(columns)])
+
+    def balance(self, posture: Posture) -> float:
+        """Return how far the centre of mass is inside the edge of the sole [m]."""
+        at = self.centre_of_mass(posture)[:2]
+        return float((self._offsets - self._normals @ at).min())
+
+    def centre_of_mass(self, posture: Posture) -> Array:
+        """Return the centre of mass of the whole robot, shape `(3,)` [m, world frame]."""
+        model, data = posture.leg.workspace.model, posture.leg.workspace.data
+        others, root = pin.centerOfMass(model, data, posture.q), model.inertias[0]
+        moment = data.mass[0] * others + root.mass * root.lever
+        return np.asarray(moment / (data.mass[0] + root.mass))
+
+    def support_impulse(self, posture: Posture) -> Array:
+        """Return the ground's impulse on the robot, shape `(6,)` [N s, N m s, world frame].
+
+        Linear, then angular about the world's origin: with the impulse p on the ball, the robot's
+        momentum changes by this less p.
+        """
+        impulse = np.zeros(3) if self.impulse is None else self.impulse
+        jump = posture.solve(-impulse @ posture.jacobian)
+        model, data = posture.leg.workspace.model, posture.leg.workspace.data
+        pin.computeCentroidalMomentum(model, data, posture.q, jump)
+        change = data.hg.vector
+        centre = data.com[0]
+        about = change[3:] + np.cross(centre, change[:3])
+        return np.concatenate([
+            change[:3] + impulse,
+            about + np.cross(posture.contact_point, impulse),
+        ])  # fmt: skip
+
+    def _impulse_margins(self, posture: Posture) -> Array:
+        """Return how far the support's impulse is inside what the ground can supply."""
+        p = self.support_impulse(posture)
+        pressed = np.array([-p[4], p[3]])  # the centre of pressure times the normal impulse
+        inside = (self._offsets * p[2] - self._normals @ pressed) / LENGTH
+        parts = [[p[2]], inside]
+        if self._friction is not None:
+            parts.append([self._friction * p[2] - np.hypot(p[0], p[1])])
+        return np.concatenate(parts) / self._size
+
+    def _points(self, posture: Posture) -> Array:
+        """Return the centres of the kicking foot's spheres, shape `(k, 3)` [m, world frame]."""
+        turn = posture.rotation_world_joint
+        origin = posture.contact_point - turn @ posture.contact_lever
+        return np.asarray(self._centres @ turn.T + origin)
+
+
+def _extremes(points: Array) -> Array:
+    """Return indices of points that are extreme along one of the diagonals of a cube."""
+    signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T
+    return np.unique(np.argmax(points @ signs.T, axis=0))

@@ -1,0 +1,284 @@
+"""A robot on a floating base that stands on one foot, as a robot on a fixed base: that foot.
+
+A flat foot at rest takes all six degrees of freedom from the floating base. Where the robot is a
+tree, no equation remains: with the foot as its root, it is a tree on a fixed base, and what is made
+for those (`kicking_chain`, `plan_kick`) applies to it.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
+from kickdyn.robot.constraints import Support
+from kickdyn.robot.ground_clearance import POINT, Spheres, body_frames, shape_of
+from kickdyn.robot.leg import Leg, Posture
+
+SOLE = 2e-3
+"""Height above the lowest point of a foot up to which its shapes count as its sole [m]."""
+
+
+class StandingRobot:
+    r"""A robot that stands on one flat foot, and the same robot with this foot as its root.
+
+    The ground is the plane :math:`z = 0`. The foot lies on it as it does while all joints are at 0
+    and the base is upright. Joints between foot and base keep their names, values, velocities and
+    limits: joint `i`, which moves its child by :math:`\exp(S_i q_i)` as seen from its parent, moves
+    its parent by :math:`\exp(-S_i q_i)` as seen from its child.
+
+    Attributes:
+        robot: on a floating base, on `support`.
+        support: on which it stands, with its sole.
+        leg: the same bodies on a fixed base, the supporting foot, without supports.
+        placement: of the supporting frame in the world, a `pin.SE3`.
+        sole: corners of the sole, shape `(k, 2)` [m, world frame, x and y].
+    """
+
+    def __init__(self, robot: Leg) -> None:
+        """Take a robot with one support; raise `InvalidInput` where it cannot stand on it."""
+        support = _flat_support(robot)
+        model, data = robot.workspace.model, robot.workspace.data
+        self._frame = model.getFrameId(support.frame)
+        pin.forwardKinematics(model, data, robot.configuration())
+        upright = pin.updateFramePlacement(model, data, self._frame).copy()
+        corners = _sole(robot, support, self._frame, upright.rotation)
+        heights = corners @ upright.rotation[2]
+        if np.ptp(heights) > SOLE + 0.01 * np.ptp(corners, axis=0).max():
+            raise InvalidInput(
+                f"the sole of {support.frame} is tilted while all joints of {robot.name} are at 0: "
+                f"corners' heights differ by {np.ptp(heights):.3g} m, but the ground is level"
+            )
+        origin = np.array([*upright.translation[:2], -heights.min()])
+        self.placement = pin.SE3(upright.rotation, origin)
+        self.sole = (corners @ upright.rotation.T + origin)[:, :2]
+        self.support = replace(support, sole=corners)
+        self.robot = robot.with_supports(self.support)
+        frame = model.frames[self._frame]
+        root = self.placement * frame.placement.inverse()
+        self.leg = Leg(
+            _reroot(robot.model, int(frame.parentJoint), root),
+            robot.frame,
+            contact_normal_cone=robot.contact_normal_cone,
+        )
+        pairs = [
+            [one.joints[one.getJointId(name)] for one in (self.leg.workspace.model, model)]
+            for name in robot.joint_names[1:]
+        ]
+        self._qs = [_indices([joint[side] for joint in pairs], "q") for side in (0, 1)]
+        self._vs = [_indices([joint[side] for joint in pairs], "v") for side in (0, 1)]
+
+    def whole(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """Return q and v of the robot from those of the leg, the foot where it stands.
+
+        Args:
+            q: of `leg`, shape `(nq,)`.
+            v: of `leg`, shape `(nv,)`.
+        """
+        robot = self.robot
+        configuration, velocity = robot.configuration(), np.zeros(robot.nv)
+        configuration[self._qs[1]], velocity[self._vs[1]] = q[self._qs[0]], v[self._vs[0]]
+        configuration = place_base(robot, configuration, self._frame, self.placement)
+        model, data = robot.workspace.model, robot.workspace.data
+        rows = pin.computeFrameJacobian(model, data, configuration, self._frame, pin.LOCAL)
+        velocity[:6] = np.linalg.solve(rows[:, :6], -rows[:, 6:] @ velocity[6:])
+        return configuration, velocity
+
+
+def place_base(robot: Leg, q: Array, frame: int, placement: Any) -> Array:
+    """Return q of a robot with its floating base moved so that a frame has a placement.
+
+    Args:
+        robot: whose first joint is a floating base.
+        q: shape `(nq,)`; its base does not count.
+        frame: number of the frame in the model.
+        placement: `pin.SE3` in the world.
+    """
+    model, data = robot.workspace.model, robot.workspace.data
+    placed = q.copy()
+    placed[:7] = pin.neutral(model)[:7]
+    pin.forwardKinematics(model, data, placed)
+    seen = pin.updateFramePlacement(model, data, frame)
+    placed[:7] = pin.SE3ToXYZQUAT(placement * seen.inverse())
+    return placed
+
+
+def hold_support(posture: Posture, q: Array) -> Array:
+    """Return q with the floating base moved so that the first support is where a posture has it.
+
+    A leg without supports, or on a fixed base, keeps q, shape `(nq,)`.
+    """
+    leg = posture.leg
+    if leg.constraints is None or not leg.constraints.supports or not is_floating(leg):
+        return q
+    model, data = leg.workspace.model, leg.workspace.data
+    frame = model.getFrameId(leg.constraints.supports[0].frame)
+    pin.forwardKinematics(model, data, posture.q)
+    placement = pin.updateFramePlacement(model, data, frame).copy()
+    return place_base(leg, q, frame, placement)
+
+
+def is_floating(robot: Leg) -> bool:
+    """Return whether the first joint of a robot is a floating base."""
+    return bool(robot.workspace.model.joints[1].shortname() == "JointModelFreeFlyer")
+
+
+def _flat_support(robot: Leg) -> Support:
+    """Return the one flat support of a robot on a floating base, or raise `InvalidInput`."""
+    constraints = robot.constraints
+    if constraints is None or constraints.loops or not is_floating(robot):
+        raise InvalidInput(
+            f"{robot.name} does not stand: kicks are planned for robots on a fixed base, or on a "
+            "floating one with one support (Leg.with_supports) and no loops"
+        )
+    held = [mimic.joint for mimic in robot.mimics] + list(robot.stiff_joints)
+    if held:
+        raise InvalidInput(
+            f"{robot.name} has mimic or stiff joints ({', '.join(held)}): kicks from one foot are "
+            "planned without them (Leg.locked, Leg.with_stiff_joints)"
+        )
+    supports = constraints.supports
+    if len(supports) != 1 or supports[0].point:
+        named = ", ".join(f"{s.frame}{' (a point)' if s.point else ''}" for s in supports)
+        raise InvalidInput(f"{robot.name} stands on {named}: kicks are planned from one flat foot")
+    return supports[0]
+
+
+def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
+    """Return corners of the sole of a support, shape `(k, 3)` [m, support frame].
+
+    Those of the support; else, of what the shapes of its joint's bodies have up to `SOLE` above
+    their lowest point in the standing robot, the extreme points in eight directions, on one level.
+    `rotation` is from the frame's axes to the world's.
+    """
+    if support.sole is not None:
+        return support.sole
+    here = robot.workspace.model.frames[frame]
+    shapes = joint_spheres(robot, int(here.parentJoint))
+    own = here.placement
+    seen = (shapes.centres - own.translation) @ own.rotation @ rotation.T
+    bottom = seen[:, 2] - shapes.radii
+    level = float(bottom.min())
+    points = []
+    turns = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
+    ring = np.column_stack([np.cos(turns), np.sin(turns)])
+    for (x, y, _), low, radius in zip(seen, bottom, shapes.radii, strict=True):
+        left = SOLE - (low - level)  # how far the sphere reaches down into the sole
+        if left < 0.0:
+            continue
+        wide = np.sqrt(max(2 * radius * left - left**2, 0.0)) if left < radius else radius
+        points += [(x, y, level), *((x + wide * a, y + wide * b, level) for a, b in ring)]
+    corners = np.array(points)
+    corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
+    if len(corners) < 3:  # as of a body that is a point
+        raise InvalidInput(
+            f"the shapes of {support.frame} have no sole: name its corners, "
+            f"Support({support.frame!r}, sole=...)"
+        )
+    return np.asarray(corners @ rotation)
+
+
+def joint_spheres(robot: Leg, joint: int) -> Spheres:
+    """Return the bodies that a joint carries, in its axes; its origin where it has no shapes."""
+    frames = robot.workspace.model.frames
+    found = [
+        shape_of(robot, name).moved(frames[number].placement.homogeneous)
+        for name, number in body_frames(robot).items()
+        if int(frames[number].parentJoint) == joint
+    ] or [POINT]
+    return Spheres(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def _indices(joints: list[Any], which: str) -> Array:
+    """Return where joints have their coordinates, for `q` or `v`."""
+    spans = [
+        getattr(joint, f"idx_{which}") + np.arange(getattr(joint, f"n{which}")) for joint in joints
+    ]
+    return np.concatenate(spans)
+
+
+def _reroot(model: Any, foot: int, placement: Any) -> Any:
+    """Return a `pin.Model` whose root is the body of joint `foot`, at a placement in the world.
+
+    The first joint of the model, a floating base, is left out.
+    """
+    new = pin.Model()
+    new.name, new.gravity = model.name, model.gravity.copy()
+    above = [int(joint) for joint in model.supports[foot]][2:]  # from the base to the foot
+    # of each body, the world first: its new joint, and its pose there
+    carrier, offset = {0: 0, foot: 0}, {0: pin.SE3.Identity(), foot: placement}
+    for joint in _depth_first(model, foot, above):
+        parent, place = int(model.parents[joint]), model.jointPlacements[joint]
+        if joint in above:  # from the child, which has its place, to the parent
+            kind, turn = _reversed(model, joint)
+            known, moved = joint, parent
+            start, pose = offset[joint] * turn, turn.inverse() * place.inverse()
+        else:
+            kind, start = model.joints[joint], offset[parent] * place
+            known, moved, pose = parent, joint, pin.SE3.Identity()
+        q = slice(model.idx_qs[joint], model.idx_qs[joint] + model.nqs[joint])
+        v = slice(model.idx_vs[joint], model.idx_vs[joint] + model.nvs[joint])
+        rotors = new.armature.copy()
+        number = new.addJoint(
+            carrier[known],
+            kind,
+            start,
+            model.names[joint],
+            model.effortLimit[v],
+            model.velocityLimit[v],
+            model.lowerPositionLimit[q],
+            model.upperPositionLimit[q],
+        )
+        new.armature = np.append(rotors, model.armature[v])
+        new.addJointFrame(number)
+        carrier[moved], offset[moved] = number, pose
+    for body in range(1, model.njoints):
+        new.appendBodyToJoint(carrier[body], model.inertias[body], offset[body])
+    for frame in list(model.frames)[1:]:
+        body = int(frame.parentJoint)
+        if frame.type == pin.FrameType.JOINT:
+            continue  # it was added with its joint
+        place = offset[body] * frame.placement
+        new.addFrame(pin.Frame(frame.name, carrier[body], 0, place, frame.type), False)
+    return new
+
+
+def _depth_first(model: Any, foot: int, above: list[int]) -> list[int]:
+    """Return all joints but the floating base, each after those between it and the foot.
+
+    What hangs on a joint follows it at once: Pinocchio's algorithms take each subtree's columns
+    for adjacent ones, and return wrong inertias of another order without an error.
+    """
+    order, waiting = [], [(foot, 0)]  # bodies, and the joint by which each is reached
+    while waiting:
+        body, joint = waiting.pop()
+        order.append(joint)
+        own = [j for j in range(2, model.njoints) if model.parents[j] == body and j != joint]
+        waiting += [(j, j) for j in reversed(own) if j not in above]
+        if body in above:
+            waiting.append((int(model.parents[body]), body))
+    return order[1:]
+
+
+def _reversed(model: Any, joint: int) -> tuple[Any, Any]:
+    """Return the joint that moves the parent as a joint moves its child, and its axes.
+
+    It turns about or slides along the x axis of the `pin.SE3` in the child's axes.
+    """
+    kind, name = model.joints[joint], model.joints[joint].shortname()
+    if kind.nv != 1 or not name.startswith(("JointModelR", "JointModelP")):
+        raise InvalidInput(
+            f"joint {model.names[joint]!r} between the supporting foot and the base is a {name}: "
+            "it must turn about or slide along one axis"
+        )
+    motion = np.asarray(kind.createData().S).ravel()
+    axis = motion[:3] if name.startswith("JointModelP") else motion[3:]
+    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), -axis).matrix()
+    own: Any = pin.JointModelRX
+    if name.startswith("JointModelP"):
+        own = pin.JointModelPX
+    elif kind.nq == 2:
+        own = pin.JointModelRUBX
+    return own(), pin.SE3(turn, np.zeros(3))

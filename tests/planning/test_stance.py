@@ -1,0 +1,84 @@
+"""What a standing robot must keep: against the robot on its support, and by differences."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import kickdyn as kd
+from kickdyn.impact.constraint_impulses import footing
+from kickdyn.planning.stance import LENGTH, Stance
+from kickdyn.robot.standing import StandingRobot
+
+FOOT = "left_ankle_roll_link"
+CORNERS = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+ROBOT = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+STANDING = StandingRobot(ROBOT.with_supports(kd.Support(FOOT, friction=0.6, sole=CORNERS)))
+IMPULSE = np.array([3.0, 0.5, 1.5])
+LEG = STANDING.leg
+
+
+def postures():
+    draw = np.random.default_rng(3)
+    return [LEG.posture(draw.uniform(-0.6, 0.6, size=LEG.nq)) for _ in range(3)]
+
+
+@pytest.mark.parametrize("impulse", [None, IMPULSE])
+def test_slopes_are_those_of_differences(impulse):
+    stance, vs, step = Stance(STANDING, impulse), np.arange(LEG.nv), 1e-6
+    for posture in postures():
+        ends = [
+            [stance.margins(LEG.posture(posture.q + sign * step * unit)) for sign in (-1, 1)]
+            for unit in np.eye(LEG.nq)
+        ]
+        slopes = np.array([(high - low) / (2 * step) for low, high in ends]).T
+        assert stance.slopes(posture, vs) == pytest.approx(slopes, abs=1e-5)
+        assert stance.slopes(posture, vs[2:5]) == pytest.approx(slopes[:, 2:5], abs=1e-5)
+
+
+def test_the_centre_of_mass_is_that_of_the_robot_on_its_support():
+    stance, model = Stance(STANDING), ROBOT.model
+    for posture in postures():
+        q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
+        centre = pin.centerOfMass(model, model.createData(), q)
+        assert stance.centre_of_mass(posture) == pytest.approx(centre, abs=1e-12)
+        # of a rectangle: to the nearest of four edges
+        low, high = STANDING.sole.min(axis=0), STANDING.sole.max(axis=0)
+        inside = min((centre[:2] - low).min(), (high - centre[:2]).min())
+        assert stance.balance(posture) == pytest.approx(inside, abs=1e-12)
+
+
+def test_the_impulse_of_the_support_is_that_of_a_strike():
+    stance = Stance(STANDING, IMPULSE)
+    for posture in postures():
+        q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
+        there = STANDING.robot.posture(q)
+        _, expected = there.respond(-IMPULSE @ there.jacobian)
+        about = expected[3:] + np.cross(STANDING.placement.translation, expected[:3])
+        found = stance.support_impulse(posture)
+        assert found == pytest.approx([*expected[:3], *about], abs=1e-12)
+
+
+def test_margins_agree_with_the_verdict_on_a_support():
+    (support,) = STANDING.robot.constraints.supports
+    plain, draw = len(Stance(STANDING).margins(postures()[0])), np.random.default_rng(1)
+    seen = set()
+    for _ in range(300):
+        impulse = draw.normal(size=3)
+        stance = Stance(STANDING, impulse)
+        posture = LEG.posture(draw.uniform(-0.6, 0.6, size=LEG.nq))
+        p = stance.support_impulse(posture)
+        about = p[3:] - np.cross(STANDING.placement.translation, p[:3])
+        verdict = footing(support, [*p[:3], *about], STANDING.placement.rotation, 1.0)
+        assert (verdict == "stands") == (stance.margins(posture)[plain:] >= 0.0).all()
+        seen.add(verdict)
+    assert seen == {"stands", "slips", "tips", "lifts-off"}
+
+
+def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
+    stance = Stance(STANDING)
+    level = LEG.posture(LEG.configuration())  # both soles are on one level
+    heights = stance.margins(level)[4:] * LENGTH
+    assert abs(heights.min()) < 2e-3
+    bend = {"right_hip_pitch_joint": -0.8, "right_knee_joint": 0.8}
+    raised = LEG.posture(LEG.configuration(bend))
+    assert (stance.margins(raised)[4:] * LENGTH).min() > 0.03

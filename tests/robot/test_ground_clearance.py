@@ -1,0 +1,66 @@
+"""Depths of bodies under the ground, against shapes whose lowest points are known."""
+
+import numpy as np
+import pytest
+
+import kickdyn as kd
+from kickdyn.robot.ground_clearance import TOLERANCE, find_depths
+
+G1 = kd.Leg.from_robot("g1", base="fixed", legs_only=True)
+
+URDF = """<robot name="arm">
+<link name="base"/>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="body"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<link name="body"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
+iyz="0"/></inertial>
+<visual><origin xyz="0 0 -0.3" rpy="{turn} 0 0"/><geometry>{shape}</geometry></visual></link>
+</robot>"""
+
+SHAPES = {  # by shape: its lowest point below its own centre, upright and turned by 90 degrees
+    '<box size="0.2 0.4 0.6"/>': (0.3, 0.2),
+    '<sphere radius="0.25"/>': (0.25, 0.25),
+    '<cylinder length="0.5" radius="0.1"/>': (0.25, 0.1),
+    '<mesh filename="wedge.obj" scale="0.1 0.1 0.1"/>': (0.3, 0.2),
+    '<mesh filename="missing.obj"/>': (0.0, 0.0),  # a point
+}
+
+
+def leg_of(folder, shape, turn=0.0):
+    (folder / "wedge.obj").write_text(
+        "v 0 0 -3\nv 1 2 1\nv -1 2 1\nv 0 -2 1\nf 1 2 3\nf 1 3 4\nf 2 3 4\nf 1 2 4\n"
+    )
+    file = folder / "arm.urdf"
+    file.write_text(URDF.format(shape=shape, turn=turn))
+    return kd.Leg.from_urdf(file, "body")
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("turned", [0, 1])
+def test_the_lowest_point_of_each_shape_is_known(tmp_path, shape, turned):
+    leg = leg_of(tmp_path, shape, turned * np.pi / 2)
+    low = SHAPES[shape][turned]
+    ((frame, depth, number),) = find_depths(leg, [np.zeros(1)], -0.3)[:1] or [("body", 0.0, 0)]
+    assert (frame, number) == ("body", 0)
+    assert depth == pytest.approx(low, abs=1e-9)
+    assert find_depths(leg, [np.zeros(1)], -0.3 - low - 0.5 * TOLERANCE) == []
+
+
+def test_the_deepest_configuration_counts_and_the_deepest_body_comes_first(tmp_path):
+    leg = leg_of(tmp_path, '<sphere radius="0.1"/>')
+    motion = [np.array([angle]) for angle in (1.0, 0.2, -0.1, 0.4)]
+    (found,) = find_depths(leg, motion, -0.35)
+    assert found.number == 2
+    assert found.depth == pytest.approx(0.3 * np.cos(0.1) + 0.1 - 0.35)
+    feet = find_depths(G1, [G1.configuration()], -0.76)
+    assert {one.frame for one in feet[:2]} == {"left_ankle_roll_link", "right_ankle_roll_link"}
+    assert [one.depth for one in feet] == sorted((one.depth for one in feet), reverse=True)
+
+
+def test_a_leg_without_shapes_is_its_frames():
+    leg = kd.Leg.from_model(kd.Leg.human().model, "toe")
+    toe = leg.posture(leg.configuration()).contact_point
+    (found,) = [
+        one for one in find_depths(leg, [leg.configuration()], toe[2] + 0.01) if one.frame == "toe"
+    ]
+    assert found.depth == pytest.approx(0.01)

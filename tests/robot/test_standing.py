@@ -1,0 +1,171 @@
+"""The robot with its foot as the root is the same robot: kinematics, inertia, mass."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from chains import random_inertia, random_rotation
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kickdyn as kd
+from kickdyn.robot.standing import StandingRobot, hold_support
+
+FOOT = "left_ankle_roll_link"
+G1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+CORNERS = [(-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0), (0.1, 0.05, 0.0), (0.1, -0.05, 0.0)]
+
+
+def random_robot(rng):
+    """A floating base with a random tree of joints on it, one branch to a foot, one to a toe."""
+    model = pin.Model()
+    model.name = "tree"
+    model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    kinds = pin.JointModelRX, pin.JointModelPZ, pin.JointModelRUBY
+    ends, first = {}, 2
+    for end in ("foot", "spur", "toe", "arm"):
+        # legs hang on the base, a spur and an arm somewhere on the leg before
+        parent = 1 if end in ("foot", "toe") else int(rng.choice([1, *range(first, model.njoints)]))
+        first = model.njoints
+        for k in range(rng.integers(1, 5)):
+            axis = rng.normal(size=3)
+            kind = pin.JointModelRevoluteUnaligned(axis / np.linalg.norm(axis))
+            if rng.random() < 0.3:
+                kind = kinds[rng.integers(3)]()
+            offset = pin.SE3(random_rotation(rng), rng.uniform(-0.4, 0.4, size=3))
+            parent = model.addJoint(parent, kind, offset, f"{end}{k}")
+        ends[end] = parent
+    for body in range(1, model.njoints):
+        model.appendBodyToJoint(body, random_inertia(rng), pin.SE3.Identity())
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    for end, joint in ends.items():
+        level = pin.SE3(data.oMi[joint].rotation.T, rng.uniform(-0.2, 0.2, size=3))
+        model.addFrame(pin.Frame(end, joint, 0, level, pin.FrameType.OP_FRAME))
+    armature = rng.uniform(0.0, 0.1, size=model.nv)
+    armature[:6] = 0.0
+    model.armature = armature
+    leg = kd.Leg.from_model(model, "toe")
+    return leg.with_supports(kd.Support("foot", sole=CORNERS))
+
+
+@given(st.integers(0, 10**6))
+def test_the_rooted_robot_moves_and_weighs_as_the_robot_on_its_support(seed):
+    rng = np.random.default_rng(seed)
+    standing = StandingRobot(random_robot(rng))
+    leg, robot = standing.leg, standing.robot
+    assert sorted(leg.joint_names) == sorted(robot.joint_names[1:])
+    q = pin.integrate(leg.model, leg.configuration(), rng.uniform(-1, 1, size=leg.nv))
+    v = rng.normal(size=leg.nv)
+    whole_q, whole_v = standing.whole(q, v)
+    here, there = leg.posture(q), robot.posture(whole_q)
+    assert np.abs(there.constraint_projector.rows @ whole_v).max() < 1e-11 * np.abs(whole_v).max()
+    assert here.contact_point == pytest.approx(there.contact_point, abs=1e-12)
+    assert here.jacobian @ v == pytest.approx(there.jacobian @ whole_v, abs=1e-11)
+    energy = 0.5 * v @ here.inertia @ v
+    assert energy == pytest.approx(0.5 * whole_v @ there.inertia @ whole_v, rel=1e-10)
+    size = np.abs(here.delassus()).max()
+    assert here.delassus() == pytest.approx(there.delassus(), abs=1e-9 * size)
+    for name in leg.joint_names:
+        assert leg.joint_range(name) == robot.joint_range(name)
+        at, to = leg.velocity_index(name), robot.velocity_index(name)
+        assert v[at] == whole_v[to]
+        assert leg.joint_values(q)[name] == pytest.approx(robot.joint_values(whole_q)[name])
+
+
+def test_the_sole_is_what_the_shapes_have_at_the_ground():
+    standing = StandingRobot(G1.with_supports(FOOT))
+    (support,) = standing.robot.constraints.supports
+    assert np.ptp(support.sole[:, 2]) < 1e-6  # the foot's frame is level
+    assert 0.15 < np.ptp(standing.sole[:, 0]) < 0.25
+    assert 0.05 < np.ptp(standing.sole[:, 1]) < 0.1
+    q, v = standing.whole(standing.leg.configuration(), np.zeros(standing.leg.nv))
+    data = G1.model.createData()
+    pin.framesForwardKinematics(G1.model, data, q)
+    foot = data.oMf[G1.model.getFrameId(FOOT)]
+    assert foot.isApprox(standing.placement)
+    assert (support.sole @ foot.rotation.T + foot.translation)[:, 2] == pytest.approx(0.0, abs=1e-9)
+    assert not v.any()
+
+
+def test_a_given_sole_is_kept():
+    support = kd.Support(
+        FOOT, friction=0.5, sole=[(-0.05, 0.02, -0.035), (-0.05, -0.02, -0.035), (0.1, 0.0, -0.035)]
+    )
+    standing = StandingRobot(G1.with_supports(support))
+    assert standing.robot.constraints.supports == (support,)
+    assert standing.placement.translation[2] == pytest.approx(0.035)
+
+
+def test_limits_and_rotors_go_with_the_joints():
+    robot = G1.with_armature({"left_knee_joint": 0.03, "right_knee_joint": 0.02})
+    standing = StandingRobot(robot.with_supports(FOOT))
+    for name in standing.leg.joint_names:
+        at, to = standing.leg.velocity_index(name), robot.velocity_index(name)
+        for limit in ("velocity_limit", "effort_limit"):
+            assert getattr(standing.leg, limit)[at] == getattr(robot, limit)[to]
+        assert standing.leg.model.armature[at] == robot.model.armature[to]
+
+
+def test_a_supported_foot_stays_while_the_joints_move():
+    robot = StandingRobot(G1.with_supports(FOOT)).robot
+    posture = robot.posture(robot.configuration())
+    moved = robot.configuration({"left_knee_joint": 0.7, "right_hip_pitch_joint": -1.0})
+    held = hold_support(posture, moved)
+    data = robot.model.createData()
+    feet = []
+    for q in (posture.q, held):
+        pin.framesForwardKinematics(robot.model, data, q)
+        feet.append(data.oMf[robot.model.getFrameId(FOOT)].copy())
+    assert feet[0].isApprox(feet[1], 1e-12)
+    assert held[7:].tolist() == moved[7:].tolist()
+    free = G1.posture(G1.configuration())
+    assert hold_support(free, moved) is moved
+
+
+def spherical(model):
+    number = model.getJointId("left_knee_joint")
+    new = pin.Model()
+    for joint in range(1, model.njoints):
+        kind = pin.JointModelSpherical() if joint == number else model.joints[joint]
+        parent, place = model.parents[joint], model.jointPlacements[joint]
+        new.addJoint(parent, kind, place, model.names[joint])
+        new.appendBodyToJoint(joint, model.inertias[joint], pin.SE3.Identity())
+    for frame in model.frames:
+        if frame.name in ("toe", FOOT):
+            new.addFrame(pin.Frame(frame.name, frame.parentJoint, 0, frame.placement, frame.type))
+    return new
+
+
+BAD = {
+    "no support": (G1, "does not stand"),
+    "a point": (G1.with_supports(kd.Support(FOOT, point=True)), "from one flat foot"),
+    "a loop": (
+        G1.with_supports(FOOT).with_loops(("left_knee_link", "pelvis")),
+        "no loops",
+    ),
+    "a stiff joint": (
+        G1.with_supports(FOOT).with_stiff_joints("left_knee_joint"),
+        r"stiff joints \(left_knee_joint\): kicks from one foot are planned without",
+    ),
+    "a tilted sole": (
+        G1.with_supports(kd.Support(FOOT, sole=[(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)])),
+        "the sole of left_ankle_roll_link is tilted",
+    ),
+    "a knee of three angles": (
+        kd.Leg.from_model(spherical(G1.model), "toe").with_supports(
+            kd.Support(FOOT, sole=np.array(CORNERS))
+        ),
+        "must turn about or slide along one axis",
+    ),
+    "no shapes": (
+        kd.Leg.from_model(G1.model, "toe").with_supports(FOOT),
+        "have no sole: name its corners",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_robot_that_cannot_stand_is_refused(name):
+    robot, message = BAD[name]
+    with pytest.raises(kd.InvalidInput, match=message):
+        StandingRobot(robot)

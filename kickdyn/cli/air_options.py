@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import click
 
+from kickdyn.aerodynamics.coefficient_model import find_model
+from kickdyn.aerodynamics.drag import MODELS
 from kickdyn.air import Air
 from kickdyn.errors import InvalidInput
 
@@ -29,4 +31,4 @@ def with_drag(air: Air | None, drag: str | None) -> Air | None:
         return air
     if air is None:
         raise InvalidInput(f"--drag {drag} is named with --air none: a vacuum has no drag")
-    return replace(air, drag=read_coefficient(drag))
+    return replace(air, drag=find_model("drag", MODELS, read_coefficient(drag)))

@@ -85,9 +85,8 @@ def identify(
     ball, ground = Ball(ball_mass, ball_radius), Ground(ground_height)
     model = read_coefficient(drag)
     air = Air() if drag == "constant" else Air(drag=model)
-    free = ("spin",)
-    if isinstance(model, str):
-        free = ("spin", "drag" if drag == "constant" else "drag-scale")
+    fitted = ["drag" if drag == "constant" else "drag-scale"] if isinstance(model, str) else []
+    free = ["spin", *fitted]
     found: Segments | None = None
     if start is None and end is None:
         found = segments(track, ball, ground)

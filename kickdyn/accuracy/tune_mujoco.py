@@ -282,7 +282,8 @@ def tune_mujoco(
         posture: of a leg without supports, loops, mimic and stiff joints.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: its centre is at `contact point + radius * normal`.
-        contact: normal, friction, and a restitution of at least 0.2.
+        contact: normal, friction, and a restitution of at least 0.2 at this
+            speed of approach; one that depends on the speed is met at this speed best.
         timestep: of the simulation [s], at most 0.02 and half of `contact_time`.
         integrator: `Euler`, `implicit`, `implicitfast` or `RK4`.
         contact_time: the ball is that of `collide` with this contact time [s]. None: it is that of
@@ -303,7 +304,6 @@ def tune_mujoco(
     step = validation.number("timestep", timestep, above=0, at_most=LONGEST_STEP, unit="s")
     chosen = validation.choice("integrator", integrator, MujocoIntegrator)
     validation.number("tolerance", tolerance, above=0, at_most=1)
-    validation.number("restitution", contact.restitution, at_least=LEAST_RESTITUTION)
     if contact_time is not None:
         validation.number("contact time", contact_time, above=0, unit="s")
         if step > 0.5 * contact_time:
@@ -312,6 +312,7 @@ def tune_mujoco(
                 f"so it must be at most {0.5 * contact_time:g} s"
             )
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
+    validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, contact_time)
     found = _tune(cases, step, chosen, contact_time)
@@ -437,7 +438,7 @@ def _fit(
     The impedance reaches its largest value at `width` deepest deflections.
     """
     approach, step = cases[0].approach, kicks[0].timestep
-    e, mu = approach.contact.restitution, approach.contact.friction
+    e, mu = approach.restitution, approach.contact.friction
     stiffness, damping = closed_form_contact(e, contact_time, step, integrator)
     unit = math.sqrt(stiffness)
     depth = width * approach.speed / unit

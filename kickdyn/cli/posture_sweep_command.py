@@ -14,15 +14,18 @@ import xarray as xr
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.named_legs import SHIPPED
+from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import ImpactLaw
+from kickdyn.restitution import Restitution, range_warnings
 from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
@@ -49,11 +52,12 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
               "[deg].")  # fmt: skip
-@click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
+@restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
               "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
               show_default=True, help="In kg and m, or by name. The impulse on an obstacle that "
               "cannot move is always listed, as immovable_impulse.")  # fmt: skip
@@ -88,9 +92,10 @@ def posture_sweep(
     joints: tuple[str, ...],
     speed: float,
     attack: float,
-    restitution: float,
+    restitution: Restitution,
     friction: float,
     air: str,
+    drag: str | None,
     ball: Ball,
     law: str,
     out: str | None,
@@ -115,8 +120,9 @@ def posture_sweep(
     angle = math.radians(attack)
     kick = Kick(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
-        ball=ball, air=AIRS[air],
+        ball=ball, air=with_drag(AIRS[air], drag),
     )  # fmt: skip
+    warn(range_warnings(kick.contact.restitution, speed))
     kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
     postures = read_postures(leg, joints or (kicking if leg_options.leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)

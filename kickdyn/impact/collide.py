@@ -28,6 +28,7 @@ from kickdyn.impact.hertz import (
     integrate_until,
     matched_damping,
 )
+from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
 CONTACT_TIME = 0.010
@@ -60,6 +61,8 @@ class Collision(ReprMixin):
 
     Attributes:
         leg, ball, contact: as in the call.
+        approach_speed: of the foot towards the ball along the normal at first contact [m/s].
+        restitution: coefficient e of the contact at that speed.
         hertz: stiffness and damping.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact_time: from first contact to separation [s].
@@ -79,6 +82,8 @@ class Collision(ReprMixin):
     leg: Leg
     ball: Ball
     contact: Contact
+    approach_speed: float
+    restitution: float
     hertz: HertzContact
     impulse: Array
     contact_time: float
@@ -112,8 +117,15 @@ class Collision(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range, or faster before the impact than its limit."""
-        return (*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before))
+        """A line for each joint outside its range, or faster before the impact than its limit.
+
+        And one where the restitution is used outside its table.
+        """
+        return (
+            *self.leg.outside_range(self.q_before),
+            *self.leg.too_fast(self.v_before),
+            *range_warnings(self.contact.restitution, self.approach_speed),
+        )
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -177,8 +189,8 @@ def collide(
         posture: of the leg at first contact, whose contact frame touches the ball.
         v: joint velocity at first contact, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal` at first contact.
-        contact: normal at first contact, restitution 0.01 or more, and friction. Sticking points
-            creep, at about a thousandth of the approach speed.
+        contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
+            and friction. Sticking points creep, at about a thousandth of the approach speed.
         contact_time: for which the stiffness is chosen, exactly so if effective masses are
             constant and no other force acts [s]; `CONTACT_TIME`, 10 ms, by default.
         stiffness: [N/m^1.5], instead of `contact_time`.
@@ -205,7 +217,7 @@ def collide(
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass
     hertz = _hertz_contact(approach, mass, contact_time, stiffness)
-    expected = expected_contact_time(hertz.stiffness, mass, approach.speed, contact.restitution)
+    expected = expected_contact_time(hertz.stiffness, mass, approach.speed, approach.restitution)
     validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
     motion = CompliantContact(approach, hertz, torque, expected)
     solution = _integrate(motion, approach, mass, tol)
@@ -235,7 +247,7 @@ def _hertz_contact(
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: name one of them"
         )
-    speed, e = approach.speed, approach.contact.restitution
+    speed, e = approach.speed, approach.restitution
     damping = matched_damping(e) / speed
     if stiffness is None:
         time = CONTACT_TIME if contact_time is None else contact_time
@@ -294,6 +306,8 @@ def _result(
         leg=posture.leg,
         ball=ball,
         contact=contact,
+        approach_speed=approach.speed,
+        restitution=approach.restitution,
         hertz=motion.hertz,
         impulse=impulse,
         contact_time=end,

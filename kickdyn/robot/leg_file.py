@@ -54,10 +54,12 @@ def _locked(leg: Leg, values: Mapping[str, float] | None) -> Leg:
     """Return a leg with joints locked at their values [deg; m for prismatic joints]."""
     if not values:
         return leg
-    return leg.locked({
-        joint: value if leg.joint_unit(joint) == "m" else radians(value)
-        for joint, value in values.items()
-    })
+    return leg.locked(
+        {
+            joint: value if leg.joint_unit(joint) == "m" else radians(value)
+            for joint, value in values.items()
+        }
+    )
 
 
 def _in_radians(values: Mapping[str, float], urdf: UrdfFile) -> dict[str, float]:

@@ -58,6 +58,7 @@ STILL = SimpleNamespace(q=Q), 1.0, "", "", 0.0, *(
 )  # fmt: skip
 INSTANCES = {
     "Ball": BALL,
+    "Contact": CONTACT,
     "Leg": LEG,
     "Posture": POSTURE,
     "Goal": GOAL,

@@ -50,3 +50,15 @@ def test_bad_surfaces(arguments, words):
 def test_unknown_surfaces(surface):
     with pytest.raises(kd.InvalidInput, match=r"surface (is 3|'ice' is unknown: choose turf)"):
         kd.Ground(surface=surface)
+
+
+@pytest.mark.parametrize(
+    ("deviations", "message"),
+    [
+        ({"bounce": 0.1}, "deviations has 'bounce'"),
+        ({"friction": -1}, "deviation of friction is -1"),
+    ],
+)
+def test_a_surface_refuses_other_deviations(deviations, message):
+    with pytest.raises(kd.InvalidInput, match=message):
+        kd.Surface("lawn", 0.6, 0.5, 0.7, deviations=deviations)

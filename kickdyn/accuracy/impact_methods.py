@@ -109,6 +109,11 @@ def _methods(impact: Impact) -> Iterator[Method]:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
 
 
+def _restitution(posture: Posture, v: Array, contact: Contact) -> float:
+    """Return e at the speed at which the foot approaches a ball at rest."""
+    return contact.restitution_at(float(contact.normal @ posture.jacobian @ v))
+
+
 def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
     """Return the impulse with the contact solved in float32; with friction, what sticks."""
     single = np.float32
@@ -116,7 +121,7 @@ def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Arra
     n, mass = contact.normal.astype(single), single(ball.mass)
     u = -(jacobian @ v.astype(single))
     delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    e = single(contact.restitution)
+    e = single(_restitution(posture, v, contact))
     if contact.friction == 0.0:
         return np.asarray(-(1 + e) * (n @ u) / (n @ delassus @ n + 1 / mass) * n, dtype=float)
     turn = single(ball.radius**2 / ball.inertia)
@@ -135,7 +140,7 @@ def stacked(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
     mass[:nv, :nv] = posture.inertia
     mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
-    bounce = contact.restitution * float(n @ posture.jacobian @ v) * (rows @ n)
+    bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
     whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
     after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])
@@ -149,11 +154,11 @@ def in_cone(
     foot = posture.jacobian @ v
     problem = ContactProblem(
         normal=n, delassus_factor=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
-        spin=np.zeros(3), restitution=contact.restitution, friction=contact.friction,
+        spin=np.zeros(3), restitution=_restitution(posture, v, contact), friction=contact.friction,
     )  # fmt: skip
     axes = contact_axes(n, problem.velocity)
     free = axes.T @ problem.velocity
-    free[2] *= 1.0 + contact.restitution
+    free[2] *= 1.0 + problem.restitution
     solver = getattr(pin, f"{name}ConstraintSolver")(3)
     settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
     settings.max_iterations = 10_000

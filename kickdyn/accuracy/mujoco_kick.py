@@ -19,7 +19,7 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
 
     The stiffness of the contact along the normal is in N/m, the time step in s.
     """
-    n, e = impact.contact.normal, impact.contact.restitution
+    n, e = impact.contact.normal, impact.restitution
     inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
     rate = stiffness * inverse_mass  # MuJoCo's stiffness is per unit of mass
     damping = 2.0 * damping_ratio(e) * math.sqrt(rate)

@@ -1,14 +1,15 @@
 """The command `kickdyn identify`: flights in a measured track, and what they say of the air."""
 
-import math
 from typing import Any
 
 import click
+import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.cli.command import busy
-from kickdyn.core.files import check_outputs, replacing, write_json
+from kickdyn.core.files import check_outputs, write_json
+from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.identification_result import Identification
@@ -21,7 +22,7 @@ SHORTEST = 0.4
 
 
 @click.command("identify", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("track_file", metavar="FILE")
+@click.argument("track_file", metavar="TRACK")
 @click.option("--start", type=int, metavar="I", help="First sample of one flight to fit.")
 @click.option("--end", type=int, metavar="J", help="The sample after its last.")
 @click.option(
@@ -37,13 +38,14 @@ SHORTEST = 0.4
     show_default=True,
     help="Names of the columns with time [s] and coordinates [m].",
 )
+@click.option("--marker", metavar="NAME", help="Marker of a C3D file; needs kickdyn[c3d].")
 @click.option("--ball-mass", type=float, default=Ball().mass, show_default=True, help="[kg].")
 @click.option(
     "--ball-radius", type=float, default=round(Ball().radius, 4), show_default=True, help="[m]."
 )
 @click.option("--ground-height", type=float, default=0.0, show_default=True, help="[m].")
 @click.option("--plot", metavar="FILE", help="Write a plot of the longest flight fitted.")
-@click.option("--view", metavar="FILE", help="Write a 3-D page of all flights fitted.")
+@click.option("--view", metavar="FILE", help="Write a 3-D page of the 8 longest flights.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the numbers; - is stdout.")
 def identify(
     track_file: str,
@@ -51,6 +53,7 @@ def identify(
     end: int | None,
     drag: str,
     columns: str,
+    marker: str | None,
     ball_mass: float,
     ball_radius: float,
     ground_height: float,
@@ -60,24 +63,34 @@ def identify(
 ) -> None:
     """Find the flights in a measured ball track, and fit launch, spin and drag to each.
 
-    FILE has comma-separated values; its first row names the columns, in seconds and metres, z up.
-    With --start or --end, the samples between them are taken for one flight.
+    TRACK is a file of comma-separated values, whose first row names the columns, in seconds and
+    metres, z up; or a C3D file, by its ending. With --start or --end, the samples between them are
+    taken for one flight.
 
     Example: kickdyn identify track.csv --drag brazuca --plot flight.png
     """
     check_outputs(plot, view, json_file=json_file)
-    track = Track.from_csv(track_file, [name.strip() for name in columns.split(",")])
+    if plot is not None:
+        check_name(plot)
+    if track_file.lower().endswith(".c3d"):
+        track = Track.from_c3d(track_file, marker)
+    elif marker is not None:
+        raise InvalidInput(
+            f"--marker {marker} is for a C3D file: {track_file} does not end in .c3d"
+        )
+    else:
+        track = Track.from_csv(track_file, [name.strip() for name in columns.split(",")])
     ball, ground = Ball(ball_mass, ball_radius), Ground(ground_height)
     air = Air() if drag == "constant" else Air(drag=drag)
     free = ("spin", "drag" if drag == "constant" else "drag-scale")
     found: Segments | None = None
     if start is None and end is None:
         found = segments(track, ball, ground)
+        firsts = [int(np.searchsorted(track.times, one.times[0])) for one in found.flights]
         parts = [
-            (part.first + 1, part.last - 1)  # the outermost samples may belong to a touch
-            for part in found.parts
-            if part.kind == "flight"
-            and track.times[part.last - 1] - track.times[part.first] >= SHORTEST
+            (first, first + len(one))
+            for first, one in zip(firsts, found.flights, strict=True)
+            if one.duration >= SHORTEST
         ]
     else:
         parts = [_range(track, start, end)]
@@ -94,18 +107,27 @@ def identify(
                 if found is None:
                     raise
                 failures.append(f"samples {first}-{last}: {error}")
+    wrote: list[str] = []
     if json_file is not None:
         write_json(json_file, _document(found, fits, failures))
+        wrote += [] if json_file == "-" else [json_file]
     if json_file != "-":
-        _print(found, fits, failures, json_file)
-    longest = max(fits, key=lambda fit: fit[1].tracks[0].duration, default=None)
-    if plot is not None and longest is not None:
-        with replacing(plot) as file:
-            longest[1].plot().savefig(file)
-    if view is not None and fits:
-        from kickdyn.view.page import page  # imports meshcat
+        _print(found, fits, failures)
+    order = sorted(fits, key=lambda fit: -fit[1].tracks[0].duration)
+    if plot is not None and order:
+        save_figure(order[0][1].plot(), plot)
+        wrote.append(plot)
+    if view is not None and order:
+        from kickdyn.view.comparison import MOST  # imports meshcat
+        from kickdyn.view.page import page
 
-        page({f"samples {a}-{b}": fit.flight for (a, b), fit in fits}).save(view)
+        shown = sorted(order[:MOST], key=lambda fit: fit[0])
+        page({f"samples {a}-{b}": fit for (a, b), fit in shown}).save(view)
+        which = f", the {MOST} longest of {len(fits)} flights" if len(fits) > MOST else ""
+        wrote.append(f"{view}{which}")
+    if json_file != "-":
+        for line in wrote:
+            click.echo(f"wrote {line}")
 
 
 def _range(track: Track, start: int | None, end: int | None) -> tuple[int, int]:
@@ -123,7 +145,6 @@ def _print(
     found: Segments | None,
     fits: list[tuple[tuple[int, int], Identification]],
     failures: list[str],
-    json_file: str | None,
 ) -> None:
     """Print the parts of the track, and a line for each flight."""
     if found is not None:
@@ -141,8 +162,6 @@ def _print(
         click.echo(f"no flight of {SHORTEST:g} s or more was found")
     for line in failures:
         click.echo(f"not fitted: {line}")
-    if json_file is not None:
-        click.echo(f"wrote {json_file}")
 
 
 def _cell(fit: Identification, name: str) -> str:
@@ -174,6 +193,7 @@ def _document(
         "not_fitted": failures,
     }
     if found is not None:
+        document["warnings"] = [*found.warnings]
         document["segments"] = [
             {"kind": part.kind, "first": part.first, "last": part.last, "begins": part.begins}
             for part in found.parts
@@ -182,7 +202,7 @@ def _document(
             value = getattr(found, name)
             document[name] = value and {
                 "median": value.median,
-                "deviation": value.deviation if math.isfinite(value.deviation) else None,
+                "deviation": value.deviation,
                 "samples": value.samples,
             }
     return document

@@ -12,6 +12,7 @@ from kickdyn.ball import Ball
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -22,6 +23,7 @@ from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
 from kickdyn.planning.swing import plan_swing
+from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 
@@ -106,7 +108,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
               help="What is made least, or most by most-joint-impulse.  "
               "[default: joint-speed]")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
-@click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
+@restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option(
     "--spin", callback=TRIPLE, metavar="X,Y,Z", help="Of the ball [rad/s]; back spin has Y below 0."
@@ -144,7 +146,7 @@ def plan(
     ball_at: list[float] | None,
     objective: str | None,
     no_limits: bool,
-    restitution: float,
+    restitution: Restitution,
     friction: float,
     spin: list[float] | None,
     wind: list[float] | None,

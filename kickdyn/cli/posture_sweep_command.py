@@ -18,11 +18,13 @@ from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.named_legs import SHIPPED
+from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import ImpactLaw
+from kickdyn.restitution import Restitution, range_warnings
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
@@ -49,7 +51,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
               "[deg].")  # fmt: skip
-@click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
+@restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
@@ -85,7 +87,7 @@ def posture_sweep(
     joints: tuple[str, ...],
     speed: float,
     attack: float,
-    restitution: float,
+    restitution: Restitution,
     friction: float,
     air: str,
     ball: Ball,
@@ -113,6 +115,7 @@ def posture_sweep(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
         ball=ball, air=AIRS[air],
     )  # fmt: skip
+    warn(range_warnings(kick.contact.restitution, speed))
     kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
     postures = read_postures(leg, joints or (kicking if leg_options.leg_name in SHIPPED else ()))
     grid = Grid.of(leg, postures)

@@ -227,6 +227,7 @@ class Identification(ReprMixin):
                 axes.plot(*track.positions[~used][:, [0, across]].T, "x", color="C3")
             rest.plot(track.times, 100.0 * self.residuals[rows], linewidth=0.8)
             first += len(track)
+        rest.legend(rest.lines[:3], ("x", "y", "z"), loc="upper left", ncols=3)
         side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
         top.set(xlabel="x [m]", ylabel="y [m]")
         rest.set(xlabel="time [s]", ylabel="residual [cm]")

@@ -33,6 +33,7 @@ from kickdyn.impact.force_model import (
     integrate_until,
     make_force_model,
 )
+from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
 CONTACT_TIME = 0.010
@@ -83,6 +84,8 @@ class Collision(ReprMixin):
 
     Attributes:
         leg, ball, contact: as in the call.
+        approach_speed: of the foot towards the ball along the normal at first contact [m/s].
+        restitution: coefficient e of the contact at that speed.
         force_model: stiffness and dissipation.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact_time: from first contact to separation [s].
@@ -102,6 +105,8 @@ class Collision(ReprMixin):
     leg: Leg
     ball: Ball
     contact: Contact
+    approach_speed: float
+    restitution: float
     force_model: ForceModel
     impulse: Array
     contact_time: float
@@ -135,8 +140,15 @@ class Collision(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range, or faster before the impact than its limit."""
-        return (*self.leg.outside_range(self.q_before), *self.leg.too_fast(self.v_before))
+        """A line for each joint outside its range, or faster before the impact than its limit.
+
+        And one where the restitution is used outside its table.
+        """
+        return (
+            *self.leg.outside_range(self.q_before),
+            *self.leg.too_fast(self.v_before),
+            *range_warnings(self.contact.restitution, self.approach_speed),
+        )
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
         """Pickle the arguments; unpickled, the collision runs again, to the same digits."""
@@ -202,8 +214,8 @@ def collide(
         posture: of the leg at first contact, whose contact frame touches the ball.
         v: joint velocity at first contact, shape `(nv,)` [rad/s].
         ball: its centre is at `contact point + radius * normal` at first contact.
-        contact: normal at first contact, restitution 0.01 or more, and friction. Sticking points
-            creep, at about a thousandth of the approach speed.
+        contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
+            and friction. Sticking points creep, at about a thousandth of the approach speed.
         contact_time: for which the stiffness is chosen, exactly so if effective masses are
             constant and no other force acts [s]; `CONTACT_TIME`, 10 ms, by default.
         stiffness: of a Hertz contact [N/m^1.5], instead of `contact_time`; or `"pressure"`, the
@@ -234,7 +246,7 @@ def collide(
     mass = 1.0 / approach.contact_problem().inverse_mass
     kind = validation.choice("dissipation", dissipation, Dissipation)
     k, exponent = _stiffness(approach, mass, contact_time, stiffness, kind)
-    e = approach.contact.restitution
+    e = approach.restitution
     model = make_force_model(k, exponent, approach.speed, e, kind)
     expected = expected_contact_time(k, mass, approach.speed, e, kind, exponent)
     validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
@@ -283,7 +295,7 @@ def _stiffness(
         return approach.ball.stiffness, LINEAR
     if stiffness is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        e = approach.contact.restitution
+        e = approach.restitution
         stiffness = contact_stiffness(time, mass, approach.speed, e, dissipation)
     return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5"), HERTZ
 

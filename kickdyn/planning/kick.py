@@ -14,13 +14,14 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
 from kickdyn.impact.constraint_impulses import Footing, check_free_joints, check_unconstrained
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
+from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.plane import Plane
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
@@ -38,6 +39,7 @@ from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_laun
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.stance import Stance
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
+from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
@@ -145,23 +147,44 @@ class KickPlan(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """What is not as it should be, a line each.
 
-        A coefficient of the flight used outside its range; a body that is under the ground (level,
-        under the ball or under the target, whichever is lower) at the impact. Bodies are the shapes
-        in the leg's file; without any, its frames. Of a standing robot also a support that does not
-        stand, and a body that is under the ground while the foot approaches the ball by the ball's
-        radius with the joints' velocity of the impact.
+        A coefficient of the flight or of the contact used outside its range; a body that is under
+        the ground (level, under the ball or under the target, whichever is lower) at the impact.
+        Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
+        support that does not stand, and a body that is under the ground while the foot approaches
+        the ball by the ball's radius with the joints' velocity of the impact.
         """
-        footing = self.impact.footing.items()
-        return (
-            *self.path.warnings,
-            *(
-                f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
-                "(unilateral_strike computes the kick from ground that only pushes)"
-                for name, state in footing
-                if state != Footing.STANDS
-            ),
-            *self._under_ground(),
-        )
+        impact = self.impact
+        of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
+        return (*self.path.warnings, *of_contact, *self._leaving(), *self._under_ground())
+
+    def _leaving(self) -> list[str]:
+        """Return a line for each support that does not stand.
+
+        Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
+        friction's moment about the vertical.
+        """
+        impact, held = self.impact, self.impact.footing
+        lines = [
+            f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
+            "(unilateral_strike computes the kick from ground that only pushes)"
+            for name, state in held.items()
+            if state != Footing.STANDS
+        ]
+        constraints = self.leg.constraints
+        supports = () if self.balance is None or constraints is None else constraints.supports
+        if lines or not supports or any(support.friction is None for support in supports):
+            return lines
+        try:
+            free = unilateral_strike(impact.posture, self.v, impact.ball, impact.contact)
+        except KickdynError as error:
+            return [f"it is unknown whether the foot stands ({error})"]
+        off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
+        return [
+            f"{name} {state} on ground that only pushes (unilateral_strike), which changes the "
+            f"ball's velocity by {off:.2g} m/s"
+            for name, state in free.footing.items()
+            if state != Footing.STANDS
+        ]
 
     def _under_ground(self) -> list[str]:
         """Return a line for each body under the ground, at the impact or in the approach."""
@@ -220,7 +243,7 @@ def plan_kick(
     air: Air | None = None,
     *,
     objective: str = KickObjective.JOINT_SPEED,
-    restitution: float = 0.8,
+    restitution: float | str | ArrayLike = 0.8,
     friction: float = 0.4,
     spin: ArrayLike = (0.0, 0.0, 0.0),
     offset: ArrayLike | None = None,
@@ -248,7 +271,8 @@ def plan_kick(
         air: None is the vacuum.
         objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
             plans of all other objectives, so that it scatters no more than theirs.
-        restitution: of the contact; 0.8 as the paper's Table 2.
+        restitution: of the contact, as for `Contact`; 0.8 as the paper's Table 2. Over the speed of
+            approach u, u (1 + e) must increase with u.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
             out: a ball at rest takes spin across it only.
@@ -303,7 +327,9 @@ def plan_kick(
         launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
     else:
         launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
-    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, offset)
+    target = impact_target_for(
+        launch.velocity, launch.spin, ball, checked_restitution(restitution), friction, offset
+    )
     chain = kicking_chain(leg if standing is None else standing.leg, branches=True)
     scatter = None if uncertainty is None else scatter_cost(target, launch, air, uncertainty)
     if standing is None:

@@ -140,7 +140,7 @@ def plan_pass(
     for _ in range(8):  # the course bends little: the aim is turned by the error
         speed, obstacle = _solve_speed(partial(delay, turn), limit)
         velocity, course = play(speed, turn)
-        aside = float(goal.left @ (course.rest.position - plane.point))
+        aside = float(goal.left @ course.rest.position)  # the target lies on the line
         if abs(aside) <= ACCURACY:
             break
         turn -= math.atan2(aside, goal.distance)

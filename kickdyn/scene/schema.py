@@ -16,6 +16,7 @@ from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
+from kickdyn.restitution import Restitution, checked_restitution
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.descriptions import DESCRIPTION
 from kickdyn.scene.scene import compliant_contact_faults
@@ -104,6 +105,16 @@ _robot = _valid(
     lambda value: isinstance(value, str) and (value in ROBOTS or value.endswith(DESCRIPTION)),
     f"choose {', '.join(ROBOTS)}, or a name of robot_descriptions, NAME{DESCRIPTION}",
 )
+
+
+def _restitution(name: str, value: Any) -> Restitution:
+    """Return a number, a table of rows (speed, e) or the name of a model."""
+    try:
+        return checked_restitution(value)
+    except InvalidInput as error:
+        raise InvalidInput(str(error).replace("restitution", name, 1)) from None
+
+
 _flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
 UNCERTAINTY = {
@@ -153,7 +164,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "normal": _direction,
         "attack_deg": _number("deg", at_least=-90.0, at_most=90.0),
         "side_deg": _number("deg", at_least=-180.0, at_most=180.0),
-        "restitution": _number(at_least=0.0, at_most=1.0),
+        "restitution": _restitution,
         "friction": _number(at_least=0.0),
         "law": _choice(*ImpactLaw),
         "offset_m": _vector("m"),

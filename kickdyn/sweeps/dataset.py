@@ -14,6 +14,7 @@ from kickdyn.air import Air
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.laws import normal_impulse
+from kickdyn.restitution import format_restitution, range_warnings
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus
@@ -99,7 +100,7 @@ def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
         "effective_mass": float(impact.effective_mass),
         "impulse": math.hypot(*impact.impulse),
         "immovable_impulse": normal_impulse(
-            impact.approach_speed, kick.restitution, impact.effective_mass
+            impact.approach_speed, kick.restitution_used, impact.effective_mass
         ),
         "ball_speed": float(impact.ball_after.speed),
         "speed_ratio": impact.speed_ratio,
@@ -126,11 +127,14 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
         "model_sha256": hashlib.sha256(_model_text(leg).encode()).hexdigest(),
         "frame": leg.frame,
-        "warnings": "; ".join(leg.warnings),
+        "warnings": "; ".join(
+            (*leg.warnings, *range_warnings(kick.contact.restitution, kick.speed))
+        ),
         "foot_speed_m_s": kick.speed,
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
-        "restitution": kick.restitution,
+        "restitution": kick.restitution_used,
+        **_given_restitution(kick),
         "friction": kick.friction,
         "impact_law": str(kick.law),
         "ball_mass_kg": kick.ball.mass,
@@ -139,6 +143,12 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "air": "none" if air is None else repr(air),
         "air_sha256": "" if air is None else _air_hash(air),
     }
+
+
+def _given_restitution(kick: Kick) -> dict[str, str]:
+    """Return the table or the model of which a sweep uses one value; nothing for a number."""
+    given = kick.contact.restitution
+    return {} if isinstance(given, float) else {"restitution_given": format_restitution(given)}
 
 
 def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:

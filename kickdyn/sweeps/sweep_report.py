@@ -68,7 +68,7 @@ class ReportLine:
 
 def paper_lines(leg: Leg, kick: Kick) -> list[ReportLine]:
     """Return the paper's three postures of the human leg."""
-    ours = kick.speed, kick.attack, kick.restitution
+    ours = kick.speed, kick.attack, kick.restitution_used
     as_printed = leg.frame == "toe" and ours == (1.0, math.radians(30), 0.8)  # those of Table 2
     return [
         _line(leg, kick, label, np.radians(angles), paper=total if as_printed else None)
@@ -101,7 +101,7 @@ def _explanation(values: Mapping[str, float], kick: Kick) -> str:
     return (
         f"the effective mass of the leg is {values['effective_mass']:.3g} kg, {heavier:.3g} times "
         f"that of the ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
-        f"(1 + e = {1 + kick.restitution:.3g} for an infinitely heavy leg); "
+        f"(1 + e = {1 + kick.restitution_used:.3g} for an infinitely heavy leg); "
         f"its joints need {values['speed_use']:.0%} of their speed limits"
     )
 
@@ -112,7 +112,7 @@ def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) ->
     law = "" if kick.law == ImpactLaw.NEWTON else f"law {kick.law}, "
     title = (
         f"{leg.name}: foot {kick.speed:g} m/s at {math.degrees(kick.attack):g} deg, "
-        f"{law}e {kick.restitution:g}, mu {kick.friction:g}, "
+        f"{law}e {kick.restitution_used:g}, mu {kick.friction:g}, "
         f"ball {kick.ball.mass:g} kg, radius {kick.ball.radius:.4g} m, {flight}"
     )
     width = min(PROSE, screen_width())
@@ -217,6 +217,7 @@ def as_json(
     counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
+        "restitution_given": kick.contact.restitution,
         "postures": summary.postures,
         "status": counts,
         **where,

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Mapping
 from html import escape
+from types import MappingProxyType
 from typing import Any
 
 import meshcat.transformations as tf
 import numpy as np
 
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
@@ -18,15 +20,25 @@ from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
 from kickdyn.view.leg_figure import draw_leg
-from kickdyn.view.marks import draw_ball, draw_curve, draw_ground
+from kickdyn.view.marks import draw_ball, draw_curve, draw_dots, draw_ground
 
 COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x333333)
 MOST = len(COLOURS)  # flights or impacts of one picture
 X = np.array([1.0, 0.0, 0.0])
+MOST_DOTS, DOTS = 30, 0x111111
+"""Measured positions that are drawn of a flight, about, and their colour."""
 
 
-def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) -> str:
+def draw_flights(
+    viewer: Any,
+    paths: Mapping[str, Flight | Course],
+    title: str,
+    measured: Mapping[str, Array] = MappingProxyType({}),
+) -> str:
     """Draw the curves of up to 8 flights over one lawn, and return their legend as HTML.
+
+    Measured positions, shape `(n, 3)`, are drawn as dots beside the flight they belong to by
+    name.
 
     Raises:
         InvalidInput: no flight, or too many.
@@ -50,6 +62,10 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
     for number, curve in enumerate(curves):
         width = 1.5 * THIN * camera.distance(curve)
         draw_curve(viewer[f"curve/{number}"], curve, width, sideways, COLOURS[number])
+    for number, name in enumerate(paths):
+        if name in measured:
+            dots = measured[name][:: max(len(measured[name]) // MOST_DOTS, 1)]
+            draw_dots(viewer[f"dots/{number}"], dots, 0.0035 * size, DOTS)
     draw_ball(viewer["ball"], max(radius, 0.012 * size), start)
     stripe = stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
@@ -61,6 +77,8 @@ def draw_flights(viewer: Any, paths: Mapping[str, Flight | Course], title: str) 
         )
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
     ]
+    if measured:
+        rows.append((f"{colour_key(DOTS)} measured", f"about {MOST_DOTS} positions of each"))
     return panel_of(title, [*rows, ("stripes", f"{stripe:g} m")])
 
 

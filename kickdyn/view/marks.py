@@ -101,6 +101,15 @@ def draw_curve(
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, faces), _overlay(colour))
 
 
+def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
+    """Draw octahedra of a radius [m] around points, shape `(n, 3)`, over everything else."""
+    corners = np.vstack([np.eye(3), -np.eye(3)])
+    faces = ConvexHull(corners).simplices
+    vertices = (points[:, None] + radius * corners).reshape(-1, 3)
+    every = (6 * np.arange(len(points))[:, None, None] + faces).reshape(-1, 3)
+    viewer.set_object(shapes.TriangularMeshGeometry(vertices, every), _overlay(colour))
+
+
 def draw_disc(viewer: Any, radius: float, colour: int, opacity: float = 1.0) -> None:
     """Draw a level disc: the landing, or the shadow that shows the ball's height."""
     material = shapes.MeshBasicMaterial(color=colour, opacity=opacity)

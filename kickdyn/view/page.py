@@ -16,10 +16,12 @@ import numpy as np
 from kickdyn.air import Air
 from kickdyn.core import validation
 from kickdyn.core.files import replacing
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
+from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch
@@ -40,7 +42,7 @@ ADDRESS = "127.0.0.1"
 """Where `Page.serve` listens: on this machine alone."""
 
 _Path = Flight | Course
-_Comparable = Impact | Flight | Course | Launch | Pass
+_Comparable = Impact | Flight | Course | Launch | Pass | Identification
 _MovingSubject = Impact | KickPlan | Swing | Scene | Simulation
 
 
@@ -196,8 +198,9 @@ def page(
 
     A kick moves: an `Impact` with the ball's path, a `KickPlan`, a `Swing`, a `Scene` or the
     `Simulation` of one. A scene is shown with its wall or goal, and its contact as an instant.
-    A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; up to 8
-    impacts stand side by side, their impulses to one scale.
+    A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
+    flights of an `Identification` are curves with the measured positions as dots. Up to 8 impacts
+    stand side by side, their impulses to one scale.
 
     A robot is drawn with the visuals of its file, bodies without any as sticks from joint to joint.
     A visual that cannot be drawn, as one whose mesh is missing or lies outside the robot's package,
@@ -253,13 +256,22 @@ def _comparison(
     height: float,
 ) -> Page:
     """Return the page of several flights, or of several impacts."""
-    if isinstance(subject, Flight | Course | Launch | Pass):
+    if isinstance(subject, Flight | Course | Launch | Pass | Identification):
         subject = {type(subject).__name__.lower(): subject}
     elif not isinstance(subject, Mapping):
         if not isinstance(subject, Iterable) or isinstance(subject, str):
             raise InvalidInput(f"a page cannot show a {type(subject).__name__}")
         subject = {str(number): each for number, each in enumerate(subject, start=1)}
-    each = {name: _path(one) for name, one in subject.items()}
+    measured: dict[str, Array] = {}
+    each: dict[str, Impact | _Path] = {}
+    for name, one in subject.items():
+        if isinstance(one, Identification):
+            fitted = zip(one.flights, one.tracks, strict=True)
+            for number, (flight, track) in enumerate(fitted):
+                key = name if len(one.tracks) == 1 else f"{name} {number}"
+                each[key], measured[key] = flight, track.positions
+        else:
+            each[name] = _path(one)
     impacts = {name: one for name, one in each.items() if isinstance(one, Impact)}
     paths = {name: one for name, one in each.items() if isinstance(one, Flight | Course)}
     if len(each) != max(len(impacts), len(paths)):
@@ -267,11 +279,15 @@ def _comparison(
         raise InvalidInput(f"a page compares flights, or impacts: these are {kinds}")
     viewer = recording_viewer()
     title = title or ("impacts" if impacts else "flights")
-    panel = draw_impacts(viewer, impacts, title) if impacts else draw_flights(viewer, paths, title)
+    panel = (
+        draw_impacts(viewer, impacts, title)
+        if impacts
+        else draw_flights(viewer, paths, title, measured)
+    )
     return Page(viewer, title, panel, height=height)
 
 
-def _path(one: _Comparable) -> Impact | _Path:
+def _path(one: Impact | Flight | Course | Launch | Pass) -> Impact | _Path:
     """Return the flight of a launch, or the course of a pass; all else as it is."""
     if isinstance(one, Launch):
         return one.flight

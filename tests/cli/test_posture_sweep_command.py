@@ -98,6 +98,18 @@ def test_every_option_of_the_kick_counts():
         assert line["carry"] == pytest.approx(outcome.carry, rel=1e-9)
 
 
+def test_a_restitution_over_speed_is_taken_at_the_foots_speed():
+    reports = []
+    for e in ("0.7", "1:0.8,3:0.6"):
+        ended = door(*SMALL, "--speed", "2", "--restitution", e, "--json", "-")
+        reports.append(json.loads(ended.stdout))
+    assert [report["restitution"] for report in reports] == pytest.approx([0.7, 0.7])
+    assert [report["restitution_given"] for report in reports] == [0.7, [[1, 0.8], [3, 0.6]]]
+    assert reports[0]["best"] == reports[1]["best"]
+    ended = door(*SMALL, "--speed", "2", "--restitution", "peacock-ball", "--json", "-")
+    assert "9.1 to 21.2 m/s, and the foot approaches at 2 m/s" in ended.stderr
+
+
 def test_the_tolerance_of_carries_counts(tmp_path):
     grid = ("--joint", "hip=0:40:2", "--joint", "knee=0:60:2", "--joint", "ankle=0:20:4")
     door(*grid, "--tolerance", "1e-3", "--out", "s.nc", cwd=tmp_path)

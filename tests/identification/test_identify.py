@@ -84,13 +84,14 @@ def test_what_a_short_flight_does_not_determine_is_no_number():
     assert {"drag", "gyro_spin"} <= {*found.undetermined}
     assert "drag" not in found.values
     assert "not determined" in str(found)
-    assert any(line.startswith("drag is not determined") for line in found.warnings)
+    assert found.warnings[0].startswith("not determined by the measurement: ")
+    assert "drag" in found.warnings[0]
 
 
 def test_the_truth_lies_in_the_region_as_often_as_it_says():
     """Its squared residuals exceed the least ones as chi-squared with 10 degrees of freedom."""
     excesses = []
-    for seed in range(40):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         speed, up, aside = rng.uniform(8, 35), rng.uniform(0.1, 0.8), rng.uniform(0, 6.3)
         velocity = speed * np.array(
@@ -106,8 +107,8 @@ def test_the_truth_lies_in_the_region_as_often_as_it_says():
         excess = (miss**2).sum() - (found.residuals[found.used] ** 2).sum()
         prior = (spin @ spin - found.launch.spin @ found.launch.spin) / 100.0**2
         excesses.append(excess / found.noise**2 + prior)
-    assert np.mean(np.array(excesses) < chi2.ppf(0.95, 10)) >= 0.9
-    assert np.mean(excesses) == pytest.approx(10.0, abs=3 * (20 / 40) ** 0.5)
+    assert np.sum(np.array(excesses) < chi2.ppf(0.95, 10)) >= 11
+    assert np.mean(excesses) == pytest.approx(10.0, abs=3 * (20 / 12) ** 0.5)
 
 
 def test_residuals_that_go_together_widen_the_deviations(curving):
@@ -144,6 +145,7 @@ def test_time_residuals_tell_a_late_clock(curving):
 def test_plot_and_representations(curving):
     found = kd.identify(curving, BALL, free=("spin", "drag-scale"))
     assert len(found.plot().axes) == 3
+    assert "positions of each" in kd.page(found).html
     assert "<svg" in found._repr_html_()
     assert found.flight.launch.velocity == pytest.approx(found.launch.velocity)
     assert found.correlations.shape == (10, 10)

@@ -64,7 +64,9 @@ def test_rolling_gives_its_deceleration_and_the_surface():
     assert SegmentKind.ROLLING in {part.kind for part in found.parts}
     surface = found.surface
     assert surface.restitution == pytest.approx(0.6, abs=0.03)
-    assert surface.rolling_deceleration == pytest.approx(0.8, rel=0.1)
+    assert surface.rolling_deceleration == pytest.approx(0.8, rel=0.15)
+    assert surface.deviations.keys() == {"restitution", "friction", "rolling_deceleration"}
+    assert min(surface.deviations.values()) > 0.0
     kd.follow(kick, BALL, None, kd.Ground(surface=surface))
     assert "rolling deceleration" in str(found)
 
@@ -103,3 +105,18 @@ def test_wrong_arguments_are_refused():
     for arguments in ((None, BALL), (track, 1), (track, BALL, 2)):
         with pytest.raises(kd.InvalidInput, match="it must be a kickdyn"):
             kd.segments(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: 1000 * p, "as in millimetres"),
+        (lambda p: p / 0.3048, "as in feet"),
+        (lambda p: p * [1, 1, -1], "under the ground at 0 m"),
+    ],
+)
+def test_a_track_in_other_units_or_under_the_ground_is_refused(change, message):
+    path = kd.fly(kd.BallState((0, 0, 1), (15, 2, 6)), BALL)
+    times = np.arange(0, path.duration, 0.02)
+    with pytest.raises(kd.InvalidInput, match=message):
+        kd.segments(kd.Track(times, change(path.sample(times).position)))

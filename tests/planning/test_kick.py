@@ -407,6 +407,16 @@ def test_a_foot_that_cannot_stand_is_held_and_named():
     assert any(line.startswith(f"{FOOT} {state}: the plan holds it") for line in plan.warnings)
 
 
+def test_a_foot_that_turns_about_the_vertical_is_named():
+    goal = kd.Goal((4, 1, 0), time=0.8)
+    plan = kd.plan_kick(STANDING, goal, BALL, AIR)
+    free = kd.unilateral_strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
+    (state,) = free.footing.values()
+    named = [line for line in plan.warnings if line.startswith(f"{FOOT} {state} on ground that")]
+    assert plan.impact.footing == {FOOT: "stands"}
+    assert len(named) == (state != "stands")
+
+
 def test_a_floating_base_without_a_support_is_refused():
     with pytest.raises(kd.InvalidInput, match="does not stand: kicks are planned for robots on a"):
         kd.plan_kick(STANDING.with_supports(), kd.Goal(3, time=0.4), BALL, AIR)
@@ -462,3 +472,23 @@ def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(tmp_path):
         kd.InvalidInput, match="joint 'elbow' mimics 'shoulder': kicks are planned w"
     ):
         kd.plan_kick(arm_leg, goal, kd.Ball())
+
+
+@pytest.mark.parametrize("restitution", [((3.0, 0.85), (20.0, 0.5)), "peacock-ball"])
+@pytest.mark.parametrize("objective", ["joint-speed", "kinetic-energy"])
+def test_a_plan_knows_the_restitution_over_speed(restitution, objective):
+    options = {"objective": objective, "restitution": restitution}
+    near = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, **options)
+    check(HUMAN, near)
+    assert near.impact.contact.restitution == restitution
+    assert near.impact.restitution == near.impact.contact.restitution_at(near.impact.approach_speed)
+    assert near.warnings == ()
+    far = kd.plan_kick(HUMAN, kd.Goal(45, time=2), BALL, AIR, **options)
+    assert far.status == "beyond-limits"
+    slower = far.share * far.launch.velocity  # the same direction, although e is another
+    assert far.impact.ball_after.velocity == pytest.approx(slower, abs=1e-10)
+
+
+def test_a_plan_warns_outside_the_table():
+    plan = kd.plan_kick(HUMAN, kd.Goal(3, time=0.6), BALL, AIR, restitution="peacock-ball")
+    assert any("9.1 to 21.2 m/s" in line for line in plan.warnings)

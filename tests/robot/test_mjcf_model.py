@@ -354,6 +354,7 @@ def test_range_of_a_joint(tmp_path, joint, more, low, high):
         ("", '<motor joint="j" gear="50"/>', np.inf),
         ("", '<position joint="j" kp="100" forcerange="-7 7" ctrlrange="-1 1"/>', 7),
         ("", '<position joint="j" kp="100" ctrlrange="-1 1"/>', np.inf),
+        ("", '<motor joint="j" forcerange="-4 9"/>', 4),
         ("", '<general joint="j" gainprm="3" ctrlrange="-2 2"/>', 6),
         ('actuatorfrcrange="-8 8"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 6),
         ('actuatorfrcrange="-5 5"', 2 * '<motor joint="j" ctrlrange="-3 3"/>', 5),
@@ -462,6 +463,8 @@ def test_connected_bodies_are_a_loop(tmp_path):
     tie = '<equality><connect name="bar" {} anchor="0 0 -1"/></equality>'
     leg = kd.Leg.from_mjcf(written(tmp_path, whole, tie.format('body1="a" body2="c"')), "c")
     assert leg.constraints.loops == (("bar_1", "bar_2"),)
+    straight = leg.configuration()
+    np.testing.assert_allclose(leg.close_loops(straight), straight, atol=1e-12)
     posture = leg.posture(leg.close_loops(leg.configuration({"ja": 0.3}), keep=["ja"]))
     rates = posture.admissible([1.0, 0.0, 0.0])
     assert rates[0] == pytest.approx(rates[1])  # a parallelogram

@@ -115,13 +115,13 @@ def test_lift_changes_with_the_wind_more_where_the_spin_is_along_the_flight():
 
 def test_spin_that_decays_where_lift_does_not_depend_on_it():
     """At the nodes: between these, the spin parameter is below where lift saturates."""
-    ground, air = kd.Ground(-1.19249), kd.Air()
+    ground, air = kd.Ground(-1.19249), kd.Air(drag="brazuca")
     launch = kd.BallState(
         (0.5664, -0.003269, -0.6735), (1.485, -1.253, 2.172), (20.74, -25.27, 23.69)
     )
     ends = [
         kd.fly(launch, kd.Ball(), each, ground, tol=1e-12).landing.position
-        for each in (air, kd.Air(torque=None))
+        for each in (air, kd.Air(drag="brazuca", torque=None))
     ]
     around = Envelope(launch, FlightEnvironment(kd.Ball(), air, ground, None))
     decay = next(effect for effect in EFFECTS if effect.name == "spin decay")
@@ -160,3 +160,11 @@ def test_a_coefficient_of_the_users_own_is_not_bounded():
     constant = kd.Air(drag=kd.aerodynamics.drag.constant(0.25))
     around = Envelope(LAUNCH, FlightEnvironment(kd.Ball(), constant, kd.Ground(), None))
     assert around.shift(1e-9) < 1e-6
+
+
+def test_how_high_above_the_ground_the_ball_meets_a_wall():
+    ball, launch = kd.Ball(), kd.BallState((0, 0, 5), (10, 0, 5))
+    wall = kd.Plane((4, 0, 0), (-1, 0, 0), reached_by="centre")
+    around = Envelope(launch, FlightEnvironment(ball, None, kd.Ground(3.0), wall))
+    height = around._other_end()[0]
+    assert height == pytest.approx(5 + 5 * 0.4 - 9.81 / 2 * 0.4**2 - 3.0 - ball.radius)

@@ -21,7 +21,7 @@ POSTURE = LEG.posture(np.radians([5, 10, -5]))
 def kick(speed=10.0, **parts):
     v = POSTURE.joint_velocity([0.9 * speed, 0, 0.4 * speed])
     contact = parts.pop("contact", kd.Contact((2, 0, 1), 0.8, 0.4))
-    parts = {"air": kd.Air(), "ground": kd.Ground(-0.9), **parts}
+    parts = {"air": kd.Air(drag="brazuca"), "ground": kd.Ground(-0.9), **parts}
     return kd.Scene(LEG, POSTURE.q, v, kd.Ball(), contact, **parts)
 
 

@@ -243,6 +243,43 @@ def test_a_contact_that_takes_time_has_no_law_and_restitution(faults):
     assert ["has no law" in lines[0], "at least 0.01" in lines[1], len(lines)] == [True, True, 2]
 
 
+@pytest.mark.parametrize(
+    ("text", "value", "e"),
+    [
+        ("[[1, 0.8], [3, 0.6]]", ((1.0, 0.8), (3.0, 0.6)), 0.8 - 0.1 * (3**0.5 - 0.5)),
+        ('"peacock-ball"', "peacock-ball", 0.729),
+    ],
+)
+def test_a_restitution_over_speed_is_read_and_used(read, text, value, e):
+    changed = SMALL.replace("restitution = 0.8", f"restitution = {text}")
+    scene = read(changed)
+    assert scene.contact.restitution == value
+    for law in ("", "contact_time_s = 0.01\n"):
+        answer = kd.simulate(read(changed + law), 1e-3 if law else 0.05)
+        assert answer.impact.contact.restitution == value
+        assert answer.impact.restitution == pytest.approx(e, abs=1e-6)
+        outside = isinstance(value, str)
+        assert any("m/s: e is 0.729" in line for line in answer.warnings) == outside
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("[[3, 0.8], [1, 0.6]]", "contact.restitution's speeds are [3.0, 1.0] m/s"),
+        ("[[1, 0.8], [3, 1.6]]", "contact.restitution at 3 m/s is 1.6: it must be"),
+        ('"peacok"', "contact.restitution is 'peacok': it must be"),
+        ("true", "contact.restitution is True: it must be"),
+        (
+            "[[1, 0.8], [3, 0.0]]\ncontact_time_s = 0.01",
+            "restitution is 0: in a contact that takes",
+        ),
+    ],
+)
+def test_a_restitution_over_speed_is_refused(faults, text, line):
+    (found,) = faults(SMALL.replace("restitution = 0.8", f"restitution = {text}"))
+    assert line in found
+
+
 def test_what_a_terminal_would_obey_is_refused_or_escaped(faults):
     assert "printable" in faults('name = "\\u001b[31mred"\n' + SMALL)[0]
     (line,) = faults(SMALL + '"\\u001b[31mred" = 1\n')

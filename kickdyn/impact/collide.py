@@ -371,6 +371,8 @@ def _result(
         leg=posture.leg,
         ball=ball,
         contact=contact,
+        approach_speed=approach.speed,
+        restitution=approach.restitution,
         force_model=motion.force_model,
         impulse=impulse,
         contact_time=end,

@@ -2,6 +2,8 @@
 
 __version__: str
 
+from .accuracy.tune_mujoco import MujocoTuning as MujocoTuning
+from .accuracy.tune_mujoco import tune_mujoco as tune_mujoco
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState

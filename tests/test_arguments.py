@@ -73,6 +73,7 @@ INSTANCES = {
     "Swing": kd.Swing("met", *STILL),
     "Uncertainty": IMPACT.uncertainty(q=0.1),
     "Learner": kd.Learner(GOAL, BALL, AIR),
+    "MujocoTuning": kd.tune_mujoco(POSTURE, V, BALL, CONTACT, contact_time=0.01, timestep=0.004),
     "RestitutionFit": kd.fit_restitution(INFERRED, knots=1),
 }
 """One of each class that has methods with arguments."""
@@ -82,6 +83,7 @@ RESULTS = {
     *(
         "KickPlan",
         "Launch",
+        "MujocoTuning",
         "Pass",
         "RestitutionFit",
         "Segments",

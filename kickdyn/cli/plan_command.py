@@ -9,6 +9,7 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
@@ -117,6 +118,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="20 degC at sea level; density and viscosity of the paper's "
               "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
               show_default=True, help="In kg and m, or by name.")  # fmt: skip
 @click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
@@ -151,6 +153,7 @@ def plan(
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
+    drag: str | None,
     ball: Ball,
     uncertainty: dict[str, float] | None,
     json_file: str | None,
@@ -186,6 +189,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
+    air_of_flight = _windy(with_drag(AIRS[air], drag), wind)
     leg = leg_options.load()
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
@@ -198,7 +202,7 @@ def plan(
                 leg,
                 goal,
                 ball,
-                _windy(AIRS[air], wind),
+                air_of_flight,
                 objective=(objective or KickObjective.JOINT_SPEED)
                 if uncertainty is None
                 else "scatter",

@@ -14,6 +14,7 @@ import xarray as xr
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
@@ -56,6 +57,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
               "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
               show_default=True, help="In kg and m, or by name. The impulse on an obstacle that "
               "cannot move is always listed, as immovable_impulse.")  # fmt: skip
@@ -90,6 +92,7 @@ def posture_sweep(
     restitution: Restitution,
     friction: float,
     air: str,
+    drag: str | None,
     ball: Ball,
     law: str,
     out: str | None,
@@ -113,7 +116,7 @@ def posture_sweep(
     angle = math.radians(attack)
     kick = Kick(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
-        ball=ball, air=AIRS[air],
+        ball=ball, air=with_drag(AIRS[air], drag),
     )  # fmt: skip
     warn(range_warnings(kick.contact.restitution, speed))
     kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]

@@ -109,6 +109,16 @@ def test_values_arrive(read):
     assert scene.law == "stronge"
 
 
+def test_a_coefficient_may_be_a_number(read, faults):
+    air = read(SMALL + "[air]\ndrag = 0.25\nlift = -0.1\ntorque = 0\n").air
+    assert [model.value for model in (air.drag, air.lift, air.torque)] == [0.25, -0.1, 0.0]
+    assert faults(SMALL + "[air]\ndrag = -0.25\nlift = nan\ntorque = true\n") == (
+        "air.drag is -0.25: it must be a finite number at least 0",
+        "air.lift is nan: it must be a finite number",
+        "air.torque is True: choose smits-smith, tavares, or a number",
+    )
+
+
 def test_a_file_is_looked_for_from_the_scenes_folder(read, tmp_path, good_urdf):
     (tmp_path / "my.urdf").write_text(good_urdf)
     text = SMALL.replace('model = "human"', 'file = "my.urdf"').replace(", ankle = -5", "")

@@ -224,7 +224,7 @@ def _unit_contact_time(restitution: float, dissipation: Dissipation, exponent: f
         power = 1.0 / (exponent + 1.0)
         largest = (0.5 * (exponent + 1.0)) ** power
         beta = math.sqrt(math.pi) * power * math.gamma(power) / math.gamma(power + 0.5)
-        return (1.0 + restitution) * largest * beta
+        return float((1.0 + restitution) * largest * beta)
     contact = ForceModel(1.0, matched_damping(restitution), exponent=exponent)
 
     def rates(_: float, y: Array) -> list[float]:

@@ -228,14 +228,14 @@ friction="{float(self.friction)!r} 0 0"/>
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
-        yield "solref", row(self.solref), ""
+        yield "solref", digits(self.solref), ""
         if self.solref_time is not None:
-            yield "the same", " ".join(f"{part:.6g}" for part in self.solref_time), ""
-        yield "solimp", row(self.solimp), ""
+            yield "the same", digits(self.solref_time), ""
+        yield "solimp", digits(self.solimp), ""
         yield "condim", self.condim, ""
         if self.friction:
             yield "friction", self.friction, ""
-            yield "solreffriction", row(self.solreffriction), "(of a <pair>)"
+            yield "solreffriction", digits(self.solreffriction), "(of a <pair>)"
         yield "contact time", 1e3 * self.contact_time, "ms"
         for error in self.errors:
             text = f"speed {error.speed:.2%}, direction {math.degrees(error.direction):.2f} deg"
@@ -441,17 +441,21 @@ def _fit(
     e, mu = approach.restitution, approach.contact.friction
     stiffness, damping = closed_form_contact(e, contact_time, step, integrator)
     unit = math.sqrt(stiffness)
-    depth = width * approach.speed / unit
+    depth = _rounded(width * approach.speed / unit)
     solimp = (1e-4, IMPEDANCE, depth, 0.5, 1.0) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
     across = min(4.0 / contact_time, 0.8 / step)
 
-    def contact_of(x: Array) -> MujocoContact:
-        """Return the contact of the unknowns, which are 0 at the closed form."""
-        solref = (-stiffness * math.exp(x[0]), -max(damping + unit * x[1], 0.0))
+    def contact_of(unknowns: Array) -> MujocoContact:
+        """Return the contact of the unknowns, which are 1 at the closed form."""
+        x = unknowns - 1.0
+        solref = (
+            -_rounded(stiffness * math.exp(x[0])),
+            -_rounded(max(damping + unit * x[1], 0.0)),
+        )
         if not mu:
             return MujocoContact(solref, solimp)
-        friction = float(mu * math.exp(x[2]))
-        return MujocoContact(solref, solimp, friction, (-1.0, -across * math.exp(x[3])))
+        solreffriction = (-1.0, -_rounded(across * math.exp(x[3])))
+        return MujocoContact(solref, solimp, _rounded(mu * math.exp(x[2])), solreffriction)
 
     def residuals(x: Array) -> Array:
         """Return the weighted errors, relative to the ball's speed."""
@@ -468,13 +472,13 @@ def _fit(
             if case is cases[0]:
                 mean = float(np.mean([ball.contact_time for ball in balls]))
                 parts.append(np.array([0.2 * (mean / contact_time - 1.0)]))
-        parts.append(KEPT * x[2:])
+        parts.append(KEPT * (x[2:] - 1.0))
         return np.concatenate(parts)
 
-    start = np.zeros(4 if mu else 2)
+    start = np.ones(4 if mu else 2)  # scipy's steps are relative to it
     try:
         solved = least_squares(
-            residuals, start, bounds=(-1.5, 1.5), diff_step=0.02, x_scale=0.1, max_nfev=10,
+            residuals, start, bounds=(-0.5, 2.5), diff_step=0.02, x_scale=0.1, max_nfev=10,
             ftol=1e-4, xtol=1e-4,
         )  # fmt: skip
         contact = contact_of(solved.x)
@@ -491,6 +495,16 @@ def _fit(
             size = max(size, SPIN * approach.ball.radius * error.spin / case.scale)
         score = max(score, size if case is cases[0] else OTHERS * size)
     return _Found(score, contact, errors, lasted, 0.0)
+
+
+def digits(values: Iterable[float]) -> str:
+    """Return parameters as text, without the zeros after a decimal point."""
+    return " ".join(f"{value:.6g}" for value in values)
+
+
+def _rounded(value: float) -> float:
+    """Return a parameter to the six digits with which people copy it."""
+    return float(f"{value:.6g}")
 
 
 def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:

@@ -99,7 +99,10 @@ def _methods(impact: Impact) -> Iterator[Method]:
 
         def compliant(seconds: float = seconds) -> Array:
             """Return the impulse of a contact that takes a time [N s]."""
-            return collide(leg.posture(q), v, ball, contact, contact_time=seconds).impulse
+            return collide(
+                leg.posture(q), v, ball, contact,
+                contact_time=seconds, dissipation="hunt-crossley",
+            ).impulse  # fmt: skip
 
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
     if find_spec("mujoco") is None:  # optional

@@ -286,7 +286,8 @@ def tune_mujoco(
             speed of approach; one that depends on the speed is met at this speed best.
         timestep: of the simulation [s], at most 0.02 and half of `contact_time`.
         integrator: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: the ball is that of `collide` with this contact time [s]. None: it is that of
+        contact_time: the ball is that of `collide` with this contact time [s] and the dissipation
+            `hunt-crossley`, a damped spring as MuJoCo's. None: it is that of
             `strike`, and the simulation without gravity lasts a few time steps, as many as come
             nearest to it.
         tolerance: error of the ball's velocity that is accepted, relative, above 0; if it is not
@@ -381,9 +382,10 @@ def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
             return _Case(change, near, target)
         time = contact_time if stiffness is None else None
         hit = collide(
-            at, near.v, ball, contact, contact_time=time, stiffness=stiffness, tol=1e-6, **given
-        )
-        stiffness = hit.hertz.stiffness
+            at, near.v, ball, contact, contact_time=time, stiffness=stiffness,
+            dissipation="hunt-crossley", tol=1e-6, **given,
+        )  # fmt: skip
+        stiffness = hit.force_model.stiffness
         return _Case(change, near, hit.ball_after)
 
     cases = [case("", posture, 1.0)]

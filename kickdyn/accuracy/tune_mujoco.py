@@ -95,7 +95,7 @@ class KickError(NamedTuple):
     spin: float
 
 
-class _Case(NamedTuple):
+class KickCase(NamedTuple):
     """A kick, and the ball that kickdyn computes."""
 
     change: str
@@ -108,7 +108,7 @@ class _Case(NamedTuple):
         return max(float(self.target.speed), self.approach.speed)
 
 
-class _Found(NamedTuple):
+class FittedContact(NamedTuple):
     """Parameters, what they leave, and the simulated contact time [s]."""
 
     score: float
@@ -316,14 +316,14 @@ def tune_mujoco(
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, contact_time)
-    found = _tune(cases, step, chosen, contact_time)
+    found = _find_best(cases, step, chosen, contact_time)
     largest: float | None = step
     if found.errors[0].velocity > tolerance:
         smaller = (each for each in STEPS if each < step)
         meets = (
             each
             for each in smaller
-            if _tune(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
+            if _find_best(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
         )
         largest = next(meets, None)
     best = found.contact
@@ -364,14 +364,14 @@ def closed_form_contact(
     return stiffness / timestep**2, damping / timestep
 
 
-def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
+def kick_cases(approach: Approach, contact_time: float | None) -> list[KickCase]:
     """Return the kick, and those around it that can be computed."""
     posture, ball, contact, before = (
         approach.posture, approach.ball, approach.contact, approach.ball_before,
     )  # fmt: skip
     stiffness = None
 
-    def case(change: str, at: Posture, factor: float) -> _Case:
+    def case(change: str, at: Posture, factor: float) -> KickCase:
         """Return a kick at a posture, with all velocities times a factor."""
         nonlocal stiffness
         motion = factor * before.velocity, factor * before.spin
@@ -379,14 +379,14 @@ def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
         given = {"ball_velocity": motion[0], "ball_spin": motion[1]}
         if contact_time is None:
             target = strike(at, near.v, ball, contact, **given).ball_after  # type: ignore[arg-type]
-            return _Case(change, near, target)
+            return KickCase(change, near, target)
         time = contact_time if stiffness is None else None
         hit = collide(
             at, near.v, ball, contact, contact_time=time, stiffness=stiffness,
             dissipation="hunt-crossley", tol=1e-6, **given,
         )  # fmt: skip
         stiffness = hit.force_model.stiffness
-        return _Case(change, near, hit.ball_after)
+        return KickCase(change, near, hit.ball_after)
 
     cases = [case("", posture, 1.0)]
     cases += [case(f"speed x {factor:g}", posture, factor) for factor in SPEEDS]
@@ -401,9 +401,9 @@ def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
     return cases
 
 
-def _tune(
-    cases: Sequence[_Case], timestep: float, integrator: str, contact_time: float | None
-) -> _Found:
+def _find_best(
+    cases: Sequence[KickCase], timestep: float, integrator: str, contact_time: float | None
+) -> FittedContact:
     """Return the best contact at a time step [s]; without a contact time, of several."""
     times: Sequence[float] = (contact_time,) if contact_time is not None else ()
     times = times or [steps * timestep for steps in STEPS_PER_CONTACT]
@@ -416,7 +416,7 @@ def _tune(
         one
         for duration in times
         for width in WIDTHS
-        if (one := _fit(cases, kicks, duration, width, integrator)) is not None
+        if (one := fit_contact(cases, kicks, duration, width, integrator)) is not None
     ]
     if not found:
         raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
@@ -428,13 +428,13 @@ def _tune(
     return best._replace(seconds=seconds)
 
 
-def _fit(
-    cases: Sequence[_Case],
+def fit_contact(
+    cases: Sequence[KickCase],
     kicks: Sequence[MujocoKick],
     contact_time: float,
     width: float,
     integrator: str,
-) -> _Found | None:
+) -> FittedContact | None:
     """Return the contact fitted to the first three kicks; None if they do not end.
 
     The impedance reaches its largest value at `width` deepest deflections.
@@ -496,7 +496,7 @@ def _fit(
         if mu:
             size = max(size, SPIN * approach.ball.radius * error.spin / case.scale)
         score = max(score, size if case is cases[0] else OTHERS * size)
-    return _Found(score, contact, errors, lasted, 0.0)
+    return FittedContact(score, contact, errors, lasted, 0.0)
 
 
 def digits(values: Iterable[float]) -> str:
@@ -514,7 +514,7 @@ def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[Simulat
     return [kick.run((part + 0.5) / count, longest=longest) for part in range(count)]
 
 
-def find_error(case: _Case, kick: MujocoKick, contact: MujocoContact) -> KickError:
+def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:
     """Return the largest errors of a kick with a contact."""
     kick.set_contact(contact)
     target, speed = case.target, case.scale

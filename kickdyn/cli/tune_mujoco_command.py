@@ -70,7 +70,8 @@ def tune_mujoco(
     scene = load_scene(scene_file)
     if scene.law != ImpactLaw.NEWTON:
         raise InvalidInput(
-            f"law is {scene.law.value!r}: a contact of MuJoCo is tuned for 'newton', or a contact time"
+            f"law is {scene.law.value!r}: a contact of MuJoCo is tuned for 'newton', or for a "
+            "contact time"
         )
     with busy("tuning"):
         tuning = tune_contact(

@@ -1,7 +1,7 @@
 """The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,7 +119,9 @@ def _can_meet(posture: Posture, normal: Array) -> bool:
     if cone is None:
         return True
     at = posture.contact_point
-    return all(normal @ (posture.with_contact_offset(row).contact_point - at) > -1e-9 for row in cone)
+    return all(
+        normal @ (posture.with_contact_offset(row).contact_point - at) > -1e-9 for row in cone
+    )
 
 
 def show(leg: Leg, kick: Kick, summary: Summary, lines: Sequence[ReportLine]) -> None:

@@ -1,4 +1,4 @@
-# Needs Python 3.11 to 3.13, git and make. Everything else goes into $(VENV).
+# Needs Python 3.11 to 3.14, git and make. Everything else goes into $(VENV).
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 
 .PHONY: sweep extremes mutants test test-all docs package lint browser clean
 
-# what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them
+# what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
+# add 3.14, which kickdyn takes too, where you have it
 PYTHONS ?= 3.11 3.12 3.13
 
 ## sweep: the main job; the table on the screen, dataset, plot and 3-D page in build/
@@ -23,11 +24,12 @@ mutants: $(VENV)/.dev
 	mkdir -p build
 	$(BIN)/python tests/mutants.py --json build/mutants.json
 
-## test: the whole suite
+## test: the whole suite, about 6 minutes on 2 cores once everything is installed
 test: $(VENV)/.dev browser
+	@echo "The whole suite takes about 6 minutes on 2 cores, and longer on the first run, which compiles."
 	$(BIN)/python -m pytest -n auto
 
-## test-all: the whole suite with every Python that kickdyn takes, and what users install
+## test-all: the whole suite with each Python of PYTHONS, and what users install
 test-all: package
 	@for version in $(PYTHONS); do command -v python$$version >/dev/null || \
 		{ echo "no python$$version: install it, or name those that are here: make test-all PYTHONS='3.11'"; exit 1; }; done

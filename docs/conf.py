@@ -8,8 +8,8 @@ from latex2mathml.converter import convert
 import kickdyn
 
 project = "kickdyn"
-author = "the kickdyn team"
-copyright = "the kickdyn team, BSD-3-Clause"
+author = "The kickdyn authors"
+copyright = "2026, the kickdyn authors, BSD-3-Clause"
 version = release = kickdyn.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]

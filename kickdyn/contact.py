@@ -8,6 +8,13 @@ from numpy.typing import ArrayLike
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
+from kickdyn.restitution import (
+    Restitution,
+    checked_restitution,
+    format_restitution,
+    restitution_at,
+    restitution_slope,
+)
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -19,6 +26,10 @@ class Contact(ValueEquality, ReprMixin):
             vector, shape `(3,)` [world frame]. The ball's centre is at `contact point + r normal`.
         restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather,
             oval) ball measured 0.66 to 0.79 (Peacock & Ball 2016); the paper's Table 2 needs 0.8.
+            Or e over the speed of approach along the normal: a table of rows (speed [m/s], e),
+            shape `(n, 2)`, speeds increasing, such as `RestitutionFit.table`; or the name of a
+            model, `peacock-ball` (`kickdyn.restitution.MODELS`, with source). Between rows e is
+            linear; outside them it is that of the nearest row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls
             against leather (Proceedings 2020, 49(1):92).
@@ -27,42 +38,69 @@ class Contact(ValueEquality, ReprMixin):
             that of the posture. None, the default, keeps the contact point of the posture.
 
     Raises:
-        InvalidInput: a normal of length 0, or a coefficient outside its range.
+        InvalidInput: a normal of length 0, a coefficient outside its range, or speeds of a table
+            that do not increase.
     """
 
     normal: Array
-    restitution: float
+    restitution: Restitution
     friction: float
     offset: Array | None
 
     def __init__(
         self,
         normal: ArrayLike,
-        restitution: float,
+        restitution: float | str | ArrayLike,
         friction: float = 0.0,
         offset: ArrayLike | None = None,
     ) -> None:
         unit = validation.read_only(validation.direction("contact normal", normal))
         if offset is not None:
             offset = validation.read_only(validation.vector("contact offset", offset, 3, unit="m"))
-        e = validation.number("restitution", restitution, at_least=0, at_most=1)
         object.__setattr__(self, "normal", unit)
-        object.__setattr__(self, "restitution", e)
+        object.__setattr__(self, "restitution", checked_restitution(restitution))
         object.__setattr__(self, "friction", validation.number("friction", friction, at_least=0))
         object.__setattr__(self, "offset", offset)
+
+    def restitution_at(self, speed: float) -> float:
+        """Return the coefficient e at a speed of approach along the normal.
+
+        Args:
+            speed: u of the foot towards the ball, 0 or more [m/s].
+
+        Raises:
+            InvalidInput: a speed that is below 0 or no finite number.
+        """
+        speed = validation.number("speed", speed, at_least=0, unit="m/s")
+        return restitution_at(self.restitution, speed)
+
+    def restitution_slope(self, speed: float) -> float:
+        r"""Return the derivative :math:`de/du` at a speed of approach [1 / (m/s)].
+
+        It is 0 for a number and outside a table; in a row of the table it is that above the row.
+
+        Args:
+            speed: u of the foot towards the ball, 0 or more [m/s].
+
+        Raises:
+            InvalidInput: a speed that is below 0 or no finite number.
+        """
+        speed = validation.number("speed", speed, at_least=0, unit="m/s")
+        return restitution_slope(self.restitution, speed)
 
     def __repr__(self) -> str:
         """Return the class with all its values, in a line."""
         normal, offset = format_value(self.normal), ""
         if self.offset is not None:
             offset = f", offset={format_value(self.offset)} m"
-        values = f"restitution={self.restitution:g}, friction={self.friction:g}{offset}"
+        e = format_restitution(self.restitution)
+        values = f"restitution={e}, friction={self.friction:g}{offset}"
         return f"Contact(normal={normal}, {values})"
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
         yield "normal", self.normal, ""
-        yield "restitution", self.restitution, ""
+        yield "restitution", format_restitution(self.restitution), ""
         yield "friction", self.friction, ""
         if self.offset is not None:
             yield "offset", self.offset, "m"

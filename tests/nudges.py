@@ -22,7 +22,10 @@ def nudged(kick, options, name, step):
     elif name == "v":
         v = leg.posture(q).admissible(v + step)
     elif name == "restitution":
-        e += float(step[0])
+        if isinstance(e, tuple):  # the whole table
+            e = [(speed, value + float(step[0])) for speed, value in e]
+        else:
+            e += float(step[0])
     elif name == "friction":
         mu += float(step[0])
     elif name == "normal":

@@ -1,9 +1,11 @@
 """What users install holds all that kickdyn needs, and runs from any folder."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -105,3 +107,36 @@ def test_the_list_of_public_names_is_sorted():
     lines = (ROOT / "kickdyn" / "__init__.pyi").read_text().splitlines()
     imports = [line for line in lines if line.startswith("from")]
     assert imports == sorted(imports)
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+
+@pytest.mark.parametrize("file", ["CITATION.cff", "conda/recipe.yaml"])
+def test_other_files_name_the_same_version(file):
+    versions = re.findall(r"^ *version: \"?([\d.]+)\"?$", (ROOT / file).read_text("utf-8"), re.M)
+    assert versions == [kd.__version__]
+
+
+def test_the_authors_are_those_of_the_license():
+    (author,) = (one["name"] for one in PROJECT["authors"])
+    assert f"Copyright (c) 2026, {author}".lower() in (ROOT / "LICENSE").read_text("utf-8").lower()
+    assert f"  - name: {author}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+
+
+def test_the_conda_recipe_needs_what_the_wheel_needs():
+    recipe = (ROOT / "conda" / "recipe.yaml").read_text("utf-8")
+    needs = set(re.findall(r"^    - (\S+ [\w.<>=,]+)", recipe.split("  run:")[1], re.M))
+    names = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "meshcat-python"}
+    wanted = {f"python {PROJECT['requires-python']}"}
+    for line in PROJECT["dependencies"]:
+        name, limits = re.fullmatch(r"([\w-]+)(.*)", line).groups()
+        wanted.add(f"{names.get(name, name)} {limits}")
+    assert {need for need in needs if re.search("[<>]", need)} == wanted
+
+
+def test_continuous_integration_runs_every_python_that_is_allowed():
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
+    minors = re.findall(r'"3\.(\d+)"', workflow.split("matrix:")[1])
+    least, first_beyond = re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["requires-python"]).groups()
+    assert [*map(int, minors)] == [*range(int(least), int(first_beyond))]

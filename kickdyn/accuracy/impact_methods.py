@@ -5,11 +5,13 @@ MuJoCo is among them where it is installed.
 
 import math
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
+from kickdyn.accuracy.mujoco_kick import mujoco_kick
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -97,16 +99,22 @@ def _methods(impact: Impact) -> Iterator[Method]:
 
         def compliant(seconds: float = seconds) -> Array:
             """Return the impulse of a contact that takes a time [N s]."""
-            return collide(leg.posture(q), v, ball, contact, contact_time=seconds).impulse
+            return collide(
+                leg.posture(q), v, ball, contact,
+                contact_time=seconds, dissipation="hunt-crossley",
+            ).impulse  # fmt: skip
 
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
-    try:
-        from kickdyn.accuracy.mujoco_kick import mujoco_kick  # optional
-    except ImportError:
+    if find_spec("mujoco") is None:  # optional
         return
     for stiffness, steps in MUJOCO.items():
         for dt in steps:
             yield "MuJoCo", f"{stiffness:.0e} N/m, dt {dt:g} s", mujoco_kick(impact, stiffness, dt)
+
+
+def _restitution(posture: Posture, v: Array, contact: Contact) -> float:
+    """Return e at the speed at which the foot approaches a ball at rest."""
+    return contact.restitution_at(float(contact.normal @ posture.jacobian @ v))
 
 
 def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
@@ -116,7 +124,7 @@ def in_float32(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Arra
     n, mass = contact.normal.astype(single), single(ball.mass)
     u = -(jacobian @ v.astype(single))
     delassus = jacobian @ np.linalg.solve(inertia, jacobian.T)
-    e = single(contact.restitution)
+    e = single(_restitution(posture, v, contact))
     if contact.friction == 0.0:
         return np.asarray(-(1 + e) * (n @ u) / (n @ delassus @ n + 1 / mass) * n, dtype=float)
     turn = single(ball.radius**2 / ball.inertia)
@@ -135,7 +143,7 @@ def stacked(posture: Posture, v: Array, ball: Ball, contact: Contact) -> Array:
     mass[:nv, :nv] = posture.inertia
     mass[range(nv, size), range(nv, size)] = [ball.mass] * 3 + [ball.inertia] * 3
     before = np.concatenate([v, np.zeros(6)])
-    bounce = contact.restitution * float(n @ posture.jacobian @ v) * (rows @ n)
+    bounce = _restitution(posture, v, contact) * float(n @ posture.jacobian @ v) * (rows @ n)
     whole = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
     after = np.linalg.solve(whole, np.concatenate([mass @ before, bounce]))
     return np.asarray(rows.T @ after[size:])
@@ -149,11 +157,11 @@ def in_cone(
     foot = posture.jacobian @ v
     problem = ContactProblem(
         normal=n, delassus_factor=posture.delassus_factor(), ball=ball, centre_velocity=-foot,
-        spin=np.zeros(3), restitution=contact.restitution, friction=contact.friction,
+        spin=np.zeros(3), restitution=_restitution(posture, v, contact), friction=contact.friction,
     )  # fmt: skip
     axes = contact_axes(n, problem.velocity)
     free = axes.T @ problem.velocity
-    free[2] *= 1.0 + contact.restitution
+    free[2] *= 1.0 + problem.restitution
     solver = getattr(pin, f"{name}ConstraintSolver")(3)
     settings, result = (getattr(pin, f"{name}Solver{part}")() for part in ("Settings", "Result"))
     settings.max_iterations = 10_000

@@ -9,9 +9,11 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
@@ -22,6 +24,7 @@ from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
 from kickdyn.planning.swing import plan_swing
+from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
 
@@ -106,7 +109,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
               help="What is made least, or most by most-joint-impulse.  "
               "[default: joint-speed]")  # fmt: skip
 @click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
-@click.option("--restitution", default=0.8, show_default=True, help="Coefficient e, 0 to 1.")
+@restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option(
     "--spin", callback=TRIPLE, metavar="X,Y,Z", help="Of the ball [rad/s]; back spin has Y below 0."
@@ -115,6 +118,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="20 degC at sea level; density and viscosity of the paper's "
               "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
               show_default=True, help="In kg and m, or by name.")  # fmt: skip
 @click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
@@ -144,11 +148,12 @@ def plan(
     ball_at: list[float] | None,
     objective: str | None,
     no_limits: bool,
-    restitution: float,
+    restitution: Restitution,
     friction: float,
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
+    drag: str | None,
     ball: Ball,
     uncertainty: dict[str, float] | None,
     json_file: str | None,
@@ -184,6 +189,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
+    air_of_flight = _windy(with_drag(AIRS[air], drag), wind)
     leg = leg_options.load()
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
@@ -196,7 +202,7 @@ def plan(
                 leg,
                 goal,
                 ball,
-                _windy(AIRS[air], wind),
+                air_of_flight,
                 objective=(objective or KickObjective.JOINT_SPEED)
                 if uncertainty is None
                 else "scatter",

@@ -56,6 +56,8 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "numerical_error": finite(answer.numerical_error),
         "end_deviation": finite(answer.end_deviation),
         "method": answer.method,
+        "restitution": answer.impact.restitution,
+        "restitution_given": answer.scene.contact.restitution,
         "evaluations": answer.evaluations,
         "effects": [
             verdict._asdict() | {"bound": finite(verdict.bound)} for verdict in answer.verdicts

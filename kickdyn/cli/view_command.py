@@ -83,6 +83,8 @@ def _document(simulation: Simulation) -> dict[str, Any]:
             name: round(value, 9) + 0.0
             for name, (value, _) in leg.display_values(impact.posture.q).items()
         },
+        "restitution": impact.restitution,
+        "restitution_given": impact.contact.restitution,
         "impulse": impact.impulse.tolist(),
         "joint_impulses": {name: impulse.tolist() for name, _, impulse in impulses},
         "foot_speed": float(np.linalg.norm(impact.foot_velocity)),

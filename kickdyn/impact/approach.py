@@ -13,6 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, NoImpact
 from kickdyn.impact.contact_problem import ContactProblem
+from kickdyn.restitution import restitution_at
 from kickdyn.robot.leg import Posture
 
 EPS = float(np.finfo(float).eps)
@@ -32,10 +33,11 @@ class Approach(NamedTuple):
         posture: of the leg; its contact point is that of the contact.
         v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball.
-        contact: normal, restitution and friction.
+        contact: normal, restitution and friction, as they were given.
         ball_before: motion of the ball; its centre is at `contact point + radius * normal`.
         foot_velocity: of the contact point, shape `(3,)` [m/s, world frame].
         speed: of the foot towards the ball along the normal, above 0 [m/s].
+        restitution: coefficient e of the contact at this speed.
     """
 
     posture: Posture
@@ -45,6 +47,7 @@ class Approach(NamedTuple):
     ball_before: BallState
     foot_velocity: Array
     speed: float
+    restitution: float
 
     def contact_problem(self) -> ContactProblem:
         """Return what an impact law needs to know."""
@@ -55,7 +58,7 @@ class Approach(NamedTuple):
             self.ball,
             before.velocity - self.foot_velocity,
             before.spin,
-            contact.restitution,
+            self.restitution,
             contact.friction,
         )
 
@@ -112,7 +115,16 @@ def find_approach(
     for array in (v, foot_velocity):
         array.setflags(write=False)
     speed, fastest = _closing_speed(posture, foot_velocity, before, contact)
-    approach = Approach(posture, v, ball, contact, before, foot_velocity, speed)
+    approach = Approach(
+        posture,
+        v,
+        ball,
+        contact,
+        before,
+        foot_velocity,
+        speed,
+        restitution_at(contact.restitution, speed),
+    )
     if not ball_speed < MAX_SPEED:
         raise InvalidInput(
             f"the ball moves at {ball_speed:g} m/s: it must be below {MAX_SPEED:g} m/s"

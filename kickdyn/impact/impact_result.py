@@ -23,6 +23,7 @@ from kickdyn.impact.leg_response import LegResponse, leg_response
 from kickdyn.impact.rounding import Rounding, digits_left, estimate_rounding
 from kickdyn.impact.sensitivity import Sensitivity, sensitivity
 from kickdyn.impact.uncertainty import Uncertainty, uncertainty
+from kickdyn.restitution import range_warnings
 from kickdyn.robot.constraints import ConstraintBlock, Support
 from kickdyn.robot.leg import Posture
 
@@ -64,8 +65,13 @@ class Impact(ReprMixin):
 
     @property
     def contact(self) -> Contact:
-        """Normal, restitution and friction."""
+        """Normal, restitution and friction, as they were given."""
         return self.approach.contact
+
+    @property
+    def restitution(self) -> float:
+        """Coefficient e of this impact: that of the contact at the speed of approach."""
+        return self.approach.restitution
 
     @property
     def ball_before(self) -> BallState:
@@ -188,10 +194,11 @@ class Impact(ReprMixin):
         Law `paper` has restitution along the attack direction and law `stronge` that of work: where
         this makes a difference, the residual shows it.
         """
-        approach, contact = self.approach, self.approach.contact
+        approach = self.approach
         foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
-        separation = float(contact.normal.dot(self.ball_after.velocity - foot_velocity_after))
-        return abs(separation - contact.restitution * approach.speed) / approach.speed
+        relative = self.ball_after.velocity - foot_velocity_after
+        separation = float(approach.contact.normal.dot(relative))
+        return abs(separation - approach.restitution * approach.speed) / approach.speed
 
     @property
     def momentum_residual(self) -> float:
@@ -255,8 +262,15 @@ class Impact(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint outside its range, or faster before the impact than its limit."""
-        return (*self.posture.warnings, *self.posture.leg.too_fast(self.v_before))
+        """A line for each joint outside its range, or faster before the impact than its limit.
+
+        And one where the restitution is used outside its table.
+        """
+        return (
+            *self.posture.warnings,
+            *self.posture.leg.too_fast(self.v_before),
+            *range_warnings(self.contact.restitution, self.approach_speed),
+        )
 
     @validation.check_arguments
     def sensitivity(self, *, of_leg: bool = True) -> Sensitivity:
@@ -322,6 +336,8 @@ class Impact(ReprMixin):
         """Return what `print` shows: each quantity with its value and unit."""
         joint, most = self.worst_joint
         yield "law", self.law + (", sticks" if self.sticking else ""), ""
+        if not isinstance(self.contact.restitution, float):
+            yield "restitution", self.restitution, ""
         yield "impulse on the ball", self.impulse, "N s"
         yield "effective mass", self.effective_mass, "kg"
         if self.posture.leg.stiff_joints:

@@ -34,7 +34,7 @@ def solve_by_pinocchio(
             "friction 0 and the laws 'newton' and 'stronge', which are one then"
         )
     ball.check_movable("Pinocchio's impulseDynamics")
-    n, e = contact.normal, contact.restitution
+    n, e = contact.normal, approach.restitution
     model = leg.workspace.model.copy()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "kickdyn_ball")
     inertia = min(ball.inertia, ball.mass * ball.radius**2)  # nothing turns it, not even a particle

@@ -59,7 +59,8 @@ def estimate_rounding(approach: Approach, solution: Solution, joints: Array) -> 
     error = abs(axes.T).dot(terms) + _spread(posture, approach.v[:, None])
     error[:2] += problem.ball.radius * float(length(before.spin))
     p = np.append(axes[:, :2].T @ solution.tangential_impulse, problem.normal @ solution.impulse)
-    error = np.hypot(length(matrix_error * p), (1.0 + problem.restitution) * error)
+    turn = approach.contact.restitution_slope(approach.speed) * approach.speed
+    error = np.hypot(length(matrix_error * p), (1.0 + problem.restitution + abs(turn)) * error)
     sliding = None if solution.sticking else (axes.T @ problem.velocity + matrix @ p)[:2]
     slope = _derivative(problem, matrix, sliding, p)
     change = ROUNDINGS * EPS * length(slope * error)

@@ -44,6 +44,7 @@ UNITS = {
 Of a leg with supports or loops, v and q count as far as these allow: v without what would move
 them, by kinetic energy, also where q changes it; q without what would open a loop (the least change
 of angles is subtracted), whereas supports are fixed wherever q puts them.
+`restitution` adds to e, at every speed where it is a table.
 `normal` is the direction of the contact normal as a unit vector: its component along the normal has
 no effect. `ball_mass` scales the ball's inertia, too. `link_mass` scales a link as a whole: centre
 of mass and radii of gyration stay; massless links do not count. `link_inertia` holds ten numbers
@@ -123,6 +124,8 @@ def sensitivity(
     .. math:: \frac{dp}{dx} = -\left(\frac{\partial R}{\partial p}\right)^{-1}
               \frac{\partial R}{\partial x} .
 
+    Where the restitution depends on the speed of approach u, so does R: e changes by
+    :math:`(de/du)\, du/dx`; in a row of the table, de/du is that of the interval above.
     What x does to the leg comes from Pinocchio's derivatives of Newton-Euler and of kinematics, and
     from its regressor, projected on what supports and loops allow
     (`kickdyn.impact.leg_derivatives`). A support that moves, or a joint whose axes depend on its
@@ -272,13 +275,14 @@ def _residual(
     at: Mapping[str, slice],
 ) -> tuple[Array, Array, Array]:
     """Return R_p, R_x and the direction of the sliding after, 0 where there is none."""
-    n, e, mu = approach.contact.normal, approach.contact.restitution, approach.contact.friction
+    n, e, mu = approach.contact.normal, approach.restitution, approach.contact.friction
     p, u_before, u_after = solution.impulse, fixed.u_before, fixed.u_after
     if solution.sticking:  # R = u+ + e n (n . u-)
         by_x = fixed.after + e * np.outer(n, n @ fixed.before + u_before @ fixed.normal)
         by_x += e * float(n @ u_before) * fixed.normal
-        by_x[:, at["restitution"]] += (n * float(n @ u_before))[:, None]
-        return delassus, by_x, np.zeros(3)
+        by_e = n * float(n @ u_before)
+        by_x[:, at["restitution"]] += by_e[:, None]
+        return delassus, by_x + _by_speed(approach, fixed, by_e), np.zeros(3)
 
     # R = p_t + mu (n . p) t + n mass n . (u+ + e u-), with t along the sliding
     projector = np.eye(3) - np.outer(n, n)
@@ -296,10 +300,24 @@ def _residual(
     tilt -= normal_impulse * np.eye(3)
     by_x = keep @ (tilt @ fixed.normal) + turn @ sliding_x + mass * np.outer(n, along_n)
     by_x[:, at["friction"]] += (normal_impulse * tangent)[:, None]
-    by_x[:, at["restitution"]] += (mass * float(n @ u_before) * n)[:, None]
+    by_e = mass * float(n @ u_before) * n
+    by_x[:, at["restitution"]] += by_e[:, None]
+    by_x += _by_speed(approach, fixed, by_e)
     by_p = keep @ projector + mu * np.outer(tangent, n) + turn @ projector @ delassus
     by_p += mass * np.outer(n, n @ delassus)
     return by_p, by_x, tangent
+
+
+def _by_speed(approach: Approach, fixed: _FixedImpulse, by_e: Array) -> Array | float:
+    r"""Return what the restitution's dependence on the speed of approach u adds to R_x.
+
+    By the chain rule, :math:`R_e\, (de/du)\, (du/dx)^T` with :math:`u = -n \cdot u^-`.
+    """
+    slope = approach.contact.restitution_slope(approach.speed)
+    if slope == 0.0:
+        return 0.0
+    n = approach.contact.normal
+    return np.outer(by_e, -slope * (n @ fixed.before + fixed.u_before @ fixed.normal))
 
 
 def _sliding(n: Array, p: Array, sliding: Array, mu: float, scale: float) -> tuple[Array, float]:

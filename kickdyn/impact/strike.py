@@ -82,11 +82,10 @@ def strike(
 def check_energy(impact: Impact, strict: bool) -> None:
     """Raise `EnergyCreated` if the law created energy and `strict` is true."""
     if strict and impact.creates_energy:
-        contact = impact.contact
         raise EnergyCreated(
             f"law {impact.law.value!r} creates {-impact.energy_lost:.3g} J in {impact.posture!r} "
-            f"(restitution {contact.restitution:g}, friction {contact.friction:g}): law 'stronge' "
-            "never does"
+            f"(restitution {impact.restitution:g}, friction {impact.contact.friction:g}): "
+            "law 'stronge' never does"
         )
 
 

@@ -124,7 +124,7 @@ def unilateral_strike(
     feet = _feet(approach.posture, supports)
     contacts = _contacts(approach, feet, supports)
     free = contacts.before.copy()
-    free[2] *= 1.0 + approach.contact.restitution
+    free[2] *= 1.0 + approach.restitution
     impulses, residual = solve_cones(contacts.delassus, free, contacts.frictions)
     if not residual <= MAX_RESIDUAL:
         raise KickdynError(

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +10,13 @@ from kickdyn.contact import Contact
 from kickdyn.core.representation import ReadOnlyArrays, freeze_arrays
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.restitution import (
+    Restitution,
+    approach_speed,
+    check_invertible,
+    restitution_at,
+    restitution_slope,
+)
 from kickdyn.robot.leg import Posture
 
 
@@ -20,7 +26,8 @@ class ImpactTarget(ReadOnlyArrays):
 
     Attributes:
         impulse: on the ball, shape `(3,)` [N s, world frame].
-        contact: its normal gives the impulse and the spin; the foot sticks.
+        contact: its normal gives the impulse and the spin; the foot sticks. With its restitution
+            over the speed of approach, u (1 + e) increases with the speed u; else `InvalidInput`.
         ball: that is struck.
     """
 
@@ -29,7 +36,8 @@ class ImpactTarget(ReadOnlyArrays):
     ball: Ball
 
     def __post_init__(self) -> None:
-        """Make the arrays read-only."""
+        """Make the arrays read-only; raise `InvalidInput` where foot speeds are not unique."""
+        check_invertible(self.contact.restitution)
         freeze_arrays(vars(self))
 
     @property
@@ -40,35 +48,60 @@ class ImpactTarget(ReadOnlyArrays):
         from_centre = -self.ball.radius * self.contact.normal
         return float(from_centre[2]), float(from_centre @ left)
 
-    def foot_velocity(self, posture: Posture) -> Array:
-        r"""Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
+    def velocity_change(self, posture: Posture) -> Array:
+        r"""Return the change :math:`W p` of the contact points' relative velocity, `(3,)` [m/s].
 
-        With the Delassus matrix :math:`W` of foot and ball, :math:`u = G\, W p`: restitution along
-        the normal, Eq. (1), and no sliding just after across it. Without friction the part across
-        the normal is free, and 0 here.
+        W is the Delassus matrix of foot and ball.
         """
         impulse, normal, ball = self.impulse, self.contact.normal, self.ball
         across = impulse - normal * (normal @ impulse)
         of_ball = impulse / ball.mass + ball.turning * across
-        return np.asarray(self.foot_gain @ (posture.delassus() @ impulse + of_ball))
+        return np.asarray(posture.delassus() @ impulse + of_ball)
 
-    @cached_property
-    def foot_gain(self) -> Array:
-        r"""Matrix :math:`G = n n^T / (1 + e) + (I - n n^T)`, shape `(3, 3)`.
+    def foot_velocity(self, posture: Posture, share: float = 1.0) -> Array:
+        r"""Return the contact point's velocity just before, shape `(3,)` [m/s, world frame].
 
-        From the change of the contact points' relative velocity to the foot's velocity; without
-        friction its second term is left out.
+        Along the normal it is the speed u with :math:`u\,(1 + e(u)) = s\, n \cdot W p` for a share
+        s of the impulse: restitution, Eq. (1). Across it there is no sliding just after. Without
+        friction the part across the normal is free, and 0 here.
         """
-        along = np.outer(self.contact.normal, self.contact.normal)
-        gain = along / (1.0 + self.contact.restitution)
-        return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
+        return self.foot_velocity_for(self.velocity_change(posture), share)
+
+    def foot_velocity_for(self, change: Array, share: float = 1.0) -> Array:
+        """Return the foot's velocity for a `velocity_change`, both of shape `(3,)` [m/s]."""
+        contact = self.contact
+        if isinstance(contact.restitution, float):
+            return np.asarray(share * (self.foot_gain(change) @ change))
+        change = share * change
+        along = float(contact.normal @ change)
+        speed = approach_speed(contact.restitution, along)
+        velocity: Array = speed * contact.normal
+        if contact.friction > 0.0:
+            velocity = velocity + (change - along * contact.normal)
+        return velocity
+
+    def foot_gain(self, change: Array) -> Array:
+        r"""Return :math:`G = n n^T / (1 + e + u\, de/du) + (I - n n^T)`, shape `(3, 3)`.
+
+        It is the derivative of the foot's velocity by the change of the contact points' relative
+        velocity, shape `(3,)` [m/s]; without friction its second term is left out.
+        """
+        contact = self.contact
+        along = np.outer(contact.normal, contact.normal)
+        if isinstance(contact.restitution, float):
+            gain = along / (1.0 + contact.restitution)
+        else:
+            speed = approach_speed(contact.restitution, float(contact.normal @ change))
+            slope = restitution_slope(contact.restitution, speed)
+            gain = along / (1.0 + restitution_at(contact.restitution, speed) + speed * slope)
+        return gain if contact.friction == 0.0 else gain + np.eye(3) - along
 
 
 def impact_target_for(
     velocity: Array,
     spin: Array,
     ball: Ball,
-    restitution: float,
+    restitution: Restitution,
     friction: float,
     offset: Array | None = None,
 ) -> ImpactTarget:

@@ -39,6 +39,7 @@ from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_laun
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.stance import Stance
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
+from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
@@ -146,13 +147,15 @@ class KickPlan(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """What is not as it should be, a line each.
 
-        A coefficient of the flight used outside its range; a body that is under the ground (level,
-        under the ball or under the target, whichever is lower) at the impact. Bodies are the shapes
-        in the leg's file; without any, its frames. Of a standing robot also a support that does not
-        stand, and a body that is under the ground while the foot approaches the ball by the ball's
-        radius with the joints' velocity of the impact.
+        A coefficient of the flight or of the contact used outside its range; a body that is under
+        the ground (level, under the ball or under the target, whichever is lower) at the impact.
+        Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
+        support that does not stand, and a body that is under the ground while the foot approaches
+        the ball by the ball's radius with the joints' velocity of the impact.
         """
-        return (*self.path.warnings, *self._leaving(), *self._under_ground())
+        impact = self.impact
+        of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
+        return (*self.path.warnings, *of_contact, *self._leaving(), *self._under_ground())
 
     def _leaving(self) -> list[str]:
         """Return a line for each support that does not stand.
@@ -240,7 +243,7 @@ def plan_kick(
     air: Air | None = None,
     *,
     objective: str = KickObjective.JOINT_SPEED,
-    restitution: float = 0.8,
+    restitution: float | str | ArrayLike = 0.8,
     friction: float = 0.4,
     spin: ArrayLike = (0.0, 0.0, 0.0),
     offset: ArrayLike | None = None,
@@ -268,7 +271,8 @@ def plan_kick(
         air: None is the vacuum.
         objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
             plans of all other objectives, so that it scatters no more than theirs.
-        restitution: of the contact; 0.8 as the paper's Table 2.
+        restitution: of the contact, as for `Contact`; 0.8 as the paper's Table 2. Over the speed of
+            approach u, u (1 + e) must increase with u.
         friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
         spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
             out: a ball at rest takes spin across it only.
@@ -323,7 +327,9 @@ def plan_kick(
         launch = _plan_flight_launch(goal, ball, air, wished_spin, arc)
     else:
         launch = _plan_pass_launch(goal, ball, air, wished_spin, surface)
-    target = impact_target_for(launch.velocity, launch.spin, ball, restitution, friction, offset)
+    target = impact_target_for(
+        launch.velocity, launch.spin, ball, checked_restitution(restitution), friction, offset
+    )
     chain = kicking_chain(leg if standing is None else standing.leg, branches=True)
     scatter = None if uncertainty is None else scatter_cost(target, launch, air, uncertainty)
     if standing is None:

@@ -254,7 +254,7 @@ class KickProgram:
     def with_exact_velocity(self, posture: Posture, v: Array, share: float) -> Array:
         """Return v with the last digits of the foot's velocity put right."""
         scale = self.velocity_scale
-        missed = share * self.target.foot_velocity(posture) - posture.jacobian @ v
+        missed = self.target.foot_velocity(posture, share) - posture.jacobian @ v
         rows = self.velocity_rows @ posture.jacobian[:, self.vs] * scale
         change = np.linalg.pinv(rows, rcond=1e-9) @ self.velocity_rows @ missed
         return v + self.whole_velocity(change * scale)
@@ -416,13 +416,15 @@ class ProgramPoint:
         self.posture = program.posture(x[:n])
         self.v = program.whole_velocity(x[n : 2 * n] * program.velocity_scale)
         self.share = float(x[-1])
-        self.wanted = program.target.foot_velocity(self.posture)
+        self.change = program.target.velocity_change(self.posture)
+        self.wanted = program.target.foot_velocity_for(self.change)
+        self.reached = program.target.foot_velocity_for(self.change, self.share)
 
     @cached_property
     def values(self) -> Array:
         """Cost, equalities (foot velocity, ball position) and inequalities (torque, facing)."""
         program, wanted = self.program, self.wanted
-        missed = self.posture.jacobian @ self.v - self.share * wanted
+        missed = self.posture.jacobian @ self.v - self.reached
         parts: list[ArrayLike] = [
             [self._scaled_cost(self.posture, self.v)],
             program.velocity_rows @ missed / math.sqrt(wanted @ wanted),
@@ -446,13 +448,14 @@ class ProgramPoint:
         leg = leg_derivatives(posture, v, v_after, target.impulse, np.zeros(0))
         # of J M^-1 J^T p by q
         change = leg.foot_q - leg.foot_q_after - jacobian @ leg.v_after_q
-        wanted_q = target.foot_gain @ change
+        wanted_q = target.foot_gain(self.change) @ change
+        gain = target.foot_gain(self.share * self.change)
         fast = math.sqrt(wanted @ wanted)
-        off = np.outer(jacobian @ v - self.share * wanted, wanted @ wanted_q) / fast**2
+        off = np.outer(jacobian @ v - self.reached, wanted @ wanted_q) / fast**2
         missed = np.zeros((3, len(self.x)))
-        missed[:, :n] = ((leg.foot_q - self.share * wanted_q - off) / fast)[:, program.vs]
+        missed[:, :n] = ((leg.foot_q - self.share * (gain @ change) - off) / fast)[:, program.vs]
         missed[:, at_v] = jacobian[:, program.vs] * (scale / fast)
-        missed[:, -1] = -wanted / fast
+        missed[:, -1] = -(gain @ self.change) / fast
         rows = [self._cost_slope(), *program.velocity_rows @ missed]
         for row in program.position_rows @ jacobian[:, program.vs] / target.ball.radius:
             rows.append(np.append(row, np.zeros(n + 1)))

@@ -227,6 +227,8 @@ class PlanReport:
             },
             "impact": {
                 **_attributes(impact, "impulse foot_velocity"),
+                "restitution": impact.restitution,
+                "restitution_given": impact.contact.restitution,
                 "normal": impact.contact.normal.tolist(),
                 "up_m": up,
                 "left_m": left,

@@ -11,6 +11,7 @@ contact has friction.
 """
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -19,9 +20,11 @@ import numpy as np
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.planning.casadi_chain import point_function, torque_function
+from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.kick_program import FEASIBLE, KickObjective, KickProgram, KickSolution
 from kickdyn.planning.stop_problem import EAGER, OPTIONS, SHORT, StopEquations
 from kickdyn.planning.swing_phase import LONGEST, SwingPhase, swing_chain
+from kickdyn.restitution import rows_of
 from kickdyn.robot.leg import Posture
 
 NODES = 24
@@ -131,7 +134,7 @@ class _SwingKickProblem:
         ball_point = target.impulse / ball.mass + ball.radius**2 / ball.inertia * across
         apart = share * ca.DM(ball_point) - jacobian @ w
         fast = float(np.linalg.norm(ball_point))
-        law = ca.dot(normal, apart - target.contact.restitution * (jacobian @ v)) / fast
+        law = ca.dot(normal, apart - _restitution(target, jacobian @ v) * (jacobian @ v)) / fast
         equal = [jump / ca.DM(size), law]
         if target.contact.friction > 0.0:
             rows = _directions_across(program.directions, normal)
@@ -193,6 +196,18 @@ class _SwingKickProblem:
         """Return the change of the joints' velocity by the impact, shape `(n,)` [rad/s]."""
         jump = posture.solve(-share * self._program.target.impulse @ posture.jacobian)
         return np.asarray(jump[self._program.vs])
+
+
+def _restitution(target: ImpactTarget, foot: Any) -> Any:
+    """Return e for a velocity of the foot: a number, or a piecewise linear CasADi expression."""
+    restitution = target.contact.restitution
+    if isinstance(restitution, float):
+        return restitution
+    rows = rows_of(restitution)
+    speed, e = ca.dot(ca.DM(target.contact.normal), foot), rows[0][1]
+    for (low, before), (high, after) in pairwise(rows):
+        e += (after - before) / (high - low) * (ca.fmin(ca.fmax(speed, low), high) - low)
+    return e
 
 
 def _directions_across(directions: Array, normal: Array) -> Array:

@@ -19,6 +19,7 @@ from kickdyn.ground import Ground
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
+from kickdyn.restitution import Restitution, least_restitution
 from kickdyn.robot.leg import Leg, Posture
 
 LEAST_RESTITUTION = 0.01
@@ -50,7 +51,8 @@ class Scene(ReprMixin):
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
         v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s].
         ball: its centre is at `contact point + radius * normal`.
-        contact: normal, restitution, friction and offset of the contact.
+        contact: normal, restitution (a number, a table over the speed of approach or a model),
+            friction and offset of the contact.
         law: impact law, as for `strike`: `newton`, `stronge` or `paper`.
         contact_time: duration of a compliant contact, as for `collide` [s]; None is an instant. A
             compliant contact has no law, and a restitution of at least 0.01.
@@ -206,16 +208,17 @@ def _checked_uncertainty(value: Mapping[str, float] | None) -> dict[str, float]:
     return checked
 
 
-def compliant_contact_faults(law: ImpactLaw, restitution: float) -> list[str]:
+def compliant_contact_faults(law: ImpactLaw, restitution: Restitution) -> list[str]:
     """Return a line for each value that does not go with a contact time."""
     lines = []
     if law != ImpactLaw.NEWTON:
         lines.append(
             f"law is {law.value!r}: a contact that takes time has no law, leave one of them out"
         )
-    if restitution < LEAST_RESTITUTION:
+    least = least_restitution(restitution)
+    if least < LEAST_RESTITUTION:
         lines.append(
-            f"restitution is {restitution:g}: in a contact that takes time it must be at least "
+            f"restitution is {least:g}: in a contact that takes time it must be at least "
             f"{LEAST_RESTITUTION:g}"
         )
     return lines

@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from kickdyn.aerodynamics import drag, lift, spin_decay
+from kickdyn.aerodynamics import coefficient_model, drag, lift, spin_decay
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
+from kickdyn.restitution import Restitution, checked_restitution
 from kickdyn.robot.catalog import ROBOTS
 from kickdyn.robot.descriptions import DESCRIPTION
 from kickdyn.scene.scene import compliant_contact_faults
@@ -45,6 +46,21 @@ def _choice(*choices: str) -> Check:
     """Return a check of one of some names."""
     known = f"choose {', '.join(choices)}"
     return _valid(lambda value: isinstance(value, str) and value in choices, known)
+
+
+def _coefficient(kind: str, models: Mapping[str, Any]) -> Check:
+    """Return a check of the name of a model, or of a coefficient that is the same everywhere."""
+    number = _number(at_least=coefficient_model.least_value(kind))
+    name = _valid(
+        lambda value: isinstance(value, str) and value in models,
+        f"choose {', '.join(models)}, or a number",
+    )
+
+    def check(key: str, value: Any) -> Any:
+        """Return a name or a number that is valid."""
+        return name(key, value) if isinstance(value, str | bool) else number(key, value)
+
+    return check
 
 
 def _valid(condition: Callable[[Any], bool], advice: str) -> Check:
@@ -104,6 +120,16 @@ _robot = _valid(
     lambda value: isinstance(value, str) and (value in ROBOTS or value.endswith(DESCRIPTION)),
     f"choose {', '.join(ROBOTS)}, or a name of robot_descriptions, NAME{DESCRIPTION}",
 )
+
+
+def _restitution(name: str, value: Any) -> Restitution:
+    """Return a number, a table of rows (speed, e) or the name of a model."""
+    try:
+        return checked_restitution(value)
+    except InvalidInput as error:
+        raise InvalidInput(str(error).replace("restitution", name, 1)) from None
+
+
 _flag = _valid(lambda value: isinstance(value, bool), "it must be true or false")
 
 UNCERTAINTY = {
@@ -130,6 +156,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "base": _choice("fixed", "floating"),
         "package_dirs": _texts,
         "legs_only": _flag,
+        "locked": _by_joint("deg; m"),
         "supports": _texts,
         "loops": _pairs,
         "stiff_joints": _texts,
@@ -153,7 +180,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "normal": _direction,
         "attack_deg": _number("deg", at_least=-90.0, at_most=90.0),
         "side_deg": _number("deg", at_least=-180.0, at_most=180.0),
-        "restitution": _number(at_least=0.0, at_most=1.0),
+        "restitution": _restitution,
         "friction": _number(at_least=0.0),
         "law": _choice(*ImpactLaw),
         "offset_m": _vector("m"),
@@ -164,9 +191,9 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "altitude_m": _number("m", at_least=-1000.0, at_most=11_000.0),
         "temperature_c": _number("degC", at_least=-80.0, at_most=60.0),
         "pressure_pa": _number("Pa", above=0.0),
-        "drag": _choice(*drag.MODELS),
-        "lift": _choice(*lift.MODELS),
-        "torque": _choice(*spin_decay.MODELS),
+        "drag": _coefficient("drag", drag.MODELS),
+        "lift": _coefficient("lift", lift.MODELS),
+        "torque": _coefficient("torque", spin_decay.MODELS),
         "wind_m_s": _vector("m/s"),
         "buoyancy": _flag,
     },

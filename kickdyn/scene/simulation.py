@@ -13,6 +13,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
+from kickdyn.restitution import range_warnings
 from kickdyn.scene.effects import EffectVerdict
 from kickdyn.scene.flight_end import ENDS
 from kickdyn.scene.scene import Scene
@@ -102,8 +103,13 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the leg, and of `path`: coefficients used outside their range of validity."""
-        return (*self.scene.leg.warnings, *(() if self.path is None else self.path.warnings))
+        """Those of the leg, and of coefficients of contact and air used outside their ranges."""
+        impact = self.impact
+        return (
+            *self.scene.leg.warnings,
+            *range_warnings(impact.contact.restitution, impact.approach_speed),
+            *(() if self.path is None else self.path.warnings),
+        )
 
     def __str__(self) -> str:
         """Return the end and the error budget."""

@@ -49,7 +49,7 @@ class CarryTable:
 
     def __init__(self, model: KernelModel, tolerance: float) -> None:
         self._model, kick = model, model.kick
-        self._largest_impulse = (1.0 + kick.restitution) * kick.speed * kick.ball.mass
+        self._largest_impulse = (1.0 + kick.restitution_used) * kick.speed * kick.ball.mass
         self._largest_slope = max(kick.friction, 1e-3)
         patches: list[Array] = []
         self._index = np.full((2**DEPTH, 2 * 2**DEPTH), -1, np.int64)

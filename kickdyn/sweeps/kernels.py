@@ -83,7 +83,7 @@ class Kernel:
         self._model = (
             np.ascontiguousarray(np.concatenate(at_zero)), model.parent, model.slides,
             model.carries_foot, model.constants, model.foot, tuple(map(float, model.lever)),
-            (*mobility, kick.speed, kick.restitution, kick.friction),
+            (*mobility, kick.speed, kick.restitution_used, kick.friction),
         )  # fmt: skip
 
     def __call__(self, first: int, count: int, *, full: bool = True) -> Array:
@@ -118,7 +118,7 @@ def fill_variables(
         found = {
             "effective_mass": 1.0 / answer[MOBILITY],
             "impulse": size,
-            "immovable_impulse": (1.0 + kick.restitution) * kick.speed / answer[MOBILITY],
+            "immovable_impulse": (1.0 + kick.restitution_used) * kick.speed / answer[MOBILITY],
             "ball_speed": size / ball.mass,
             "speed_ratio": size / ball.mass / kick.speed,
             "launch_angle": np.arctan2(p[2], np.sqrt(level)),

@@ -6,6 +6,7 @@ from enum import StrEnum
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
@@ -37,7 +38,8 @@ class Kick:
         speed: :math:`v` of the foot's contact point [m/s], above 0.
         attack: :math:`\alpha`, from the horizontal upwards in the x-z plane [rad], in
             :math:`[-\pi/2, \pi/2]`.
-        restitution: coefficient e; 0.8 reproduces the paper's Table 2.
+        restitution: coefficient e, or a table or model of it over the speed of approach, as for
+            `Contact`; that is the foot's. 0.8 reproduces the paper's Table 2.
         friction: Coulomb's coefficient mu, at most 1e9; 0.4 is the paper's.
         law: impact law, as for `strike`.
         ball: the ball, at rest before the impact.
@@ -49,7 +51,7 @@ class Kick:
 
     speed: float = 1.0
     attack: float = math.radians(30)
-    restitution: float = 0.8
+    restitution: float | str | ArrayLike = 0.8
     friction: float = 0.4
     law: str = ImpactLaw.NEWTON
     ball: Ball = field(default_factory=Ball)
@@ -64,7 +66,7 @@ class Kick:
         validation.check_type(Ball, ball=self.ball)
         self.ball.check_movable("a sweep")
         validation.check_type(Air, type(None), air=self.air)
-        Contact(self.direction, self.restitution, self.friction)
+        object.__setattr__(self, "restitution", self.contact.restitution)
 
     @property
     def direction(self) -> Array:
@@ -75,6 +77,11 @@ class Kick:
     def contact(self) -> Contact:
         """The contact, its normal along the foot's velocity."""
         return Contact(self.direction, self.restitution, self.friction)
+
+    @property
+    def restitution_used(self) -> float:
+        """Coefficient e at the foot's speed, which is that of approach in every posture."""
+        return self.contact.restitution_at(self.speed)
 
 
 class PostureStatus(StrEnum):

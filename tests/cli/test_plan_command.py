@@ -46,6 +46,24 @@ def test_text_and_files(tmp_path):
     assert set(report["leg"]["q_deg"]) == {"hip", "knee", "ankle"}
 
 
+def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
+    found = {}
+    for drag in ("0", "0.25", "brazuca"):
+        words = ["--distance", "12", "--apex", "2", "--spin", "0,0,0", "--drag", drag]
+        ended = CliRunner().invoke(plan, [*words, "--json", str(tmp_path / "plan.json")])
+        assert ended.exception is None, ended.exception
+        launch = json.loads((tmp_path / "plan.json").read_text())["launch"]
+        found[drag] = launch["speed"]
+    assert found["0"] < found["0.25"] < found["brazuca"]
+    for words, said in (
+        (["--drag", "-1"], "drag coefficient is -1.0: it must be a finite number at least 0"),
+        (["--drag", "golf"], "drag model 'golf' is unknown: choose"),
+        (["--drag", "0.2", "--air", "none"], "--drag 0.2 is named with --air none"),
+    ):
+        ended = CliRunner().invoke(plan, ["--distance", "12", "--apex", "2", *words])
+        assert said in str(ended.exception)
+
+
 def test_json_on_stdout_is_a_kick_that_can_be_done_again():
     over = ["--height", "2.2", "--over", "9.15:2.15"]
     ended = door("--distance", "20.3", *over, "--json", "-")
@@ -206,6 +224,8 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         ),
         (["--distance", "30", "--time", "1", "--ball-height", "3"], "touches a ball at 3.0 m"),
         (["--distance", "30", "--time", "1", "--restitution", "2"], "restitution is 2"),
+        (["--distance", "30", "--time", "1", "--restitution", "5:1,6:0"], "a faster foot would"),
+        (["--distance", "30", "--time", "1", "--restitution", "5:1:6"], "a table such as 5:0.8"),
         (["--distance", "30", "--time", "1", "--view", "no/where.html"], "cannot be written"),
         (["--distance", "30", "--time", "1", "--objective", "x"], "'x' is not one of"),
         (["--distance", "30", "--time", "1", "--plot", "a.png"], "so add --swing"),

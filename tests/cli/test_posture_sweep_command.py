@@ -98,6 +98,18 @@ def test_every_option_of_the_kick_counts():
         assert line["carry"] == pytest.approx(outcome.carry, rel=1e-9)
 
 
+def test_a_restitution_over_speed_is_taken_at_the_foots_speed():
+    reports = []
+    for e in ("0.7", "1:0.8,3:0.6"):
+        ended = door(*SMALL, "--speed", "2", "--restitution", e, "--json", "-")
+        reports.append(json.loads(ended.stdout))
+    assert [report["restitution"] for report in reports] == pytest.approx([0.7, 0.7])
+    assert [report["restitution_given"] for report in reports] == [0.7, [[1, 0.8], [3, 0.6]]]
+    assert reports[0]["best"] == reports[1]["best"]
+    ended = door(*SMALL, "--speed", "2", "--restitution", "peacock-ball", "--json", "-")
+    assert "9.1 to 21.2 m/s, and the foot approaches at 2 m/s" in ended.stderr
+
+
 def test_the_tolerance_of_carries_counts(tmp_path):
     grid = ("--joint", "hip=0:40:2", "--joint", "knee=0:60:2", "--joint", "ankle=0:20:4")
     door(*grid, "--tolerance", "1e-3", "--out", "s.nc", cwd=tmp_path)
@@ -450,3 +462,33 @@ def test_what_is_no_ball_for_a_sweep(ball, words):
     assert (ended.returncode, ended.stdout) == (2, "")
     assert ended.stderr.startswith(f"posture-sweep: {words}")
     assert ended.stderr.count("\n") == 1
+
+
+def test_named_variables_and_those_of_the_table_are_kept(tmp_path):
+    where = ("--where", "carry > 0.1")
+    for file in ("x.nc", "x.zarr"):
+        ended = door(*SMALL, "--variables", "carry, impulse", *where, "--out", file, cwd=tmp_path)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        with kickdyn.open_sweep(tmp_path / file) as data:
+            names = ["impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry", "status"]
+            assert list(data.data_vars) == names
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--variables", "cary", "--out", "x.nc"], "variable 'cary' is unknown: did you mean 'car"),
+        (["--variables", "carry,", "--out", "x.nc"], "variable '' is unknown: choose effective"),
+        (["--variables", "carry"], "--variables is for what is kept: name it --out FILE.nc or"),
+        (
+            ["--variables", "carry", "--out", "x.nc", "--where", "impulse > 1"],
+            "names 'impulse', which this sweep does not keep: there are hip [deg], knee [deg]",
+        ),
+    ],
+)
+def test_variables_that_cannot_be_kept(arguments, words, tmp_path):
+    ended = door(*SMALL, *arguments, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert words in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())

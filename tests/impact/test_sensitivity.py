@@ -184,3 +184,28 @@ def test_derivatives_beyond_double_precision_are_refused():
         light = kd.strike(posture, v / 1e130, kd.Ball(1e-300), contact)
         with pytest.raises(kd.KickdynError, match="leave double precision"):
             light.sensitivity()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.15, 0.4])
+def test_restitution_over_speed_against_differences(friction):
+    """The speed of approach changes with foot and ball velocity, posture and normal."""
+    seen = set()
+
+    @given(seed=seeds)
+    @settings(max_examples=15, derandomize=True, deadline=None)
+    def run(seed):
+        rng = np.random.default_rng(seed)
+        kick, options = random_kick(rng, random_leg(rng), friction=friction)
+        speed = kd.strike(*kick, **options).approach_speed
+        table = [[0.5 * speed, rng.uniform(0.5, 0.9)], [2 * speed, rng.uniform(0.1, 0.9)]]
+        (posture, v, ball, contact) = kick
+        steep = posture, v, ball, kd.Contact(contact.normal, table, friction)
+        seen.add(check(steep, options, rng))
+        with_table = kd.strike(*steep, **options)
+        number = kd.Contact(contact.normal, with_table.restitution, friction)
+        constant = kd.strike(posture, v, ball, number, **options).sensitivity()
+        change = with_table.sensitivity().impulse["v"] - constant.impulse["v"]
+        assert np.abs(change).max() > 1e-6  # what the table adds is seen
+
+    run()
+    assert seen >= {"frictionless" if friction == 0.0 else "slip"}

@@ -44,3 +44,43 @@ def test_an_impact_target_does_not_depend_on_the_units(power):
     for other in (heavy, large):
         assert other.impulse.tolist() == (scale * plain.impulse).tolist()
         assert other.contact.normal.tolist() == plain.contact.normal.tolist()
+
+
+@pytest.mark.parametrize("speed", [2.0, 4.0, 8.0, 16.0])
+@pytest.mark.parametrize(("friction", "spin"), [(0.4, (0, -5, 0)), (0.0, (0, 0, 0))])
+def test_the_way_back_knows_the_restitution_over_speed(speed, friction, spin):
+    table = [[3.0, 0.9], [6.0, 0.6], [9.0, 0.7]]
+    velocity = speed * np.array([0.9, 0.0, 0.4])
+    target = impact_target_for(velocity, np.array(spin, float), BALL, table_of(table), friction)
+    posture = LEG.posture(LEG.configuration(BENT))
+    v = posture.joint_velocity(target.foot_velocity(posture))
+    hit = kd.strike(posture, v, BALL, target.contact)
+    assert hit.ball_after.velocity == pytest.approx(velocity, abs=1e-11)
+    assert hit.ball_after.spin == pytest.approx(spin, abs=1e-9)
+    share = posture.joint_velocity(target.foot_velocity(posture, 0.5))
+    half = kd.strike(posture, share, BALL, target.contact)
+    assert half.ball_after.velocity == pytest.approx(0.5 * velocity, abs=1e-11)
+
+
+def test_the_gain_is_the_derivative_of_the_foot_velocity():
+    target = impact_target_for(
+        np.array([9.0, 0, 4.0]), np.zeros(3), BALL, table_of([[3, 0.9], [12, 0.5]]), 0.4
+    )
+    change, h = np.array([9.0, 1.0, 5.0]), 1e-4
+    rows = [
+        (target.foot_velocity_for(change + h * axis) - target.foot_velocity_for(change - h * axis))
+        / (2 * h)
+        for axis in np.eye(3)
+    ]
+    np.testing.assert_allclose(target.foot_gain(change), np.transpose(rows), atol=1e-8)
+
+
+def test_a_restitution_that_falls_too_fast_has_no_way_back():
+    with pytest.raises(kd.InvalidInput, match="a faster foot would kick a slower ball"):
+        impact_target_for(
+            np.array([9.0, 0, 4.0]), np.zeros(3), BALL, table_of([[5, 1.0], [6, 0.1]]), 0.4
+        )
+
+
+def table_of(rows):
+    return kd.Contact((1, 0, 0), rows).restitution

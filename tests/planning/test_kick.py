@@ -469,6 +469,27 @@ def test_mimic_joints_outside_the_kicking_limb_are_no_obstacle(tmp_path):
     assert planned.impact.impulse == pytest.approx(alone.impact.impulse, rel=1e-9)
     arm_leg = kd.Leg.from_urdf(path, "elbow_link")
     with pytest.raises(
-        kd.InvalidInput, match="joint 'elbow' mimics 'shoulder': kicks are planned w"
+        kd.InvalidInput,
+        match=r"joint 'elbow' mimics 'shoulder': .*lock 'shoulder', which locks both",
     ):
         kd.plan_kick(arm_leg, goal, kd.Ball())
+
+
+@pytest.mark.parametrize("restitution", [((3.0, 0.85), (20.0, 0.5)), "peacock-ball"])
+@pytest.mark.parametrize("objective", ["joint-speed", "kinetic-energy"])
+def test_a_plan_knows_the_restitution_over_speed(restitution, objective):
+    options = {"objective": objective, "restitution": restitution}
+    near = kd.plan_kick(HUMAN, kd.Goal(15, time=1), BALL, AIR, **options)
+    check(HUMAN, near)
+    assert near.impact.contact.restitution == restitution
+    assert near.impact.restitution == near.impact.contact.restitution_at(near.impact.approach_speed)
+    assert near.warnings == ()
+    far = kd.plan_kick(HUMAN, kd.Goal(45, time=2), BALL, AIR, **options)
+    assert far.status == "beyond-limits"
+    slower = far.share * far.launch.velocity  # the same direction, although e is another
+    assert far.impact.ball_after.velocity == pytest.approx(slower, abs=1e-10)
+
+
+def test_a_plan_warns_outside_the_table():
+    plan = kd.plan_kick(HUMAN, kd.Goal(3, time=0.6), BALL, AIR, restitution="peacock-ball")
+    assert any("9.1 to 21.2 m/s" in line for line in plan.warnings)

@@ -30,10 +30,11 @@ LEGS = {"human": kd.Leg.human(), "g1": kd.Leg.from_robot("g1", legs_only=True)}
 @pytest.mark.parametrize("objective", [*OBJECTIVES, None])
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("name", LEGS)
-def test_slopes_are_those_of_the_values(name, friction, objective):
+@pytest.mark.parametrize("restitution", [0.8, ((2.0, 0.9), (20.0, 0.4))])
+def test_slopes_are_those_of_the_values(name, friction, objective, restitution):
     spin = np.array([0.0, -10.0 if friction else 0.0, 0.0])
     impact_target = impact_target_for(
-        np.array([6.0, 0.0, 3.0]), spin, BALL, 0.8, friction, (0.02, 0, 0.01)
+        np.array([6.0, 0.0, 3.0]), spin, BALL, restitution, friction, (0.02, 0, 0.01)
     )
     program = KickProgram(LEGS[name], impact_target, -0.6)
     cost = program.cost(objective) if objective else None

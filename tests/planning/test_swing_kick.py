@@ -55,3 +55,21 @@ def test_too_small_slacks_are_left_out_and_iterations_are_bounded(
     answers, slacks, best, monkeypatch
 ):
     assert tried(monkeypatch, answers) == (slacks, best)
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0, 5.0, 8.0, 15.0, 30.0])
+def test_the_problem_has_the_restitution_of_the_contact(speed):
+    contact = kd.Contact((1, 0, 1), [[3, 0.9], [8, 0.6], [20, 0.7]])
+    foot = swing_kick.ca.DM(speed * contact.normal)
+    found = float(swing_kick._restitution(SimpleNamespace(contact=contact), foot))
+    assert found == pytest.approx(contact.restitution_at(speed), abs=1e-14)
+
+
+def test_a_kick_that_swings_knows_the_restitution_over_speed():
+    leg, table = kd.Leg.human(), [[3.0, 0.85], [20.0, 0.5]]
+    goal, ball = kd.Goal(15, time=1), kd.Ball()
+    plan = kd.plan_kick(leg, goal, ball, swing=True, restitution=table)
+    assert plan.status == "met"
+    assert plan.impact.ball_after.velocity == pytest.approx(plan.launch.velocity, abs=1e-10)
+    after = plan.phases[1].sample(0.0).v[0]
+    assert after == pytest.approx(plan.impact.v_after, abs=1e-8)

@@ -181,3 +181,21 @@ def test_statuses_have_flags():
     assert {status.value: status.flag for status in PostureStatus} == {
         "ok": 0, "too-fast": 1, "out-of-reach": 2, "not-closed": 3, "not-computed": -1,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("kernel_from", [1, 10**9])
+def test_a_table_is_taken_at_the_foots_speed(kernel_from, monkeypatch):
+    """The foot moves along the normal with one speed, and so e is one number in a sweep."""
+    monkeypatch.setattr(chunk_solver, "KERNEL_FROM", kernel_from)
+    postures = {"hip": np.array([0.1, 0.35]), "knee": np.array([0.5]), "ankle": np.array([0.17])}
+    table = [[5.0, 0.8], [15.0, 0.6]]
+    steep, flat = (kd.sweep(LEG, postures, Kick(speed=10.0, restitution=e)) for e in (table, 0.7))
+    assert Kick(speed=10.0, restitution=table).restitution_used == pytest.approx(0.7, abs=1e-15)
+    for name in ("impulse", "immovable_impulse", "carry", "ball_speed"):
+        assert steep[name].values == pytest.approx(flat[name].values, rel=1e-13), name
+    assert steep.restitution_residual.max() < 1e-12
+    assert steep.attrs["restitution"] == pytest.approx(0.7, abs=1e-15)
+    assert steep.attrs["restitution_given"] == "[[5, 0.8], [15, 0.6]]"
+    assert "restitution_given" not in flat.attrs
+    slow = kd.sweep(LEG, postures, Kick(speed=1.0, restitution="peacock-ball"))
+    assert "9.1 to 21.2 m/s" in slow.attrs["warnings"]

@@ -163,10 +163,9 @@ def _print(
         )
         for (first, last), fit in fits:
             cells = "".join(f"{_cell(fit, name):>20}" for name in names)
-            speed = float(fit.launch.speed)
-            click.echo(
-                f"{f'{first}-{last}':11} {speed:11.2f}  {(~fit.used).sum():8}  {100 * fit.rms:8.2f}  {cells}"
-            )
+            speed, aside = float(fit.launch.speed), int((~fit.used).sum())
+            numbers = f"{speed:11.2f}  {aside:8}  {100 * fit.rms:8.2f}"
+            click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
     else:
         click.echo(f"no flight of {SHORTEST:g} s or more was found")
     for line in failures:

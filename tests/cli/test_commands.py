@@ -159,6 +159,7 @@ def keys(value, name=""):
         ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),
         ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
         ("identify", ["track.csv"]),
+        ("tune-mujoco", [str(ROOT / "scenes" / "robot_chip.toml"), "--timestep", "0.005"]),
     ],
 )
 def test_the_page_names_every_key(section, arguments, tmp_path, monkeypatch):

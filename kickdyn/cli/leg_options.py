@@ -62,8 +62,8 @@ def _read_locked(_: click.Context, __: click.Option, texts: tuple[str, ...]) -> 
                 raise ValueError
             locked[name] = validation.number(name, float(value))
         except ValueError:
-            once = "once for each joint" if name in locked else "[deg; m]"
-            raise InvalidInput(f"lock is {text!r}: it must be JOINT=VALUE, {once}") from None
+            once = ", once for each joint" if name in locked else " [deg; m]"
+            raise InvalidInput(f"lock is {text!r}: it must be JOINT=VALUE{once}") from None
     return locked
 
 

@@ -218,7 +218,7 @@ def _check_mimics(
     for name, driver in drivers.items():
         if name not in judged:
             continue
-        remedy = f"lock it: locked={{{name!r}: 0}} of from_urdf"
+        remedy = f"lock it: locked={{{name!r}: 0}} of from_urdf, or --lock {name}=0"
         kind = joints[driver].get("type") if driver in joints else None
         if kind is None:
             near = get_close_matches(driver[:200], list(joints), 1, 0.7)

@@ -156,6 +156,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "base": _choice("fixed", "floating"),
         "package_dirs": _texts,
         "legs_only": _flag,
+        "locked": _by_joint("deg; m"),
         "supports": _texts,
         "loops": _pairs,
         "stiff_joints": _texts,

@@ -76,7 +76,7 @@ def test_supports_of_a_file_float_its_base():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--lock", "knee"), r"lock is 'knee': it must be JOINT=VALUE, \[deg; m\]"),
+        (("--lock", "knee"), r"lock is 'knee': it must be JOINT=VALUE \[deg; m\]"),
         (("--lock", "=3"), "lock is '=3': it must be JOINT=VALUE"),
         (("--lock", "knee=x"), "lock is 'knee=x': it must be JOINT=VALUE"),
         (("--lock", "knee=nan"), "lock is 'knee=nan': it must be JOINT=VALUE"),

@@ -35,7 +35,7 @@ def test_nothing_is_left_of_a_failure(tmp_path):
 
 def test_a_long_name_is_cut_in_the_message(tmp_path):
     for name in ("a b/" * 500 + "c.txt", "x" * 5000 + ".txt"):
-        with pytest.raises(kd.InvalidInput, match=r"\.txt cannot be written") as refused:
+        with pytest.raises(InvalidInput, match=r"\.txt cannot be written") as refused:
             check_writable(tmp_path / name)
         assert len(str(refused.value)) < 300
 

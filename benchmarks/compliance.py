@@ -1,9 +1,10 @@
-"""Compare `strike` with `collide` for the human leg; prints the tables of docs/compliance.md.
+"""Compare `strike` with `collide`, and contact models with measurements: docs/compliance.md.
 
     python benchmarks/compliance.py
 
-The leg of Table 1, hip flexed by 40, knee by 30 and foot raised by 20 deg, its toe at 14 m/s along
-the normal, 30 deg up: the hip flexes, and the knee extends at 90 % of its speed limit.
+prints the tables of that page. The leg of Table 1, hip flexed by 40, knee by 30 and foot raised by
+20 deg, its toe at 14 m/s along the normal, 30 deg up: the hip flexes, and the knee extends at 90 %
+of its speed limit.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import math
 
 import numpy as np
 import pinocchio as pin
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import kickdyn as kd
 from kickdyn.core.validation import Array
@@ -49,7 +52,7 @@ def order() -> None:
         apart = math.hypot(*(hit.impulse - INSTANT.impulse))
         slope = f"{math.log(apart / last, 32):.3f}" if last else ""
         print(
-            f"| {hit.hertz.stiffness:.2e} | {1e3 * hit.contact_time:.4g} | {apart:.2e} "
+            f"| {hit.force_model.stiffness:.2e} | {1e3 * hit.contact_time:.4g} | {apart:.2e} "
             f"| {apart / size:.3%} | {slope} |"
         )
         last = apart
@@ -70,7 +73,7 @@ def differences() -> None:
         hit = through_time(milliseconds)
         cells = (
             f"{1e3 * hit.contact_time:.1f}",
-            f"{hit.hertz.stiffness:.2e}",
+            f"{hit.force_model.stiffness:.2e}",
             f"{hit.peak_force:.0f}",
             f"{1e3 * hit.deflection:.1f}",
             f"{1e3 * math.hypot(*hit.foot_displacement):.0f}",
@@ -126,6 +129,200 @@ def causes() -> None:
         print(f"| {name} | {1e3 * hit.contact_time:.1f} | {impulse:+.1%} | {speed:+.1%} |")
 
 
+def sliding_foot(mass: float) -> kd.Leg:
+    """Return a foot of a mass [kg] that slides along x, without gravity."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "rail")
+    body = pin.Inertia(mass, np.zeros(3), 0.01 * np.eye(3))
+    model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    model.addFrame(pin.Frame("toe", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    model.gravity = pin.Motion.Zero()
+    return kd.Leg.from_model(model, "toe")
+
+
+INFLATED = kd.Ball(pressure=80e3)
+"""Of a pressure in the middle of what Law 2 allows, 0.6 to 1.1 atmospheres."""
+
+FOOT = sliding_foot(22.7 / 5.0 * INFLATED.mass)
+"""Its effective mass follows from what foot and ball lose and gain [m/s] (Peacock, Ball & Taylor,
+J. Sports Sci. 35, 2017), by momentum."""
+
+RESTITUTION = 0.7
+"""Of a mechanical limb 0.66 to 0.79 (Peacock & Ball, ISBS 2016)."""
+
+MAXIMAL = 25.64, 34.48
+"""Least and largest ball speed of maximal instep kicks [m/s] (Andersen & Dorge 2011)."""
+
+
+def head_on(foot_speed: float, restitution: float = RESTITUTION, **options: object) -> kd.Collision:
+    """Return the collision of the sliding foot with the inflated ball at rest."""
+    contact = kd.Contact((1, 0, 0), restitution)
+    return kd.collide(FOOT.posture([0.0]), [foot_speed], INFLATED, contact, **options)  # type: ignore[arg-type]
+
+
+def visible_time(hit: kd.Collision) -> float:
+    """Return the time until the ball has its shape again [s], at the speed of separation."""
+    left = float(hit.sample(hit.contact_time).deflection)
+    return hit.contact_time + left / float(hit.ball_after.velocity[0] - hit.v_after[0])
+
+
+def peak_over_mean(hit: kd.Collision) -> float:
+    """Return the peak of the force over its mean while it acts."""
+    return hit.peak_force * hit.contact_time / math.hypot(*hit.impulse)
+
+
+def by_pressure(foot_speed: float) -> dict[str, float]:
+    """Return what the stiffness from pressure gives at a foot speed [m/s], in SI units."""
+    hit = head_on(foot_speed, stiffness="pressure")
+    after = visible_time(hit) - hit.contact_time
+    return {
+        "ball speed": float(hit.ball_after.speed),
+        "contact time": hit.contact_time,
+        "visible contact time": visible_time(hit),
+        "peak force": hit.peak_force,
+        "deflection": hit.deflection,
+        "contact distance": float(hit.foot_displacement[0] + after * hit.v_after[0]),
+    }
+
+
+def pressures() -> None:
+    """Print contact time, force and deflection of the stiffness from pressure over foot speed."""
+    heading = ("foot [m/s]", "ball [m/s]", "force acts [ms]", "visible contact [ms]")
+    heading += ("peak force [N]", "deflection [mm]", "of the radius", "contact distance [cm]")
+    print("| " + " | ".join(heading) + " |\n|" + " ---: |" * len(heading))
+    for speed in (5.0, 10.0, 15.0, 20.0, 25.0, 30.0):
+        row = by_pressure(speed)
+        cells = (
+            f"{speed:.0f}",
+            f"{row['ball speed']:.1f}",
+            f"{1e3 * row['contact time']:.1f}",
+            f"{1e3 * row['visible contact time']:.1f}",
+            f"{row['peak force']:.0f}",
+            f"{1e3 * row['deflection']:.0f}",
+            f"{row['deflection'] / INFLATED.radius:.0%}",
+            f"{1e2 * row['contact distance']:.1f}",
+        )
+        print("| " + " | ".join(cells) + " |")
+
+
+def against_measurements() -> None:
+    """Print measured features of the contact beside both springs, with both dissipations."""
+    kinds = [
+        {"stiffness": "pressure"}, {"stiffness": "pressure", "dissipation": "hunt-crossley"},
+        {}, {"dissipation": "hunt-crossley"},
+    ]  # fmt: skip
+    print("| feature | measured | pressure | pressure, `hunt-crossley` ", end="")
+    print("| Hertz | Hertz, `hunt-crossley` |\n|" + " --- |" * 2 + " ---: |" * 4)
+    rows: dict[tuple[str, str], list[str]] = {}
+    for options in kinds:
+        if "stiffness" not in options:  # the spring of a contact of 10 ms at 15 m/s
+            usual = head_on(15.0, **options)
+            options["stiffness"] = usual.force_model.stiffness
+        slow, fast = (head_on(speed, **options) for speed in (9.1, 21.2))
+        gain = float(fast.ball_after.speed) / 21.2
+        peaks = [head_on(speed / gain, **options).peak_force for speed in MAXIMAL]
+        found = {
+            ("change of visible contact time, foot at 9.1 to 21.2 m/s", "-20 % (M1)"):
+                f"{visible_time(fast) / visible_time(slow) - 1:.0%}",
+            ("change of contact distance, likewise", "+89 % (M1)"):
+                f"{distance(fast) / distance(slow) - 1:+.0%}",
+            ("visible contact time at 15 m/s [ms]", "9 to 14 (review in M3)"):
+                f"{1e3 * visible_time(head_on(15.0, **options)):.1f}",
+            ("peak over mean force, while it acts", "1.97 (M3)"): f"{peak_over_mean(fast):.2f}",
+            ("peak over mean force, of the visible contact", "1.97 (M3)"):
+                f"{peak_over_mean(fast) * visible_time(fast) / fast.contact_time:.2f}",
+            ("peak force, ball at 25.6 to 34.5 m/s [N]", "1610 to 2926 (M4)"):
+                f"{peaks[0]:.0f} to {peaks[1]:.0f}",
+            ("time of acceleration over visible contact", "about 0.75 (M5)"):
+                f"{fast.contact_time / visible_time(fast):.2f}",
+        }  # fmt: skip
+        for key, value in found.items():
+            rows.setdefault(key, []).append(value)
+    for (feature, measured), values in rows.items():
+        print(f"| {feature} | {measured} | " + " | ".join(values) + " |")
+
+
+def distance(hit: kd.Collision) -> float:
+    """Return how far the foot moves while the contact is visible [m]."""
+    return float(hit.foot_displacement[0] + (visible_time(hit) - hit.contact_time) * hit.v_after[0])
+
+
+def two_masses(force: object, end: object) -> tuple[float, float, float]:
+    """Return restitution, peak over mean force and share of the visible contact of a force.
+
+    The force is a function of deflection and rate, for unit mass, stiffness and approach speed; the
+    contact ends where the function `end` of them falls to 0.
+    """
+
+    def stop(_: float, y: Array) -> float:
+        """Return what falls to 0 at separation."""
+        return end(*y)  # type: ignore[operator,no-any-return]
+
+    stop.terminal, stop.direction = True, -1  # type: ignore[attr-defined]
+    found = solve_ivp(
+        lambda _, y: [y[1], -force(*y)], (0.0, 60.0), [0.0, 1.0], events=stop,  # type: ignore[operator]
+        rtol=1e-8, atol=1e-10, dense_output=True,
+    )  # fmt: skip
+    time, (left, rate) = found.t[-1], found.y[:, -1]
+    forces = [force(*y) for y in found.sol(np.linspace(0.0, time, 801)).T]  # type: ignore[operator]
+    share = time / (time + max(left, 0.0) / -rate)
+    return -rate, max(forces) * time / (1.0 - rate), share
+
+
+def dashpot(damping: float) -> tuple[float, float, float]:
+    """Return `two_masses` of a linear spring and dashpot, until the force vanishes."""
+
+    def force(d: float, rate: float) -> float:
+        """Return the force."""
+        return d + damping * rate
+
+    return two_masses(force, force)
+
+
+def viscoelastic(damping: float) -> tuple[float, float, float]:
+    """Return `two_masses` of viscoelastic spheres, until the force vanishes."""
+
+    def bracket(d: float, rate: float) -> float:
+        """Return the force over the square root of the deflection."""
+        return d + damping * rate
+
+    return two_masses(lambda d, rate: math.sqrt(max(d, 0.0)) * bracket(d, rate), bracket)
+
+
+def flores(restitution: float) -> tuple[float, float, float]:
+    """Return `two_masses` of the damping of Flores et al. for a restitution."""
+    damping = 1.6 * (1.0 - restitution) / restitution
+
+    def force(d: float, rate: float) -> float:
+        """Return the force."""
+        return max(d, 0.0) ** 1.5 * max(1.0 + damping * rate, 0.0)
+
+    return two_masses(force, lambda d, _: d + 1e-9)
+
+
+def pulses() -> None:
+    """Print peak over mean force and share of the visible contact, per dissipation and e."""
+    restitutions = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+    print("| spring and dissipation | " + " | ".join(f"e = {e}" for e in restitutions) + " |")
+    print("| --- |" + " ---: |" * len(restitutions))
+    for spring, stiffness in (("Hertz", 1e6), ("linear", "pressure")):
+        for kind in ("walton-braun", "hunt-crossley"):
+            cells = []
+            for e in restitutions:
+                hit = head_on(15.0, e, stiffness=stiffness, dissipation=kind)
+                share = hit.contact_time / visible_time(hit)
+                cells.append(f"{peak_over_mean(hit):.2f}, {share:.2f}")
+            print(f"| {spring}, `{kind}` | " + " | ".join(cells) + " |")
+    for name, model in (("Hertz, viscoelastic", viscoelastic), ("linear, dashpot", dashpot)):
+        cells = []
+        for e in restitutions:
+            damping = brentq(lambda c, e=e, model=model: model(c)[0] - e, 1e-3, 3.0, xtol=1e-5)
+            cells.append("{:.2f}, {:.2f}".format(*model(damping)[1:]))
+        print(f"| {name} | " + " | ".join(cells) + " |")
+    cells = ["{1:.2f}, {2:.2f} (e = {0:.2f})".format(*flores(e)) for e in restitutions]
+    print("| Hertz, Flores | " + " | ".join(cells) + " |")
+
+
 def main() -> None:
     """Print the tables."""
     print(
@@ -139,6 +336,9 @@ def main() -> None:
     motions()
     print()
     causes()
+    for table in (pulses, pressures, against_measurements):
+        print()
+        table()
 
 
 if __name__ == "__main__":

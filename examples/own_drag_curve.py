@@ -1,7 +1,6 @@
 """A drag coefficient of your own, as a function of Reynolds number and spin parameter."""
 
 import kickdyn as kd
-from kickdyn.aerodynamics import drag
 
 ball = kd.Ball()
 launch = kd.BallState(velocity=(24, 0, 9), spin=(0, -30, 0))
@@ -17,7 +16,7 @@ flights = {
     "vacuum": kd.fly(launch, ball),
     "shipped model": kd.fly(launch, ball, kd.Air()),
     "own curve": kd.fly(launch, ball, kd.Air(drag=rough_ball)),
-    "constant 0.47": kd.fly(launch, ball, kd.Air(drag=drag.constant(0.47))),
+    "constant 0.47": kd.fly(launch, ball, kd.Air(drag=0.47)),
 }
 for name, flight in flights.items():
     print(f"{name:15} {flight.range:6.2f} m, {flight.duration:.2f} s")

@@ -2,6 +2,8 @@
 
 __version__: str
 
+from .accuracy.tune_mujoco import MujocoTuning as MujocoTuning
+from .accuracy.tune_mujoco import tune_mujoco as tune_mujoco
 from .air import Air as Air
 from .ball import Ball as Ball
 from .ball import BallState as BallState
@@ -32,8 +34,8 @@ from .identification.segments import segments as segments
 from .identification.track import Track as Track
 from .impact.collide import Collision as Collision
 from .impact.collide import collide as collide
-from .impact.hertz import HertzContact as HertzContact
-from .impact.hertz import contact_stiffness as contact_stiffness
+from .impact.force_model import ForceModel as ForceModel
+from .impact.force_model import contact_stiffness as contact_stiffness
 from .impact.impact_result import Impact as Impact
 from .impact.joint_load import JointLoad as JointLoad
 from .impact.joint_load import joint_loads as joint_loads

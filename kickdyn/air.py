@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics import lift as lift_models
 from kickdyn.aerodynamics import spin_decay as torque_models
-from kickdyn.aerodynamics.coefficient_model import Coefficient, find_model
+from kickdyn.aerodynamics.coefficient_model import Coefficient, ConstantCoefficient, find_model
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, ValueEquality, format_value
 from kickdyn.core.validation import Array
@@ -56,10 +56,11 @@ class Air(ValueEquality, ReprMixin):
         viscosity: dynamic [Pa s], above 0.
         wind: velocity of the air, shape `(3,)` [m/s, world frame], or a function of height [m] that
             returns three floats.
-        drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`, or a function of
-            `(reynolds, spin_parameter)`, such as `kickdyn.aerodynamics.drag.constant(0.25)`, which
-            does for lift and torque too; None leaves drag out.
-        lift: likewise from `kickdyn.aerodynamics.lift.MODELS`; None leaves lift out.
+        drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`; a number, 0 or more, for a
+            coefficient that is the same everywhere; or a function of `(reynolds, spin_parameter)`.
+            None leaves drag out.
+        lift: likewise from `kickdyn.aerodynamics.lift.MODELS`, a number of any sign; None leaves
+            lift out.
         torque: likewise from `kickdyn.aerodynamics.spin_decay.MODELS`, what brakes the spin; None
             leaves the spin as it is.
         buoyancy: whether the air carries the ball's volume (1.5 % of a soccer ball's weight).
@@ -81,9 +82,9 @@ class Air(ValueEquality, ReprMixin):
         density: float = density_of(293.15, 101_325),
         viscosity: float = viscosity_of(293.15),
         wind: ArrayLike | Wind = (0.0, 0.0, 0.0),
-        drag: str | Coefficient | None = "supercritical",
-        lift: str | Coefficient | None = "saturating",
-        torque: str | Coefficient | None = "smits-smith",
+        drag: str | float | Coefficient | None = "supercritical",
+        lift: str | float | Coefficient | None = "saturating",
+        torque: str | float | Coefficient | None = "smits-smith",
         *,
         buoyancy: bool = True,
     ) -> None:
@@ -110,10 +111,12 @@ class Air(ValueEquality, ReprMixin):
         )
 
     def _names(self) -> dict[str, object]:
-        """Return the models and the wind; those that have a name, by it."""
+        """Return the models and the wind by their names, constant coefficients by their values."""
         models = {"drag": self.drag, "lift": self.lift, "torque": self.torque, "wind": self.wind}
         return {
-            key: getattr(model, "name", getattr(model, "__name__", model))
+            key: model.value
+            if isinstance(model, ConstantCoefficient)
+            else getattr(model, "name", getattr(model, "__name__", model))
             for key, model in models.items()
         }
 
@@ -130,8 +133,8 @@ class Air(ValueEquality, ReprMixin):
     @classmethod
     def paper(
         cls,
-        drag: str | Coefficient | None = "brazuca",
-        lift: str | Coefficient | None = "saturating",
+        drag: str | float | Coefficient | None = "brazuca",
+        lift: str | float | Coefficient | None = "saturating",
     ) -> "Air":
         """Return the air of the paper's Table 3: 1.220 kg/m3, 1.8e-5 Pa s, no wind.
 

@@ -5,11 +5,13 @@ MuJoCo is among them where it is installed.
 
 import math
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
 
 from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
+from kickdyn.accuracy.mujoco_kick import mujoco_kick
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core.validation import Array
@@ -97,12 +99,13 @@ def _methods(impact: Impact) -> Iterator[Method]:
 
         def compliant(seconds: float = seconds) -> Array:
             """Return the impulse of a contact that takes a time [N s]."""
-            return collide(leg.posture(q), v, ball, contact, contact_time=seconds).impulse
+            return collide(
+                leg.posture(q), v, ball, contact,
+                contact_time=seconds, dissipation="hunt-crossley",
+            ).impulse  # fmt: skip
 
         yield "compliant contact", f"{1e3 * seconds:g} ms", compliant
-    try:
-        from kickdyn.accuracy.mujoco_kick import mujoco_kick  # optional
-    except ImportError:
+    if find_spec("mujoco") is None:  # optional
         return
     for stiffness, steps in MUJOCO.items():
         for dt in steps:

@@ -1,17 +1,63 @@
-"""A kick in MuJoCo: a contact of finite stiffness, integrated in time, where it is installed."""
+"""A kick in MuJoCo: a contact of finite stiffness, integrated in time, where it is installed.
+
+`scene` writes leg and ball as an MJCF model, `MujocoKick` runs it.
+"""
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
-from kickdyn.errors import KickdynError
+from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.impact.approach import Approach
 from kickdyn.impact.impact_result import Impact
+
+IMPEDANCE = 0.9999
+"""MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
+
+NO_CONTACT = 16
+"""MuJoCo's `mjDSBL_CONTACT`."""
+
+LONGEST = 1.0
+"""Time after which leg and ball count as not separating [s]."""
+
+
+class MujocoContact(NamedTuple):
+    """Parameters of a contact, as MuJoCo's `<pair>` has them.
+
+    Attributes:
+        solref: -stiffness [1/s2] and -damping [1/s], per unit of mass, or time constant [s] and
+            damping ratio.
+        solimp: impedance at first contact and from a depth on, this depth [m], and the shape.
+        friction: coefficient of sliding; 0 is a contact without friction, of condim 1.
+        solreffriction: the same as `solref` across the normal; (0, 0) takes those of `solref`.
+    """
+
+    solref: tuple[float, float] = (0.02, 1.0)
+    solimp: tuple[float, float, float, float, float] = (0.9, 0.95, 0.001, 0.5, 2.0)
+    friction: float = 0.0
+    solreffriction: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def condim(self) -> int:
+        """Directions in which the contact has forces: 1 without friction, else 3."""
+        return 3 if self.friction else 1
+
+
+def load_mujoco() -> Any:
+    """Return the module `mujoco`; raise `InvalidInput` if it is not installed."""
+    try:
+        import mujoco  # an optional package
+    except ImportError:
+        raise InvalidInput(
+            'a kick in MuJoCo needs the package mujoco: install it with pip install "kickdyn[mjcf]"'
+        ) from None
+    return mujoco
 
 
 def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Array]:
@@ -23,71 +69,268 @@ def mujoco_kick(impact: Impact, stiffness: float, dt: float) -> Callable[[], Arr
     inverse_mass = float(n @ impact.posture.delassus() @ n) + 1.0 / impact.ball.mass
     rate = stiffness * inverse_mass  # MuJoCo's stiffness is per unit of mass
     damping = 2.0 * damping_ratio(e) * math.sqrt(rate)
-    model = mujoco.MjModel.from_xml_string(scene(impact, rate, damping, dt))
-    data, n_joints = mujoco.MjData(model), len(impact.v_before)
+    solimp = (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
+    contact = MujocoContact((-rate, -damping), solimp, impact.contact.friction)
+    kick = MujocoKick(impact.approach, dt, contact)
 
     def run() -> Array:
         """Return the impulse on the ball of one simulated kick, shape `(3,)` [N s]."""
-        mujoco.mj_resetData(model, data)
-        data.qpos[:n_joints], data.qvel[:n_joints] = impact.posture.q, impact.v_before
-        mujoco.mj_forward(model, data)
-        for step in range(round(1.0 / dt)):
-            mujoco.mj_step(model, data)
-            if step > 2 and data.ncon == 0:
-                return np.array(impact.ball.mass * data.qvel[n_joints : n_joints + 3])
-        raise KickdynError("leg and ball did not part within a second")
+        gained = kick.run().velocity - impact.ball_before.velocity
+        return np.asarray(impact.ball.mass * gained)
 
     return run
 
 
 def damping_ratio(restitution: float) -> float:
     """Return the damping ratio, 0 to 0.9, of a linear contact that does not pull, by e."""
-
-    def returned(ratio: float) -> float:
-        """Return the restitution of a damped spring with this damping ratio."""
-        swing = math.sqrt(1.0 - ratio * ratio)
-        phase = math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)  # where the force ends
-        return math.exp(-ratio / swing * phase)
-
     if restitution == 1.0:
         return 0.0
-    return float(brentq(lambda ratio: returned(ratio) - restitution, 1e-9, 0.9))
+    return float(brentq(lambda ratio: _returned(ratio) - restitution, 1e-9, 0.9))
 
 
-def scene(impact: Impact, rate: float, damping: float, dt: float) -> str:
-    """Return an MJCF model of the leg, with a flat face at its toe, and the ball before it."""
-    model, contact, ball = impact.posture.leg.model, impact.contact, impact.ball
-    data = model.createData()
-    zero = pin.neutral(model)
-    bodies = ends = ""
-    for i in range(1, model.njoints):
-        placement, inertia = model.jointPlacements[i], model.inertias[i]
-        axis = pin.computeJointJacobian(model, data, zero, i)[3:, model.joints[i].idx_v]
-        moments = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        bodies += (
-            f'<body pos="{row(placement.translation)}" quat="{quaternion(placement.rotation)}">'
-            f'<inertial pos="{row(inertia.lever)}" mass="{inertia.mass!r}" '
-            f'fullinertia="{row(moments)}"/><joint type="hinge" axis="{row(axis)}"/>'
+def release_phase(ratio: float) -> float:
+    """Return the phase at which a damped spring of a damping ratio stops to push [rad]."""
+    swing = math.sqrt(1.0 - ratio * ratio)
+    return math.atan2(2.0 * ratio * swing, 2.0 * ratio * ratio - 1.0)
+
+
+def _returned(ratio: float) -> float:
+    """Return the restitution of a damped spring of a damping ratio."""
+    return math.exp(-ratio / math.sqrt(1.0 - ratio * ratio) * release_phase(ratio))
+
+
+class SimulatedBall(NamedTuple):
+    """What a simulated kick gives.
+
+    Attributes:
+        velocity: of the ball once it is free, shape `(3,)` [m/s, world frame].
+        spin: shape `(3,)` [rad/s, world frame].
+        contact_time: time steps in which foot and ball push each other [s].
+        joint_impulses: shape `(njoints, 3)` [N s, world frame], of the force on the body that each
+            joint moves, less what the force would be without the ball; empty unless asked for.
+    """
+
+    velocity: Array
+    spin: Array
+    contact_time: float
+    joint_impulses: Array
+
+
+class MujocoKick:
+    """A kick as a compiled MuJoCo model, whose contact may be changed between runs."""
+
+    def __init__(
+        self,
+        approach: Approach,
+        timestep: float,
+        contact: MujocoContact,
+        integrator: str = "Euler",
+        gravity: bool = False,
+    ) -> None:
+        """Compile the model; raise `InvalidInput` if MuJoCo refuses the leg."""
+        self.mujoco = load_mujoco()
+        self.approach, self.timestep = approach, timestep
+        text = scene(approach, timestep, contact, integrator, gravity)
+        try:
+            self.model = self.mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:
+            raise InvalidInput(f"MuJoCo refuses {approach.posture.leg.name}: {error}") from None
+        self.data = self.mujoco.MjData(self.model)
+        names = list(approach.posture.leg.model.names)[1:]
+        self.bodies = [self.model.body(name).id for name in names]
+
+    def set_contact(self, contact: MujocoContact) -> None:
+        """Replace the contact's parameters; one without friction stays so."""
+        self.model.pair_solref[0] = contact.solref
+        self.model.pair_solimp[0] = contact.solimp
+        self.model.pair_solreffriction[0] = contact.solreffriction
+        self.model.pair_friction[0, :2] = contact.friction
+
+    def run(
+        self, phase: float = 0.0, joint_impulses: bool = False, longest: float = LONGEST
+    ) -> SimulatedBall:
+        """Return the ball of one simulated kick.
+
+        Args:
+            phase: share of a time step by which the simulation begins before the first contact. At
+                0 leg and ball begin where they touch.
+            joint_impulses: whether to compute them.
+            longest: time after which the two count as not separating [s].
+
+        Raises:
+            KickdynError: leg and ball do not separate, or the simulation diverges.
+        """
+        mujoco, model, data = self.mujoco, self.model, self.data
+        self._start(phase * self.timestep)
+        forces = np.zeros((model.nbody, 3))
+        pushed = touched = 0
+        for step in range(math.ceil(longest / self.timestep) + 4):
+            if joint_impulses:
+                forces += self.timestep * (self._joint_forces(0) - self._joint_forces(NO_CONTACT))
+            mujoco.mj_step(model, data)
+            if data.ncon:
+                touched += 1
+                row = int(data.contact.efc_address[0])
+                pushed += row >= 0 and data.efc_force[row] > 0.0
+            elif touched and step > 2:
+                velocity = data.qvel[-6:-3].copy()
+                if not np.isfinite(velocity).all():
+                    break
+                spin = data.qvel[-3:].copy()
+                turn = np.zeros(9)  # of the ball, in whose axes MuJoCo gives its spin
+                mujoco.mju_quat2Mat(turn, data.qpos[-4:])
+                spin = turn.reshape(3, 3) @ spin
+                found = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
+                return SimulatedBall(velocity, spin, pushed * self.timestep, found)
+        raise KickdynError(f"leg and ball did not part within {longest:g} s")
+
+    def _joint_forces(self, disabled: int) -> Array:
+        """Return the force on each body at its joint [N, world frame], some effects disabled."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        model.opt.disableflags = disabled
+        mujoco.mj_forward(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        model.opt.disableflags = 0
+        return np.array(data.cfrc_int[:, 3:])
+
+    def _start(self, before: float) -> None:
+        """Set the state at a time [s] before the first contact."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        if before:
+            mujoco.mj_integratePos(model, data.qpos, data.qvel, -before)
+        mujoco.mj_forward(model, data)
+        if before:
+            data.qvel -= before * data.qacc
+
+
+def scene(
+    approach: Approach,
+    timestep: float,
+    contact: MujocoContact,
+    integrator: str = "Euler",
+    gravity: bool = False,
+) -> str:
+    """Return an MJCF model of the leg, with a flat face at its toe, and the ball before it.
+
+    The bodies have the names of the leg's joints; the keyframe is the state at first contact.
+    Raises `InvalidInput` for a leg with supports, loops, mimic or stiff joints, or with joints of
+    another kind than those of URDF and MJCF files.
+    """
+    posture, ball = approach.posture, approach.ball
+    if posture.leg.constraints is not None:
+        raise InvalidInput(
+            f"{posture.leg.name} has supports, loops, mimic joints or stiff joints: a kick in "
+            "MuJoCo is simulated for a leg without any"
         )
-        ends += "</body>"
-    normal = impact.posture.rotation_world_joint.T @ contact.normal
+    ball.check_movable("a kick in MuJoCo")
+    model = posture.leg.model
+    children: list[list[int]] = [[] for _ in range(model.njoints)]
+    for joint in range(1, model.njoints):
+        children[model.parents[joint]].append(joint)
+    normal = posture.rotation_world_joint.T @ approach.contact.normal
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
-    bodies += f'<geom type="box" size="1 1 0.1" quat="{quaternion(face)}" '
-    bodies += f'pos="{row(impact.posture.contact_lever - 0.1 * normal)}"/>'
-    d = 0.9999  # MuJoCo's largest impedance
-    friction = 'condim="1"'
-    if contact.friction:
-        friction = f'condim="3" friction="{contact.friction} 0 0"'
+    foot = (
+        f'<geom name="foot" type="box" size="1 1 0.1" quat="{quaternion(face)}" '
+        f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0"/>'
+    )
+
+    order: list[int] = []
+
+    def body(joint: int) -> str:
+        """Return a body with those that it carries, and add them to the order of MuJoCo's."""
+        order.append(joint)
+        inside = "".join(body(child) for child in children[joint])
+        face = foot if joint == posture.leg.contact_joint else ""
+        return f"{_body(model, joint)}{face}{inside}</body>\n    "
+
+    bodies = "".join(body(joint) for joint in children[0])
+    weight = row(model.gravity.linear) if gravity else "0 0 0"
+    centre = posture.contact_point + ball.radius * approach.contact.normal
+    before = approach.ball_before
+    q, v = _mujoco_state(model, order, posture.q, approach.v)
+    qpos = row([*q, *centre, 1.0, 0.0, 0.0, 0.0])
+    qvel = row([*v, *before.velocity, *before.spin])
     return f"""<mujoco>
-  <option gravity="0 0 0" timestep="{dt!r}" cone="elliptic" impratio="100" tolerance="1e-14"/>
-  <default><geom {friction} solref="{-rate!r} {-damping!r}" solimp="{d} {d} 1 0.5 1"/></default>
-  <worldbody>{bodies}{ends}
-    <body pos="{row(impact.ball_after.position)}"><freejoint/>
+  <compiler boundmass="1e-9" boundinertia="1e-12"/>
+  <option gravity="{weight}" timestep="{timestep!r}" integrator="{integrator}" cone="elliptic" \
+impratio="100" tolerance="1e-14"/>
+  <worldbody>
+    {bodies}<body name="ball" pos="{row(centre)}"><freejoint/>
       <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
-      <geom type="sphere" size="{ball.radius!r}"/>
+      <geom name="ball" type="sphere" size="{ball.radius!r}" contype="0" conaffinity="0"/>
     </body>
   </worldbody>
+  <contact>
+    {pair(contact, "foot")}
+  </contact>
+  <keyframe><key name="first contact" qpos="{qpos}" qvel="{qvel}"/></keyframe>
 </mujoco>"""
+
+
+def pair(contact: MujocoContact, foot: str) -> str:
+    """Return the MJCF element of the contact between the ball and a geom of the foot."""
+    across = ""
+    if any(contact.solreffriction):
+        across = f' solreffriction="{row(contact.solreffriction)}"'
+    mu = float(contact.friction)
+    return (
+        f'<pair geom1="{foot}" geom2="ball" condim="{contact.condim}" '
+        f'solref="{row(contact.solref)}" solimp="{row(contact.solimp)}" '
+        f'friction="{mu!r} {mu!r} 0 0 0"{across}/>'
+    )
+
+
+def _body(model: Any, joint: int) -> str:
+    """Return the opening of a body: its place, inertia and joint."""
+    placement, inertia = model.jointPlacements[joint], model.inertias[joint]
+    moments = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    moments[:3] += 1e-12 * (inertia.mass == 0.0)  # a joint of several, without a body of its own
+    kind, first, size = model.joints[joint].shortname(), model.idx_vs[joint], model.nvs[joint]
+    armature = float(model.armature[first])
+    if kind == "JointModelFreeFlyer":
+        element = "<freejoint/>"
+    elif kind == "JointModelSpherical":
+        element = f'<joint type="ball" armature="{armature!r}"/>'
+    elif size == 1:
+        data = model.createData()
+        columns = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
+        axis = columns.reshape(6, model.nv)[:, first]  # a vector where nv is 1
+        slides = bool(axis[:3].any())
+        along = row(axis[:3] if slides else axis[3:])
+        name = "slide" if slides else "hinge"
+        element = f'<joint type="{name}" axis="{along}" armature="{armature!r}"/>'
+    else:
+        raise InvalidInput(f"joint {model.names[joint]!r} is a {kind}, which MuJoCo has not")
+    return (
+        f'<body name={quoteattr(model.names[joint])} pos="{row(placement.translation)}" '
+        f'quat="{quaternion(placement.rotation)}">'
+        f'<inertial pos="{row(inertia.lever)}" mass="{inertia.mass!r}" '
+        f'fullinertia="{row(moments)}"/>{element}'
+    )
+
+
+def _mujoco_state(
+    model: Any, joints: Sequence[int], q: Array, v: Array
+) -> tuple[list[float], list[float]]:
+    """Return q and v of joints in MuJoCo's convention: quaternions wxyz, the base in the world."""
+    positions: list[float] = []
+    velocities: list[float] = []
+    for joint in joints:
+        part = q[model.idx_qs[joint] : model.idx_qs[joint] + model.nqs[joint]]
+        speed = v[model.idx_vs[joint] : model.idx_vs[joint] + model.nvs[joint]]
+        if model.nqs[joint] == 7:
+            place = model.jointPlacements[joint] * pin.XYZQUATToSE3(part)
+            x, y, z, a, b, c, w = pin.SE3ToXYZQUAT(place)
+            part = np.array([x, y, z, w, a, b, c])
+            speed = np.concatenate([place.rotation @ speed[:3], speed[3:]])
+        elif model.nqs[joint] == 4:
+            part = part[[3, 0, 1, 2]]
+        elif model.nqs[joint] == 2:  # cosine and sine of a continuous joint
+            part = np.array([math.atan2(part[1], part[0])])
+        positions += part.tolist()
+        velocities += speed.tolist()
+    return positions, velocities
 
 
 def row(values: Any) -> str:

@@ -123,27 +123,28 @@ def is_known(model: Coefficient) -> bool:
     return is_registered(model) or isinstance(model, ConstantCoefficient)
 
 
+def least_value(kind: str) -> float:
+    """Return the least coefficient that makes sense: lift may act downwards, the others brake."""
+    return -math.inf if kind == "lift" else 0.0
+
+
 def find_model(
-    kind: str, models: Mapping[str, CoefficientModel], choice: str | Coefficient | None
+    kind: str, models: Mapping[str, CoefficientModel], choice: str | float | Coefficient | None
 ) -> Coefficient | None:
-    """Return the model that a name stands for, a function as it is, None for None.
+    """Return the model that a name or a number stands for, a function as it is, None for None.
 
     Raises:
-        InvalidInput: an unknown name, or a number; the message says how a number becomes a model.
+        InvalidInput: an unknown name; a number that is not finite, or below 0 but for lift.
     """
     if choice is None or callable(choice):
         return choice
     if isinstance(choice, Real) and not isinstance(choice, bool):
-        value = validation.number(f"{kind} model", choice)
-        raise InvalidInput(
-            f"{kind} model is the number {value:g}: pass "
-            f"kickdyn.aerodynamics.drag.constant({value:g}) for a coefficient that is the "
-            f"same everywhere, or choose {', '.join(models)}"
-        )
+        name = f"{kind} coefficient"
+        return ConstantCoefficient(validation.number(name, choice, at_least=least_value(kind)))
     if not isinstance(choice, str) or choice not in models:
         raise InvalidInput(
             f"{kind} model {validation.brief(choice)} is unknown: choose {', '.join(models)}, "
-            "or pass a function of (reynolds, spin_parameter)"
+            "or pass a number or a function of (reynolds, spin_parameter)"
         )
     return models[choice]
 

@@ -18,6 +18,7 @@ COMMANDS = {
     "paper": "Reproduce the ICRA 2005 paper, item by item.",
     "tradeoff": "Measure error against cost.",
     "simulate": "Simulate a scene file to a tolerance.",
+    "tune-mujoco": "Find contact parameters for a ball in MuJoCo.",
     "identify": "Fit launch, spin and drag to a measured ball track.",
     "view": "Show a scene file as a 3-D page or a picture.",
 }

@@ -7,6 +7,7 @@ import numpy as np
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import read_coefficient
 from kickdyn.cli.command import busy
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.core.plot_style import check_name, save_figure
@@ -29,8 +30,9 @@ SHORTEST = 0.4
     "--drag",
     default="constant",
     show_default=True,
-    metavar="MODEL",
-    help="Fit a constant coefficient, or a factor of a drag model, by its name.",
+    metavar="constant|MODEL|NUMBER",
+    help="Fit a constant coefficient, or a factor of a drag model, by its name; or keep the "
+    "coefficient at a number.",
 )
 @click.option(
     "--columns",
@@ -81,8 +83,10 @@ def identify(
     else:
         track = Track.from_csv(track_file, [name.strip() for name in columns.split(",")])
     ball, ground = Ball(ball_mass, ball_radius), Ground(ground_height)
-    air = Air() if drag == "constant" else Air(drag=drag)
-    free = ("spin", "drag" if drag == "constant" else "drag-scale")
+    model = read_coefficient(drag)
+    air = Air() if drag == "constant" else Air(drag=model)
+    fitted = ["drag" if drag == "constant" else "drag-scale"] if isinstance(model, str) else []
+    free = ["spin", *fitted]
     found: Segments | None = None
     if start is None and end is None:
         found = segments(track, ball, ground)

@@ -9,6 +9,7 @@ import numpy as np
 
 from kickdyn.air import AIRS, Air
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
@@ -17,11 +18,12 @@ from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
-from kickdyn.planning.goal import Arc, Goal
+from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
+from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
@@ -59,7 +61,9 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
         return None
     pairs = [part.partition("=") for part in text.split(",")]
     try:
-        return {name.strip(): float(value) for name, _, value in pairs}
+        return checked_spread({name.strip(): float(value) for name, _, value in pairs})
+    except InvalidInput as error:
+        raise InvalidInput(f"robust is {text!r}: {error}") from None
     except ValueError:
         raise InvalidInput(f"robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
 
@@ -117,6 +121,7 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="20 degC at sea level; density and viscosity of the paper's "
               "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
               show_default=True, help="In kg and m, or by name.")  # fmt: skip
 @click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
@@ -151,6 +156,7 @@ def plan(
     spin: list[float] | None,
     wind: list[float] | None,
     air: str,
+    drag: str | None,
     ball: Ball,
     uncertainty: dict[str, float] | None,
     json_file: str | None,
@@ -162,9 +168,13 @@ def plan(
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
+    if ball_height is not None and ball_at is not None:
+        raise InvalidInput("ball-height and ball-at are named: name one of the two")
+    if swing and no_limits:
+        raise InvalidInput("swing and no-limits are named: a swing is planned within limits")
     for name, value in {"distance": distance, "height": height, "left": left}.items():
         least = 0.0 if name == "distance" else -math.inf
-        validation.number(name, value, above=least, unit="m")
+        validation.number(name, value, above=least, at_most=FARTHEST, unit="m")
     if wall is not None:
         wall.check_before(math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
@@ -186,6 +196,7 @@ def plan(
         over=None if over is None else (over[0], over[1]),
         beside=None if beside is None else (beside[0], beside[1]),
     )
+    air_of_flight = _windy(with_drag(AIRS[air], drag), wind)
     leg = leg_options.load()
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
@@ -198,7 +209,7 @@ def plan(
                 leg,
                 goal,
                 ball,
-                _windy(AIRS[air], wind),
+                air_of_flight,
                 objective=(objective or KickObjective.JOINT_SPEED)
                 if uncertainty is None
                 else "scatter",

@@ -14,6 +14,7 @@ import xarray as xr
 
 from kickdyn.air import AIRS
 from kickdyn.ball import Ball
+from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
@@ -25,11 +26,11 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.restitution import Restitution, range_warnings
-from kickdyn.sweeps.dataset import describe
+from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import blocks
 from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
-from kickdyn.sweeps.summary import Summary
+from kickdyn.sweeps.summary import NEEDED, Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
 from kickdyn.sweeps.sweep_report import ReportLine, as_json, extreme_lines, paper_lines, show
@@ -56,6 +57,7 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
               help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
               "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+@drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
               show_default=True, help="In kg and m, or by name. The impulse on an obstacle that "
               "cannot move is always listed, as immovable_impulse.")  # fmt: skip
@@ -67,6 +69,9 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
               "number, which can be resumed. Without it, no posture is kept but the best and the "
               "front, for --json.")  # fmt: skip
+@click.option("--variables", metavar="NAME,...",
+              help=f"Keep these in --out, beside status and what the table is made from "
+              f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Compute what DIR.zarr lacks.")
 @click.option("--threads", type=click.IntRange(1, 1024),
               help="Threads of this process.  [default: one per core]")  # fmt: skip
@@ -90,9 +95,11 @@ def posture_sweep(
     restitution: Restitution,
     friction: float,
     air: str,
+    drag: str | None,
     ball: Ball,
     law: str,
     out: str | None,
+    variables: str | None,
     resume: bool,
     threads: int | None,
     workers: int | None,
@@ -109,11 +116,12 @@ def posture_sweep(
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
     leg = leg_options.load()
+    validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(
         speed=speed, attack=angle, restitution=restitution, friction=friction, law=law,
-        ball=ball, air=AIRS[air],
+        ball=ball, air=with_drag(AIRS[air], drag),
     )  # fmt: skip
     warn(range_warnings(kick.contact.restitution, speed))
     kicking = [axis for axis in KICKING if axis.partition("=")[0] in leg.joint_names]
@@ -131,15 +139,19 @@ def posture_sweep(
     check_outputs(file, plot, view, json_file=json_file)
     if store is None and (resume or workers is not None):
         raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
-    summary = Summary(describe(leg, grid, kick, tolerance), where)
+    if out is None and variables is not None:
+        raise InvalidInput("--variables is for what is kept: name it --out FILE.nc or DIR.zarr")
+    named = None if variables is None else [name.strip() for name in variables.split(",")]
+    kept = select_variables(None if named is None else [*named, *NEEDED])
+    summary = Summary(describe(leg, grid, kick, tolerance), where, kept)
 
     data: xr.Dataset | None = None
     found: Iterator[xr.Dataset]
     with _progress_bar(grid.size) as progress:
         if out is not None:
             data = sweep(
-                leg, postures, kick, store=store, resume=resume, tolerance=tolerance,
-                threads=threads, workers=workers, progress=progress,
+                leg, postures, kick, store=store, variables=kept, resume=resume,
+                tolerance=tolerance, threads=threads, workers=workers, progress=progress,
             )  # fmt: skip
             found = (block for _, block in blocks(data))
         else:

@@ -188,12 +188,10 @@ def _integrated(
     try:
         arcs, status = _arcs(equations, ends, rtol, atol)
     except KickdynError as error:
-        if equations.fault is None:
+        cause = equations.describe_fault()
+        if not cause:
             raise
-        kind = type(equations.fault).__name__
-        raise KickdynError(
-            f"{error}; the air's wind or a coefficient raised {kind}: {equations.fault}"
-        ) from equations.fault
+        raise KickdynError(f"{error}; {cause}") from equations.fault
     nodes = [(0.0, equations.begin), *((arc.end, arc.state) for arc in arcs)]
     end, last = nodes[-1][0], nodes[-1][1].copy()
     if status is FlightStatus.LANDED:

@@ -1,14 +1,16 @@
 """The strike through a compliant contact: leg and ball integrated while they touch."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from inspect import signature
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import OdeSolution
 from scipy.optimize import minimize_scalar
 
 from kickdyn.ball import Ball, BallState
@@ -20,13 +22,16 @@ from kickdyn.core.vectors import largest
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.approach import AT_REST, Approach, find_approach
 from kickdyn.impact.compliant_contact import CompliantContact, Torque
-from kickdyn.impact.hertz import (
+from kickdyn.impact.force_model import (
+    HERTZ,
+    LINEAR,
     SHORTEST_CONTACT,
-    HertzContact,
+    Dissipation,
+    ForceModel,
     contact_stiffness,
     expected_contact_time,
     integrate_until,
-    matched_damping,
+    make_force_model,
 )
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
@@ -39,6 +44,24 @@ MAX_CONTACT_TIMES = 50.0
 """Expected contact times after which foot and ball count as not separating."""
 
 Sample = Callable[[float], tuple[Array, Array, float]]
+
+
+class _Motion(NamedTuple):
+    """The integrated contact.
+
+    Attributes:
+        sol: column at a time.
+        times: of the steps, shape `(n,)` [s].
+        last: column at separation.
+        begins: times at which a phase of compression or of restitution begins [s].
+        largest: deflection before each phase, 0 while it grows [m].
+    """
+
+    sol: OdeSolution
+    times: Array
+    last: Array
+    begins: list[float]
+    largest: list[float]
 
 
 class ContactSample(NamedTuple):
@@ -63,7 +86,7 @@ class Collision(ReprMixin):
         leg, ball, contact: as in the call.
         approach_speed: of the foot towards the ball along the normal at first contact [m/s].
         restitution: coefficient e of the contact at that speed.
-        hertz: stiffness and damping.
+        force_model: stiffness and dissipation.
         impulse: on the ball, shape `(3,)` [N s, world frame].
         contact_time: from first contact to separation [s].
         peak_force: largest contact force, friction included [N].
@@ -84,7 +107,7 @@ class Collision(ReprMixin):
     contact: Contact
     approach_speed: float
     restitution: float
-    hertz: HertzContact
+    force_model: ForceModel
     impulse: Array
     contact_time: float
     peak_force: float
@@ -168,22 +191,24 @@ def collide(
     contact: Contact,
     *,
     contact_time: float | None = None,
-    stiffness: float | None = None,
+    stiffness: float | Literal["pressure"] | None = None,
+    dissipation: str = Dissipation.WALTON_BRAUN,
     torque: ArrayLike | Torque | None = None,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
     tol: float = 1e-9,
 ) -> Collision:
-    """Strike a ball through a Hertz contact, to the first separation.
+    """Strike a ball through a contact of finite stiffness, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
     stay at rest and loops closed, whatever forces that takes of ground and pins. The foot
     is a plane through its contact point that rotates with it, the ball a rigid body behind a
-    spring; the force of `HertzContact` acts along the plane's normal through the ball's centre, and
-    Coulomb's friction across it, against the sliding. For growing stiffness the result tends to
-    that of `strike`, law `newton`, if the contact slips in one direction throughout; if it sticks,
-    only if friction does not change the normal velocity (a leg without coupling), because damping
-    is not Newton's law then.
+    spring; the force of `ForceModel` acts along the plane's normal through the ball's centre, and
+    Coulomb's friction across it, against the sliding. For growing stiffness the result with the
+    dissipation `walton-braun` tends to that of `strike`, law `stronge`, whose restitution it has.
+    With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
+    throughout; if it sticks, only if friction does not change the normal velocity (a leg without
+    coupling).
 
     Args:
         posture: of the leg at first contact, whose contact frame touches the ball.
@@ -193,7 +218,10 @@ def collide(
             and friction. Sticking points creep, at about a thousandth of the approach speed.
         contact_time: for which the stiffness is chosen, exactly so if effective masses are
             constant and no other force acts [s]; `CONTACT_TIME`, 10 ms, by default.
-        stiffness: [N/m^1.5], instead of `contact_time`.
+        stiffness: of a Hertz contact [N/m^1.5], instead of `contact_time`; or `"pressure"`, the
+            linear spring of an inflated ball, `Ball.stiffness`, which has no fitted value.
+        dissipation: `walton-braun` or `hunt-crossley`, see `Dissipation` and `ForceModel`; of both
+            the restitution is exact if effective masses are constant and no other force acts.
         torque: at the joints, shape `(nv,)` [N m; N], constant or a function of time since
             first contact, q and v; 0 by default.
         ball_velocity: of its centre at first contact, shape `(3,)` [m/s, world frame].
@@ -203,8 +231,8 @@ def collide(
 
     Raises:
         NoImpact: foot and ball do not approach each other along the normal.
-        InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness,
-            or a velocity that moves a support or opens a loop.
+        InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, a
+            ball of unknown pressure, or a velocity that moves a support or opens a loop.
         KickdynError: foot and ball do not separate, or the integrator failed.
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
@@ -216,12 +244,20 @@ def collide(
     # Below a micrometre per second gravity, not the impact, decides the motion.
     validation.number("approach speed", approach.speed, at_least=1e-6, unit="m/s")
     mass = 1.0 / approach.contact_problem().inverse_mass
-    hertz = _hertz_contact(approach, mass, contact_time, stiffness)
-    expected = expected_contact_time(hertz.stiffness, mass, approach.speed, approach.restitution)
+    kind = validation.choice("dissipation", dissipation, Dissipation)
+    k, exponent = _stiffness(approach, mass, contact_time, stiffness, kind)
+    e = approach.restitution
+    model = make_force_model(k, exponent, approach.speed, e, kind)
+    expected = expected_contact_time(k, mass, approach.speed, e, kind, exponent)
     validation.number("contact time", expected, at_least=SHORTEST_CONTACT, unit="s")
-    motion = CompliantContact(approach, hertz, torque, expected)
-    solution = _integrate(motion, approach, mass, tol)
-    return _result(motion, approach, mass, solution, tol)
+    contact_motion = CompliantContact(approach, model, torque, expected)
+    again = partial(
+        collide, posture, approach.v, ball, contact, torque=torque, dissipation=kind,
+        stiffness=stiffness if exponent == LINEAR else k,
+        ball_velocity=approach.ball_before.velocity, ball_spin=approach.ball_before.spin,
+    )  # fmt: skip
+    motion = _integrate(contact_motion, mass, tol)
+    return _result(contact_motion, mass, motion, tol, again)
 
 
 def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torque:
@@ -239,65 +275,94 @@ def _checked_torque(torque: ArrayLike | Torque | None, nv: int) -> Array | Torqu
     return torque
 
 
-def _hertz_contact(
-    approach: Approach, mass: float, contact_time: float | None, stiffness: float | None
-) -> HertzContact:
-    """Return the contact of a stiffness or a contact time; two masses alone would make it last."""
+def _stiffness(
+    approach: Approach,
+    mass: float,
+    contact_time: float | None,
+    stiffness: float | str | None,
+    dissipation: Dissipation,
+) -> tuple[float, float]:
+    """Return stiffness [N/m^n] and exponent n; a contact time is that of the two masses alone."""
     if contact_time is not None and stiffness is not None:
         raise InvalidInput(
             f"contact_time is {contact_time!r} and stiffness {stiffness!r}: name one of them"
         )
-    speed, e = approach.speed, approach.restitution
-    damping = matched_damping(e) / speed
+    if isinstance(stiffness, str):
+        if stiffness != "pressure":
+            raise InvalidInput(
+                f"stiffness is {stiffness!r}: it must be a number [N/m^1.5] or 'pressure'"
+            )
+        return approach.ball.stiffness, LINEAR
     if stiffness is None:
         time = CONTACT_TIME if contact_time is None else contact_time
-        stiffness = contact_stiffness(time, mass, speed, e)
-    return HertzContact(validation.number("stiffness", stiffness, above=0, unit="N/m^1.5"), damping)
+        e = approach.restitution
+        stiffness = contact_stiffness(time, mass, approach.speed, e, dissipation)
+    return validation.number("stiffness", stiffness, above=0, unit="N/m^1.5"), HERTZ
 
 
-def _integrate(motion: CompliantContact, approach: Approach, mass: float, tol: float) -> Any:
-    """Return scipy's solution from first contact to separation, or raise `KickdynError`."""
-    expected, start = motion.expected, motion.start()
-    limit, atol = MAX_CONTACT_TIMES * expected, tol * motion.scales(mass)
-    with np.errstate(over="ignore", invalid="ignore"):  # reported below
-        solution = integrate_until(
-            motion.gap, motion.rates, start, limit, tol, atol, expected / 20.0
-        )
-    if not solution.success or not np.isfinite(solution.y[:, -1]).all():
-        raise KickdynError(f"the integrator failed at {solution.t[-1]:g} s: {solution.message}")
-    if solution.status != 1:
-        raise KickdynError(
-            f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} times "
-            "the time that the two alone would take"
-        )
-    return solution
+def _integrate(contact: CompliantContact, mass: float, tol: float) -> _Motion:
+    """Return the motion from first contact to separation, or raise `KickdynError`.
+
+    A contact with hysteresis is cut where compression ends, and where the deflection outgrows the
+    largest one before, so that the force is smooth in every phase.
+    """
+    model, expected, radius = contact.force_model, contact.expected, contact.ball.radius
+    limit, atol = MAX_CONTACT_TIMES * expected, tol * contact.scales(mass)
+    parts: list[Any] = []
+    begins, of_phases = [], []
+    t, y, largest, touching = 0.0, contact.start(), 0.0, True
+    while touching:
+        event: Any = contact.compression_ends
+        if model.restitution == 1.0 or largest > 0.0:
+            event = partial(contact.restitution_ends, largest=largest)
+        rates = partial(contact.rates, largest=largest)
+        with np.errstate(over="ignore", invalid="ignore"):  # reported below
+            part = integrate_until(event, rates, y, limit, tol, atol, expected / 20.0, t)
+        if not part.success or not np.isfinite(part.y[:, -1]).all():
+            raise KickdynError(f"the integrator failed at {part.t[-1]:g} s: {part.message}")
+        if part.status != 1:
+            raise KickdynError(
+                f"foot and ball are still in contact after {limit:g} s, {MAX_CONTACT_TIMES:g} "
+                "times the time that the two alone would take"
+            )
+        parts.append(part)
+        begins.append(t)
+        of_phases.append(largest)
+        t, y = float(part.t[-1]), part.y[:, -1]
+        deflection = contact.deflection(y)
+        apart = deflection - model.separation(largest) < largest - deflection
+        touching = model.restitution < 1.0 and not apart and deflection < radius * (1.0 - 1e-9)
+        largest = 0.0 if largest else deflection
+    times = np.concatenate([[0.0], *(part.t[1:] for part in parts)])
+    sol = OdeSolution(times, [one for part in parts for one in part.sol.interpolants])
+    return _Motion(sol, times, y, begins, of_phases)
 
 
 def _result(
-    motion: CompliantContact, approach: Approach, mass: float, solution: Any, tol: float
+    motion: CompliantContact, mass: float, solution: _Motion, tol: float, again: Any
 ) -> Collision:
-    """Return the collision of a solution."""
+    """Return the collision of an integrated motion, which `again` computes anew at another tol."""
+    approach = motion.approach
     posture, ball, contact, before = (
         approach.posture, approach.ball, approach.contact, approach.ball_before,
     )  # fmt: skip
-    start, end, last = solution.y[:, 0], float(solution.t[-1]), solution.y[:, -1]
+    start, end, last = motion.start(), float(solution.times[-1]), solution.last
 
     def sample(t: float) -> tuple[Array, Array, float]:
         """Return the contact's quantities at a time [s]."""
-        return motion.contact_at(t, solution.sol(t))
+        largest = solution.largest[bisect_right(solution.begins, t) - 1]
+        return motion.contact_at(t, solution.sol(t), largest)
 
-    peak_force, deflection = _peaks(sample, solution.t)
+    peak_force, deflection = _peaks(sample, solution.times)
     if deflection >= ball.radius * (1.0 - 1e-9):
         raise InvalidInput(
-            f"stiffness is {motion.hertz.stiffness:g} N/m^1.5: too low, the ball would be pressed "
-            f"by {deflection:g} m, beyond its radius of {ball.radius:g} m"
+            f"stiffness is {motion.force_model.stiffness:g} N/m^{motion.force_model.exponent:g}: "
+            f"too low, the ball would be pressed by {deflection:g} m, beyond its radius of "
+            f"{ball.radius:g} m"
         )
-    again = partial(
-        collide, posture, approach.v, ball, contact, stiffness=motion.hertz.stiffness,
-        torque=motion.torque, ball_velocity=before.velocity, ball_spin=before.spin,
-    )  # fmt: skip
     state = motion.state(last)
-    energies = motion.energy(start) + state.work - state.lost - motion.energy(last)
+    left = motion.energy(last, solution.largest[-1])
+    energies = motion.energy(start, 0.0) + state.work - state.lost - left
     foot = motion.foot_at(state) - posture.contact_point
     impulse = motion.impulse(end, last)
     for array in (impulse, state.q, state.v, foot):
@@ -308,7 +373,7 @@ def _result(
         contact=contact,
         approach_speed=approach.speed,
         restitution=approach.restitution,
-        hertz=motion.hertz,
+        force_model=motion.force_model,
         impulse=impulse,
         contact_time=end,
         peak_force=peak_force,
@@ -322,7 +387,7 @@ def _result(
         v_before=approach.v,
         v_after=state.v,
         energy_residual=abs(energies) / (0.5 * mass * approach.speed**2),
-        evaluations=int(solution.nfev),
+        evaluations=motion.evaluations,
         tol=tol,
         _sample=sample,
         _again=again,

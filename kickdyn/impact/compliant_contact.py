@@ -14,7 +14,7 @@ from kickdyn.core.validation import Array
 from kickdyn.core.vectors import cross
 from kickdyn.errors import KickdynError
 from kickdyn.impact.approach import Approach
-from kickdyn.impact.hertz import HertzContact
+from kickdyn.impact.force_model import ForceModel
 from kickdyn.robot.constraints import ConstraintProjector
 from kickdyn.robot.leg import Workspace
 from kickdyn.robot.model_validation import cholesky_with_condition
@@ -81,14 +81,15 @@ class CompliantContact:
     """Leg and ball from first contact to separation, as a first-order system.
 
     The columns are the leg's displacement since first contact in the tangent space, its velocity,
-    the ball's displacement, velocity and spin, the energy lost, and the work done.
+    the ball's displacement, velocity and spin, the energy lost, and the work done. The largest
+    deflection so far is an argument where the force depends on it: 0 while it grows.
     """
 
     def __init__(
-        self, approach: Approach, hertz: HertzContact, torque: Array | Torque, expected: float
+        self, approach: Approach, force_model: ForceModel, torque: Array | Torque, expected: float
     ) -> None:
         posture, contact = approach.posture, approach.contact
-        self.approach, self.hertz, self.torque = approach, hertz, torque
+        self.approach, self.force_model, self.torque = approach, force_model, torque
         self.leg, self.q, self.ball = posture.leg, posture.q, approach.ball
         self.model = self.leg.model  # with gravity, which the leg's workspace leaves out
         self._space = Workspace(self.model)
@@ -150,15 +151,15 @@ class CompliantContact:
         deflection, sliding = self.ball.radius - height, apart + rate * normal
         return ContactKinematics(normal, point, deflection, rate, sliding)
 
-    def _forces(self, contact: ContactKinematics) -> tuple[float, Array]:
+    def _forces(self, contact: ContactKinematics, largest: float) -> tuple[float, Array]:
         """Return the normal force and the friction on the ball [N]: Coulomb's law, made smooth."""
-        normal_force = self.hertz.force(contact.deflection, contact.rate)
+        normal_force = self.force_model.force(contact.deflection, contact.rate, largest)
         if self.friction == 0.0:
             return normal_force, np.zeros(3)
         fast = math.hypot(*contact.sliding, self.creep)
         return normal_force, -self.friction / fast * normal_force * contact.sliding
 
-    def rates(self, t: float, y: Array) -> Array:
+    def rates(self, t: float, y: Array, largest: float) -> Array:
         """Return the derivative of a column."""
         self.evaluations += 1
         if not math.isfinite(t):
@@ -174,15 +175,15 @@ class CompliantContact:
             )
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)
-        spring = self.hertz.spring(contact.deflection)
-        size, friction = self._forces(contact)
+        returned = self.force_model.returned(contact.deflection, largest)
+        size, friction = self._forces(contact, largest)
         force = size * contact.normal + friction
         moment_on_ball = cross((contact.deflection - ball.radius) * contact.normal, friction)
 
         rotation = self.data.oMi[self.leg.contact_joint].rotation.T
         moment = rotation @ cross(contact.point, -force)
         self._space.external[self.leg.contact_joint] = pin.Force(rotation @ -force, moment)
-        lost = (size - spring) * contact.rate - float(friction @ contact.sliding)
+        lost = (size - returned) * contact.rate - float(friction @ contact.sliding)
         torque = self.torque
         if callable(torque):
             value = torque(t, state.q, state.v)
@@ -228,15 +229,25 @@ class CompliantContact:
         change = blas.dtrsv(factor, projector.correction(-missing), lower=1, trans=1)
         return change, float(state.v @ inertia @ change)
 
-    def gap(self, _: float, y: Array) -> float:
-        """Return what falls to 0 at separation: the deflection, or the radius less it."""
-        deflection = self.kinematics(self.state(y)).deflection
-        return min(deflection, self.ball.radius - deflection)
+    def deflection(self, y: Array) -> float:
+        """Return the deflection of a column [m]."""
+        return self.kinematics(self.state(y)).deflection
 
-    def contact_at(self, t: float, y: Array) -> tuple[Array, Array, float]:
+    def compression_ends(self, _: float, y: Array) -> float:
+        """Return what falls to 0 as the deflection stops growing: its rate, or radius less it."""
+        contact = self.kinematics(self.state(y))
+        return min(contact.rate, self.ball.radius - contact.deflection)
+
+    def restitution_ends(self, _: float, y: Array, largest: float) -> float:
+        """Return what falls to 0 at separation, or as the deflection outgrows the largest one."""
+        deflection = self.deflection(y)
+        limit = largest or self.ball.radius
+        return min(deflection - self.force_model.separation(largest), limit - deflection)
+
+    def contact_at(self, t: float, y: Array, largest: float) -> tuple[Array, Array, float]:
         """Return force [N] and impulse so far [N s] on the ball, and deflection [m]."""
         contact = self.kinematics(self.state(y))
-        size, friction = self._forces(contact)
+        size, friction = self._forces(contact, largest)
         return size * contact.normal + friction, self.impulse(t, y), contact.deflection
 
     def foot_at(self, state: State) -> Array:
@@ -249,7 +260,7 @@ class CompliantContact:
         gained = self.state(y).velocity - self.approach.ball_before.velocity
         return np.asarray(self.ball.mass * (gained - self.gravity * t))
 
-    def energy(self, y: Array) -> float:
+    def energy(self, y: Array, largest: float) -> float:
         """Return kinetic and potential energy of leg, ball and spring [J]."""
         state, ball = self.state(y), self.ball
         # Not computeKineticEnergy, which omits the rotor of the first joint.
@@ -260,6 +271,5 @@ class CompliantContact:
         turning = ball.inertia if ball.inertia < math.inf else 0.0  # nothing turns a particle
         moving = 0.5 * float(ball.mass * speed @ speed + turning * spin @ spin)
         height = -ball.mass * float(self.gravity @ state.moved)
-        deflection = max(self.kinematics(state).deflection, 0.0)
-        stored = 0.4 * self.hertz.spring(deflection) * deflection
+        stored = self.force_model.stored(self.deflection(y), largest)
         return leg + moving + height + stored

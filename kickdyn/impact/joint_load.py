@@ -10,7 +10,7 @@ import pinocchio as pin
 from kickdyn.core import validation
 from kickdyn.core.representation import ROUNDING, ReprMixin, Row, format_value
 from kickdyn.core.validation import Array
-from kickdyn.impact.hertz import SHORTEST_CONTACT
+from kickdyn.impact.force_model import SHORTEST_CONTACT
 from kickdyn.impact.impact_result import Impact
 
 

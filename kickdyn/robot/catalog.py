@@ -144,8 +144,6 @@ def robot(name: str) -> Robot:
 def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
     """Return the `pin.Model` of a robot, its base turned to x forward, z up.
 
-    The files are published ones, whose mimic joints move freely.
-
     Args:
         name: of the robot.
         base: `fixed` or `floating`.

@@ -31,8 +31,8 @@ class JointTable:
         self._short = _short_form(model, self.mimics)
         self.lower = read_only(model.lowerPositionLimit)
         self.upper = read_only(model.upperPositionLimit)
-        self.velocity_limit = read_only(model.velocityLimit)
-        self.effort_limit = read_only(model.effortLimit)
+        self.velocity_limit = read_only(_unlimited(model.velocityLimit))
+        self.effort_limit = read_only(_unlimited(model.effortLimit))
 
     @property
     def single_joints(self) -> list[str]:
@@ -256,18 +256,27 @@ def lock_joints(
     return reduced_model(model, locked, q)
 
 
+def _unlimited(limits: Array) -> Array:
+    """Return limits with inf for the largest float, with which Pinocchio starts a joint."""
+    return np.where(limits >= np.finfo(float).max, math.inf, limits)
+
+
 def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
     """Return a `pin.Model` with joints, by name, locked as they are at `q`, shape `(nq,)`.
 
     `pin.buildReducedModel` wants one frame of each joint's name: a link of that name has another
-    meanwhile, and a joint without a frame, with which it would crash, gets one.
+    meanwhile, and a joint without a frame, with which it would crash, gets one. These frames must
+    come before those that move with their joints. It also refuses a lower limit of velocity above
+    the upper one, although Pinocchio 4.1 itself starts with that.
     """
     own = model.copy()
+    own.lowerVelocityLimit = -own.velocityLimit
     names, moving = list(own.names), pin.FrameType.JOINT
     framed = {frame.name for frame in own.frames if frame.type == moving}
     for joint, name in enumerate(names):
         if joint and name not in framed:
             own.addJointFrame(joint)
+    _put_joint_frames_first(own)
     renamed = {}
     for number, frame in enumerate(own.frames):
         if frame.name in names and frame.type != moving:
@@ -277,3 +286,16 @@ def reduced_model(model: Any, joints: Iterable[str], q: Array) -> Any:
     for frame in reduced.frames:
         frame.name = renamed.get(frame.name, frame.name)
     return reduced
+
+
+def _put_joint_frames_first(model: Any) -> None:
+    """Put the frames of joints first in a `pin.Model`, unless each precedes those that it moves."""
+    frames = [pin.Frame(frame) for frame in model.frames]
+    moving = {f.parentJoint: n for n, f in enumerate(frames) if f.type == pin.FrameType.JOINT}
+    if all(moving.get(frame.parentJoint, 0) <= n for n, frame in enumerate(frames)):
+        return
+    others = [n for n in range(1, len(frames)) if frames[n].type != pin.FrameType.JOINT]
+    order = [0, *(moving[joint] for joint in sorted(moving)), *others]
+    for place, old in enumerate(order):
+        frames[old].parentFrame = order.index(frames[old].parentFrame)
+        model.frames[place] = frames[old]

@@ -78,7 +78,8 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
         if mimic.joint in names or mimic.driver in names:
             raise InvalidInput(
                 f"joint {mimic.joint!r} mimics {mimic.driver!r}: kicks are planned without mimic "
-                f"joints in the kicking limb; lock them, Leg.locked({{{mimic.driver!r}: ...}})"
+                f"joints in the kicking limb; lock {mimic.driver!r}, which locks both (Leg.locked, "
+                f"--lock {mimic.driver}=VALUE)"
             )
     others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot

@@ -247,8 +247,7 @@ class Leg(JointTable, ReprMixin):
 
         Raises:
             InvalidInput: no such robot, frame or base, the package is not installed, a download
-                fails, or a mass matrix that is singular (`icub`, `romeo`), with the joints at
-                fault.
+                fails, or a joint moves no mass (`romeo` with its fingers).
         """
         if name not in ROBOTS:
             if legs_only:
@@ -259,7 +258,9 @@ class Leg(JointTable, ReprMixin):
         leg = cls(lock_joints(model, locked, file.mimics), frame, file, contact_normal_cone=cone)
         try:
             check_model(leg.model)
-            leg.posture(leg.configuration())  # at which all joints stay that are not named
+            singular = _find_singularity(leg)
+            if singular is not None:
+                raise InvalidInput(singular)
         except InvalidInput as error:
             if legs_only:
                 raise
@@ -282,7 +283,7 @@ class Leg(JointTable, ReprMixin):
         except FaultyFile:
             raise
         except InvalidInput as error:
-            if frame:
+            if frame or not str(error).startswith("frame "):
                 raise
             raise InvalidInput(f"no frame is named, and {error}") from None
 
@@ -443,7 +444,7 @@ class Leg(JointTable, ReprMixin):
             if self.velocity_limit[self.velocity_index(name)] == 0.0
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
-        limit = [f"speed limit of {name} is 0: what moves it is too fast" for name in stuck]
+        limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
         return (*file, *self.open_loops, *limit)
 
     @cached_property

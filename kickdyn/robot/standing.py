@@ -133,11 +133,12 @@ def _flat_support(robot: Leg) -> Support:
             f"{robot.name} does not stand: kicks are planned for robots on a fixed base, or on a "
             "floating one with one support (Leg.with_supports) and no loops"
         )
-    held = [mimic.joint for mimic in robot.mimics] + list(robot.stiff_joints)
-    if held:
+    drivers = list(dict.fromkeys(mimic.driver for mimic in robot.mimics))
+    if drivers:
         raise InvalidInput(
-            f"{robot.name} has mimic or stiff joints ({', '.join(held)}): kicks from one foot are "
-            "planned without them (Leg.locked, Leg.with_stiff_joints)"
+            f"joints of {robot.name} mimic {', '.join(drivers)}: kicks from one foot are planned "
+            f"without mimic joints; lock {drivers[0]!r}, which locks what mimics it (Leg.locked, "
+            f"--lock {drivers[0]}=VALUE)"
         )
     supports = constraints.supports
     if len(supports) != 1 or supports[0].point:

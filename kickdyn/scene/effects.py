@@ -11,6 +11,9 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.scene.envelope import EXACT, Envelope, LaunchError
 from kickdyn.scene.scene import Scene
 
+UNBOUNDED = "what it moves has no known bound in this scene"
+"""Why an effect with a bound of inf is modelled: `docs/howto.md` says where that happens."""
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -95,7 +98,7 @@ def judge_effects(
             share = 0.0 if is_implied(name, out) else factor * bound
             verdicts.append(EffectVerdict(name, False, share, effect.reason))
         else:
-            why = "not bounded here" if bound == math.inf else "its bound exceeds the tolerance"
+            why = UNBOUNDED if bound == math.inf else "its bound exceeds the tolerance"
             verdicts.append(EffectVerdict(name, True, bound, why))
     return tuple(verdicts)
 

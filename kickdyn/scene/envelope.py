@@ -161,7 +161,7 @@ class Envelope:
         spin = math.hypot(*self.launch.spin.tolist()) + self.launch_error.spin
         surface_speed = ball.radius * spin
         if air.lift is not None and surface_speed:
-            most = max(air.lift(per_speed * v, surface_speed / v) for v in speeds)
+            most = max(abs(air.lift(per_speed * v, surface_speed / v)) for v in speeds)
             rate += scale * most * speeds[-1]
         return rate
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from kickdyn.aerodynamics import drag, lift, spin_decay
+from kickdyn.aerodynamics import coefficient_model, drag, lift, spin_decay
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
@@ -46,6 +46,21 @@ def _choice(*choices: str) -> Check:
     """Return a check of one of some names."""
     known = f"choose {', '.join(choices)}"
     return _valid(lambda value: isinstance(value, str) and value in choices, known)
+
+
+def _coefficient(kind: str, models: Mapping[str, Any]) -> Check:
+    """Return a check of the name of a model, or of a coefficient that is the same everywhere."""
+    number = _number(at_least=coefficient_model.least_value(kind))
+    name = _valid(
+        lambda value: isinstance(value, str) and value in models,
+        f"choose {', '.join(models)}, or a number",
+    )
+
+    def check(key: str, value: Any) -> Any:
+        """Return a name or a number that is valid."""
+        return name(key, value) if isinstance(value, str | bool) else number(key, value)
+
+    return check
 
 
 def _valid(condition: Callable[[Any], bool], advice: str) -> Check:
@@ -141,6 +156,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "base": _choice("fixed", "floating"),
         "package_dirs": _texts,
         "legs_only": _flag,
+        "locked": _by_joint("deg; m"),
         "supports": _texts,
         "loops": _pairs,
         "stiff_joints": _texts,
@@ -175,9 +191,9 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "altitude_m": _number("m", at_least=-1000.0, at_most=11_000.0),
         "temperature_c": _number("degC", at_least=-80.0, at_most=60.0),
         "pressure_pa": _number("Pa", above=0.0),
-        "drag": _choice(*drag.MODELS),
-        "lift": _choice(*lift.MODELS),
-        "torque": _choice(*spin_decay.MODELS),
+        "drag": _coefficient("drag", drag.MODELS),
+        "lift": _coefficient("lift", lift.MODELS),
+        "torque": _coefficient("torque", spin_decay.MODELS),
         "wind_m_s": _vector("m/s"),
         "buoyancy": _flag,
     },

@@ -20,7 +20,7 @@ from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.leg_file import read_leg
+from kickdyn.robot.leg_file import read_leg, read_robot
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import REQUIRED, UNCERTAINTY, check_document, faults_of
@@ -145,15 +145,15 @@ def _faults_in(section: str) -> Iterator[None]:
 def _leg(section: dict[str, Any], folder: Path) -> Leg:
     """Return the leg, without what is added to it."""
     base, frame = section.get("base", "fixed"), section.get("frame")
+    locked = section.get("locked")
     if "robot" in section:
         only = section.get("legs_only", False)
-        return Leg.from_robot(section["robot"], frame, base=base, legs_only=only)
+        return read_robot(section["robot"], frame, base, legs_only=only, locked=locked)
     if "model" in section:
-        return Leg.from_urdf(
-            shipped_urdf(f"leg_{section['model']}.urdf"), frame or "toe", base=base
-        )
+        path = shipped_urdf(f"leg_{section['model']}.urdf")
+        return read_leg(path, frame or "toe", base, locked=locked)
     packages = [folder / each for each in section.get("package_dirs", ())]
-    return read_leg(folder / section["file"], frame or "toe", base, packages)
+    return read_leg(folder / section["file"], frame or "toe", base, packages, locked)
 
 
 def _check_joints(leg: Leg, document: dict[str, Any]) -> None:

@@ -1,7 +1,9 @@
 """The dataset of a sweep: its variables with units, the status flags, and its provenance."""
 
+import difflib
 import hashlib
 import math
+from collections.abc import Iterable
 from importlib import metadata
 from typing import Any
 
@@ -34,14 +36,14 @@ VARIABLES = {
     "restitution_residual": ("1", "relative error of Newton's restitution"),
     "momentum_residual": ("1", "relative momentum that Newton-Euler cannot account for"),
 }
-"""Name of every float64 variable of a dataset, with its unit and meaning.
+"""Name of every variable of a dataset but `status`, with its unit and meaning.
 
 A new one comes last. `variables_of` computes it for one posture, and `fill_variables` in
 `kernels.py` for large grids; a sweep without it there ends in a `KeyError`.
 """
 
 STATUS_ATTRIBUTES: dict[str, Any] = {
-    "long_name": "whether the leg can kick so",
+    "long_name": "whether the leg can perform the kick",
     "flag_values": np.array([status.flag for status in PostureStatus], np.int8),
     "flag_meanings": " ".join(PostureStatus),
 }
@@ -60,24 +62,50 @@ def describe(leg: Leg, grid: Grid, kick: Kick, carry_tolerance: float) -> xr.Dat
     """Return the dataset of a sweep without its variables: coordinates and provenance.
 
     It has a coordinate per joint [rad; m] and, of angles, the same in degrees under the name
-    `JOINT_deg`. Its attribute `finished` is 0. `carry_tolerance` is the largest error of carries
-    that are interpolated [m], 0 where every ball is flown. Raises `InvalidInput` where the name of
-    a joint is also that of a variable.
+    `JOINT_deg`. Attributes follow the CF conventions; `finished` is 0. `carry_tolerance` is the
+    largest error of carries that are interpolated [m], 0 where every ball is flown. Raises
+    `InvalidInput` where the name of a joint is also that of a variable.
     """
     _check_names(grid)
-    attributes = {**provenance(leg, kick), "carry_tolerance_m": carry_tolerance, "finished": 0}
-    data = xr.Dataset(attrs=attributes)
+    attributes = {"Conventions": "CF-1.11", **provenance(leg, kick)}
+    data = xr.Dataset(attrs={**attributes, "carry_tolerance_m": carry_tolerance, "finished": 0})
     for name, values in grid.axes.items():
         unit = leg.joint_unit(name)
         data.coords[name] = (name, values, {"units": unit, "long_name": f"{name} joint"})
         if unit == "rad" and " " not in name:  # netCDF takes no coordinate with a space
             degrees = np.round(np.degrees(values), DECIMALS) + 0.0  # no -0
-            data.coords[f"{name}_deg"] = (name, degrees, {"units": "deg"})
+            data.coords[f"{name}_deg"] = (name, degrees, {
+                "units": "degree", "long_name": f"{name} joint, in degrees"})  # fmt: skip
     return data
 
 
-def with_variables(described: xr.Dataset, rows: Array, status: NDArray[np.int8]) -> xr.Dataset:
-    """Return a dataset that has been described, with its variables.
+def select_variables(names: Iterable[str] | None) -> tuple[str, ...]:
+    """Return the names among `VARIABLES` that a sweep keeps, in their order; None keeps all.
+
+    `status` is always kept and may be named. Raises `InvalidInput` where a name is unknown.
+    """
+    if names is None:
+        return tuple(VARIABLES)
+    if isinstance(names, str):
+        raise InvalidInput(f"variables is {names!r}: it must be a list of names")
+    wanted, known = list(names), [*VARIABLES, "status"]
+    for name in wanted:
+        if not isinstance(name, str) or name not in known:
+            near = difflib.get_close_matches(str(name)[:100], known, 1)
+            hint = f"did you mean {near[0]!r}?" if near else f"choose {', '.join(known)}"
+            raise InvalidInput(f"variable {str(name)[:100]!r} is unknown: {hint}")
+    if not wanted:
+        raise InvalidInput(f"variables is empty: choose {', '.join(known)}")
+    return tuple(name for name in VARIABLES if name in wanted)
+
+
+def with_variables(
+    described: xr.Dataset,
+    rows: Array,
+    status: NDArray[np.int8],
+    kept: Iterable[str] = tuple(VARIABLES),
+) -> xr.Dataset:
+    """Return a dataset that has been described, with the variables that are kept.
 
     `rows` has values in the order of `VARIABLES`, shape `(len(VARIABLES), n)`; `status` has flags,
     shape `(n,)`.
@@ -85,10 +113,17 @@ def with_variables(described: xr.Dataset, rows: Array, status: NDArray[np.int8])
     data = described.copy()
     dims = [str(name) for name in described.dims]
     shape = tuple(described.sizes[name] for name in dims)
-    for (name, (unit, meaning)), row in zip(VARIABLES.items(), rows, strict=True):
-        data[name] = (dims, row.reshape(shape), {"units": unit, "long_name": meaning})
+    by_name = dict(zip(VARIABLES, rows, strict=True))
+    for name in kept:
+        data[name] = (dims, by_name[name].reshape(shape), attributes_of(name))
     data["status"] = (dims, status.reshape(shape), dict(STATUS_ATTRIBUTES))
     return data
+
+
+def attributes_of(name: str) -> dict[str, str]:
+    """Return the attributes of one of `VARIABLES`, as the CF conventions have them."""
+    unit, meaning = VARIABLES[name]
+    return {"units": unit, "long_name": meaning}
 
 
 def variables_of(outcome: PostureOutcome, kick: Kick) -> dict[str, float]:
@@ -151,9 +186,12 @@ def _given_restitution(kick: Kick) -> dict[str, str]:
     return {} if isinstance(given, float) else {"restitution_given": format_restitution(given)}
 
 
-def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
-    """Return the first difference between two described sweeps as a sentence, None without one.
+def difference(
+    stored: xr.Dataset, wanted: xr.Dataset, kept: Iterable[str] = tuple(VARIABLES)
+) -> str | None:
+    """Return the first difference between two sweeps as a sentence, None without one.
 
+    `wanted` is described, and `kept` are its variables, in the order of `VARIABLES`.
     Every attribute but `finished` and `warnings` and every value of the grid is compared, to the
     last digit.
     """
@@ -172,6 +210,9 @@ def difference(stored: xr.Dataset, wanted: xr.Dataset) -> str | None:
         if attribute not in ("finished", "warnings") and found != value:
             plain = f"its {attribute} is {found!r}, this one's {value!r}"
             return _DIFFERENT_HASH.get(attribute, plain)
+    names = [", ".join(n for n in VARIABLES if n in each) for each in (stored, tuple(kept))]
+    if names[0] != names[1]:
+        return f"its variables are {names[0]}, this one's {names[1]}"
     return None
 
 

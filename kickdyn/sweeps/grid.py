@@ -17,7 +17,7 @@ IN_MEMORY = 1_000_000
 """Largest number of postures whose results are returned in memory (105 MB)."""
 
 LARGEST = 10**10
-"""Largest number of postures of a grid: about a terabyte on the disk."""
+"""Largest number of postures of a grid: about 300 GB on the disk."""
 
 DECIMALS = 9
 """Decimals of an angle in degrees, so that it is 30, not 29.999999999999996."""
@@ -152,11 +152,12 @@ def check_size(shape: tuple[int, ...], largest: int) -> None:
     """Raise `InvalidInput` where a grid has more postures than `largest`."""
     size = math.prod(shape)
     if size > largest:
-        limit = "can be swept"
+        limit, each = "can be swept", 30e-9
         if largest < LARGEST:
             limit = "fit in memory: name a store, --out DIR.zarr (store= in Python)"
+            each = 105e-9
         raise InvalidInput(
-            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {size * 105e-9:,.1f} "
+            f"the grid has {size:,} postures ({' x '.join(map(str, shape))}, {size * each:,.1f} "
             f"GB): at most {largest:,} {limit}, or take larger steps"
         )
 

@@ -5,6 +5,7 @@ speed for each angle of the knee. A dataset may be larger than memory: `blocks` 
 """
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Iterator
 from functools import reduce
@@ -99,9 +100,11 @@ def _evaluate(node: ast.AST, data: xr.Dataset) -> Any:
 def _column(data: xr.Dataset, name: str) -> xr.DataArray:
     """Return a joint or variable of a dataset by its name, angles in degrees."""
     joints = [str(joint) for joint in data["status"].dims]
-    if name not in joints and name not in VARIABLES:
-        known = ", ".join(f"{each} [{shown_unit(data, each)}]" for each in (*joints, *VARIABLES))
-        raise InvalidInput(f"names {name!r}, which is unknown: there are {known}")
+    names = [*joints, *(each for each in VARIABLES if each in data)]
+    if name not in names:
+        known = ", ".join(f"{each} [{shown_unit(data, each)}]" for each in names)
+        reason = "which this sweep does not keep" if name in VARIABLES else "which is unknown"
+        raise InvalidInput(f"names {name!r}, {reason}: there are {known}")
     return shown(data, name)
 
 
@@ -126,7 +129,8 @@ def blocks(data: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
     """
     status = data["status"]
     stored = status.encoding.get("chunks")
-    chunks = Chunks(status.shape, tuple(stored)) if stored else Chunks.of(status.shape, BLOCK)
+    size = math.prod(stored) if stored else BLOCK
+    chunks = Chunks.of(status.shape, size)  # of a whole store, its own chunks
     for k in range(len(chunks)):
         region = dict(zip(status.dims, chunks.region(k), strict=True))
         yield chunks.span(k)[0], data.isel(region)

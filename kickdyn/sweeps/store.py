@@ -3,12 +3,22 @@
 The variable `status` says what is computed: it is -1 (`not-computed`) until a chunk is complete,
 because it is written after all other variables of the chunk. The attribute `finished` is 1 once all
 chunks are. A store that was stopped at any moment is thus a valid dataset, and can be resumed.
+
+In files, variables have 7 digits (float32); joints have all (float64). Blosc compresses a million
+postures of 13 variables in 80 ms from 52 to about 30 MB, with zstd of level 1 after the bytes are
+sorted by their place in a number. Sorting bits leaves 10 % more, level 5 leaves 8 % less in three
+times the time.
 """
 
+import fcntl
+import glob
+import json
 import math
 import os
 import shutil
 import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -21,7 +31,7 @@ from kickdyn.core import validation
 from kickdyn.core.files import replacing
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
-from kickdyn.sweeps.dataset import STATUS_ATTRIBUTES, VARIABLES, difference
+from kickdyn.sweeps.dataset import STATUS_ATTRIBUTES, VARIABLES, attributes_of, difference
 from kickdyn.sweeps.grid import Chunks
 from kickdyn.sweeps.sweep_kick import PostureStatus
 
@@ -31,20 +41,27 @@ _NOT_COMPUTED = PostureStatus.NOT_COMPUTED.flag
 class SweepStore:
     """A Zarr store that chunks of a sweep are written to.
 
-    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `chunk` is the
-    number of postures per chunk, roughly. With `resume`, the store may be there if it is one of the
-    same sweep.
+    `described` has coordinates and attributes of the sweep, see `dataset.describe`; `variables` are
+    those to keep, beside `status`; `chunk` is the number of postures per chunk, roughly. With
+    `resume`, the store may be there if it is one of the same sweep.
 
     Attributes:
         created: whether the store was not there before.
+        finished: whether the store was finished when it was opened.
         chunks: the division of the grid.
     """
 
     def __init__(
-        self, path: str | PathLike[str], described: xr.Dataset, chunk: int, *, resume: bool
+        self,
+        path: str | PathLike[str],
+        described: xr.Dataset,
+        variables: Sequence[str],
+        chunk: int,
+        *,
+        resume: bool,
     ) -> None:
         zarr = _zarr()
-        self._path = _checked_path(path)
+        self._path, self._variables = _checked_path(path), tuple(variables)
         self.created = not self._path.exists()
         try:
             if self.created:
@@ -53,9 +70,14 @@ class SweepStore:
             else:
                 self._check(described, resume)
         except OSError as error:
-            raise InvalidInput(f"{path} cannot be written ({error.strerror or error})") from None
+            reason = error.strerror or error
+            if self.created and self._path.exists():
+                reason = "another process has made it meanwhile"
+            raise InvalidInput(f"{path} cannot be written ({reason})") from None
         self._group: Any = zarr.open_group(self._path, mode="r+")
-        status: Any = self._group["status"]
+        self.finished = bool(self._group.attrs.get("finished"))
+        self._arrays = {name: self._group[name] for name in (*self._variables, "status")}
+        status = self._arrays["status"]
         self.chunks = Chunks(status.shape, status.chunks)
 
     def _check(self, described: xr.Dataset, resume: bool) -> None:
@@ -63,7 +85,7 @@ class SweepStore:
         if not resume:
             raise InvalidInput(f"{self._path} exists: --resume goes on with it, else name another")
         with open_sweep(self._path) as stored:
-            if other := difference(stored, described):
+            if other := difference(stored, described, self._variables):
                 raise InvalidInput(f"{self._path} is of another sweep: {other}")
 
     def _create(self, described: xr.Dataset, chunks: Chunks) -> None:
@@ -73,10 +95,10 @@ class SweepStore:
         draft = self._path.with_name(f".{self._path.name}-draft-{os.getpid()}")
         try:
             described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3)
-            group: Any = _zarr().open_group(draft, mode="r+")
+            zarr = _zarr()
+            group: Any = zarr.open_group(draft, mode="r+")
             arrays: dict[str, tuple[str, float, dict[str, Any]]] = {
-                name: ("f8", math.nan, {"units": unit, "long_name": meaning})
-                for name, (unit, meaning) in VARIABLES.items()
+                name: ("f4", math.nan, attributes_of(name)) for name in self._variables
             }
             flags = {**STATUS_ATTRIBUTES, "flag_values": STATUS_ATTRIBUTES["flag_values"].tolist()}
             arrays["status"] = ("i1", _NOT_COMPUTED, flags)
@@ -84,34 +106,59 @@ class SweepStore:
                 group.create_array(
                     name, shape=chunks.grid_shape, chunks=chunks.shape, dtype=dtype,
                     fill_value=fill, dimension_names=list(described.dims), attributes=attributes,
-                    compressors=None,
+                    compressors=zarr.codecs.BloscCodec(cname="zstd", clevel=1, shuffle="shuffle"),
                 )  # fmt: skip
             with warnings.catch_warnings():  # of Zarr, that other readers may not know it
                 warnings.simplefilter("ignore")
-                _zarr().consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
+                zarr.consolidate_metadata(draft)  # without it, `xr.open_zarr` warns
+            _rewrite_root(draft, finished=0)
             draft.rename(self._path)
         finally:
             shutil.rmtree(draft, ignore_errors=True)
 
     def missing(self) -> list[int]:
         """Return the numbers of the chunks that are not computed yet."""
-        if self._group.attrs.get("finished"):
+        if self.finished:
             return []
-        status, region = self._group["status"], self.chunks.region
+        status, region = self._arrays["status"], self.chunks.region
         return [k for k in range(len(self.chunks)) if (status[region(k)] == _NOT_COMPUTED).any()]
 
     def write(self, k: int, rows: Array, status: NDArray[np.int8]) -> None:
         """Write chunk `k`: its variables first, and then its status, each file whole or not."""
         region = self.chunks.region(k)
         shape = tuple(part.stop - part.start for part in region)
-        for name, values in zip((*VARIABLES, "status"), (*rows, status), strict=True):
-            self._group[name][region] = values.reshape(shape)
+        by_name = dict(zip((*VARIABLES, "status"), (*rows, status), strict=True))
+        for name, array in self._arrays.items():  # `status` is the last
+            array[region] = by_name[name].reshape(shape).astype(array.dtype)
 
     def finish(self) -> None:
-        """Record that every chunk is computed."""
-        for file in self._path.rglob("*.partial"):  # left by a process that was killed
+        """Record that every chunk is computed; remove what killed processes left."""
+        for file in self._path.rglob("*.partial"):
             file.unlink()
-        self._group.attrs["finished"] = 1
+        for draft in self._path.parent.glob(f".{glob.escape(self._path.name)}-draft-*"):
+            shutil.rmtree(draft, ignore_errors=True)
+        _rewrite_root(self._path, finished=1)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Lock the store, or raise `InvalidInput` while another process fills it.
+
+        The lock ends with the process, however that ends. Where the file system has no locks, two
+        processes may fill a store: both write the same values.
+        """
+        folder = os.open(self._path, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InvalidInput(
+                    f"{self._path} is being filled by another process: wait until that has ended"
+                ) from None
+            except OSError:  # no locks here
+                pass
+            yield
+        finally:
+            os.close(folder)
 
 
 @validation.check_arguments
@@ -141,10 +188,9 @@ def open_sweep(path: str | PathLike[str]) -> xr.Dataset:
     except (OSError, ValueError, KeyError, AttributeError) as error:
         reason = " ".join(str(error).split())[:100]
         raise InvalidInput(f"{path} cannot be read as a sweep ({reason})") from None
-    lacking = [name for name in (*VARIABLES, "status") if name not in data]
-    if lacking:
-        raise InvalidInput(f"{path} is not a sweep: it has no {lacking[0]}")
-    ordered = data[[*VARIABLES, "status"]]
+    if "status" not in data:
+        raise InvalidInput(f"{path} is not a sweep: it has no status")
+    ordered = data[[*(name for name in VARIABLES if name in data), "status"]]
     ordered.set_close(data.close)
     return ordered
 
@@ -160,8 +206,26 @@ def check_netcdf_name(path: str | PathLike[str]) -> None:
 def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
     """Write a dataset as netCDF 4, which `open_sweep` reads, or raise `InvalidInput`."""
     check_netcdf_name(path)
+    how = {"dtype": "f4", "zlib": True, "complevel": 1, "shuffle": True}
+    encoding = {name: how for name in VARIABLES if name in data}
     with replacing(path) as draft:
-        data.to_netcdf(draft, engine="h5netcdf")
+        data.to_netcdf(draft, engine="h5netcdf", encoding=encoding)
+
+
+def _rewrite_root(folder: Path, finished: int) -> None:
+    """Rewrite the root file of a store: its attribute `finished`, and the order of its arrays.
+
+    Readers list arrays in the order of this file, which Zarr itself writes alphabetically.
+    """
+    root = json.loads((folder / "zarr.json").read_text())
+    root["attributes"]["finished"] = finished
+    arrays = root["consolidated_metadata"]["metadata"]
+    joints = [n for joint in arrays["status"]["dimension_names"] for n in (joint, f"{joint}_deg")]
+    names = [name for name in (*joints, *VARIABLES, "status") if name in arrays]
+    root["consolidated_metadata"]["metadata"] = {name: arrays[name] for name in names}
+    draft = folder / "status" / "zarr.json.partial"  # not where Zarr looks for arrays
+    draft.write_text(json.dumps(root, indent=2))
+    draft.replace(folder / "zarr.json")
 
 
 def _checked_path(path: str | PathLike[str]) -> Path:

@@ -1,6 +1,7 @@
 """The summary of a sweep of any size: counts, the best postures, the front, maps and a sample."""
 
 import math
+from collections.abc import Collection
 from itertools import combinations
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from kickdyn.core.validation import Array
+from kickdyn.errors import InvalidInput
 from kickdyn.sweeps.dataset import VARIABLES, with_variables
 from kickdyn.sweeps.queries import blocks, chosen_postures, condition, front_of, shown, shown_unit
 from kickdyn.sweeps.sweep_kick import PostureStatus
@@ -17,6 +19,9 @@ BEST = 10
 
 SAMPLE = 4000
 """Postures of the random sample."""
+
+NEEDED = ("ball_speed", "worst_joint_impulse", "speed_use")
+"""Variables that a summary is made from."""
 
 BINS = 200
 """Values of a joint that a map distinguishes; of more, neighbours go together."""
@@ -32,6 +37,7 @@ class Summary:
     Args:
         described: coordinates and attributes of the sweep, see `dataset.describe`.
         where: a condition, see `queries.condition`.
+        kept: the variables of the sweep, `NEEDED` among them.
 
     Attributes:
         axes: values of each joint, shape `(k,)` [deg; m].
@@ -47,10 +53,18 @@ class Summary:
             one joint there is, by the names of the joints.
 
     Raises:
-        InvalidInput: a condition that cannot be read.
+        InvalidInput: a condition that cannot be read, or variables that do not suffice.
     """
 
-    def __init__(self, described: xr.Dataset, where: str | None = None) -> None:
+    def __init__(
+        self,
+        described: xr.Dataset,
+        where: str | None = None,
+        kept: Collection[str] = tuple(VARIABLES),
+    ) -> None:
+        for name in NEEDED:
+            if name not in kept:
+                raise InvalidInput(f"the sweep does not keep {name}: its summary needs that")
         ordered = described["status"].dims if "status" in described else described.dims
         joints = [str(name) for name in ordered]
         self.axes = {name: shown(described, name).values for name in joints}
@@ -68,7 +82,8 @@ class Summary:
         self.maps = {names: SpeedMap(self.axes, names) for names in over}
         if where is not None:  # refuse what cannot be read before any posture is computed
             first = described.isel({name: slice(0, 1) for name in joints})
-            condition(with_variables(first, np.ones((len(VARIABLES), 1)), np.zeros(1, int)), where)
+            rows, status = np.ones((len(VARIABLES), 1)), np.zeros(1, np.int8)
+            condition(with_variables(first, rows, status, kept), where)
 
     @property
     def postures(self) -> int:
@@ -81,7 +96,7 @@ class Summary:
         found = np.bincount(block["status"].values.ravel() + 1, minlength=len(PostureStatus))
         for status in PostureStatus:
             self.counts[status.value] += int(found[status.flag + 1])
-        for name in ("restitution_residual", "momentum_residual"):
+        for name in {"restitution_residual", "momentum_residual"} & set(block.data_vars):
             largest = np.fmax.reduce(block[name].values, axis=None)
             self.residual = float(np.fmax(self.residual, largest))
         places = chosen_postures(block, self.where)
@@ -155,7 +170,7 @@ class SpeedMap:
 
 def summarize(data: xr.Dataset, where: str | None = None) -> Summary:
     """Return the summary of a dataset, in memory or in a store."""
-    summary = Summary(data, where)
+    summary = Summary(data, where, [name for name in VARIABLES if name in data])
     for _, block in blocks(data):
         summary.add(block)
     return summary

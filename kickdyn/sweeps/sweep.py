@@ -31,7 +31,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, Unfinished
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.chunk_solver import ChunkSolver
-from kickdyn.sweeps.dataset import VARIABLES, describe, with_variables
+from kickdyn.sweeps.dataset import VARIABLES, describe, select_variables, with_variables
 from kickdyn.sweeps.grid import IN_MEMORY, Chunks, Grid, check_size
 from kickdyn.sweeps.store import SweepStore, open_sweep
 from kickdyn.sweeps.sweep_kick import Kick, PostureStatus
@@ -56,6 +56,7 @@ def sweep(
     kick: Kick,
     *,
     store: str | PathLike[str] | None = None,
+    variables: Iterable[str] | None = None,
     resume: bool = False,
     tolerance: float = CARRY_TOLERANCE,
     threads: int | None = None,
@@ -78,6 +79,8 @@ def sweep(
         kick: foot velocity, contact, ball and air.
         store: folder ending in `.zarr` to write to, chunk by chunk, so that memory does not grow
             with the grid; None returns up to a million postures in memory.
+        variables: names of the variables to keep beside `status`, such as
+            `["ball_speed", "carry"]`; None keeps all, about 30 bytes a posture in a store.
         resume: compute only what `store` lacks.
         tolerance: largest error of `carry` [m] where balls fly through air in the plane of the leg,
             whose carries are interpolated between flights; 0 flies every ball, to 1e-9 of its
@@ -93,12 +96,13 @@ def sweep(
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a
         `PostureStatus` by its flag. Units, provenance and `leg.warnings` are in the attributes.
-        Variables are nan where the posture is out of reach or the loops cannot be closed.
-        With `store`, the dataset is the opened store.
+        Variables are nan where the posture is out of reach or the loops cannot be closed. With
+        `store`, the dataset is the opened store, whose variables have 7 digits (float32).
 
     Raises:
-        InvalidInput: postures that the leg does not have, more than fit, a store that is there
-            without `resume` or is of another sweep.
+        InvalidInput: postures that the leg does not have, more than fit, an unknown variable, a
+            store that is there without `resume`, is of another sweep or is being filled by another
+            process.
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
     """
@@ -106,6 +110,7 @@ def sweep(
         raise InvalidInput("threads, workers and executor exclude each other: give one of them")
     if store is None and (resume or workers is not None or executor is not None):
         raise InvalidInput("resume, workers and executor need a store: name it with store=")
+    kept = select_variables(variables)
     grid = Grid.of(leg, postures)
     solver = ChunkSolver(leg, grid, kick, tolerance)  # chooses the kernel
     described = describe(leg, grid, kick, solver.carry_tolerance)
@@ -113,10 +118,10 @@ def sweep(
         check_size(grid.shape, IN_MEMORY)
         _, rows, status = zip(*_computed(solver, grid, threads, progress), strict=True)
         finished = described.assign_attrs(finished=1)
-        return with_variables(finished, np.hstack(rows), np.hstack(status))
-    filled = SweepStore(store, described, solver.chunk, resume=resume)
+        return with_variables(finished, np.hstack(rows), np.hstack(status), kept)
+    filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
     own = nullcontext(executor) if executor else _pool(threads, workers)
-    with _resumable(filled, store), own as pool:
+    with filled.locked(), _resumable(filled, store), own as pool:
         missing, spans = filled.missing(), filled.chunks.span
         if progress is not None:
             progress(grid.size - sum(spans(k)[1] for k in missing), math.nan)
@@ -124,11 +129,12 @@ def sweep(
             if executor is None and workers is None:
                 task = _chunk_writer(filled, solver)
             else:
-                sent = Path(store).absolute(), leg, grid, kick, tolerance
+                sent = Path(store).absolute(), kept, leg, grid, kick, tolerance
                 task = partial(_write_chunk, _pickled(sent))
             for count, speed in _in_order(pool, task, missing, AHEAD):
                 if progress is not None:
                     progress(count, speed)
+        if not filled.finished:
             filled.finish()
     return open_sweep(store)
 
@@ -189,7 +195,7 @@ def _chunk_writer(store: SweepStore, solver: ChunkSolver) -> Callable[[int], tup
     return write
 
 
-def _pickled(sweep: tuple[Path, Leg, Grid, Kick, float]) -> bytes:
+def _pickled(sweep: tuple[Path, tuple[str, ...], Leg, Grid, Kick, float]) -> bytes:
     """Return a sweep as it is sent to other processes."""
     try:
         return pickle.dumps(sweep)
@@ -200,12 +206,12 @@ def _pickled(sweep: tuple[Path, Leg, Grid, Kick, float]) -> bytes:
 @lru_cache(maxsize=1)
 def _sent_writer(sent: bytes) -> Callable[[int], tuple[int, float]]:
     """Return the `_chunk_writer` of a sweep that was sent to this process."""
-    path, leg, grid, kick, tolerance = pickle.loads(sent)
+    path, kept, leg, grid, kick, tolerance = pickle.loads(sent)
     if not path.is_dir():
         raise InvalidInput(f"a worker does not see {path}")
     solver = ChunkSolver(leg, grid, kick, tolerance)
     described = describe(leg, grid, kick, solver.carry_tolerance)
-    return _chunk_writer(SweepStore(path, described, solver.chunk, resume=True), solver)
+    return _chunk_writer(SweepStore(path, described, kept, solver.chunk, resume=True), solver)
 
 
 def _write_chunk(sent: bytes, k: int) -> tuple[int, float]:

@@ -157,6 +157,7 @@ def keys(value, name=""):
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
         ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),
         ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
+        ("tune-mujoco", [str(ROOT / "scenes" / "robot_chip.toml"), "--timestep", "0.005"]),
     ],
 )
 def test_the_page_names_every_key(section, arguments):

@@ -54,6 +54,13 @@ def test_a_part_is_one_flight(track):
     assert "segments" not in document
 
 
+def test_a_drag_coefficient_can_be_kept(track):
+    document = json.loads(run(track, "--start", 5, "--end", 90, "--drag", "0.15", "--json", "-"))
+    (flight,) = document["flights"]
+    assert not {"drag", "drag_scale"} & flight["values"].keys()
+    assert flight["rms"] < 0.04
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -63,6 +70,7 @@ def test_a_part_is_one_flight(track):
         (("--columns", "t,x"), "four columns"),
         (("--marker", "ball"), "--marker ball is for a C3D file"),
         (("--drag", "golf"), "drag model 'golf' is unknown"),
+        (("--drag", "-0.1"), "drag coefficient is -0.1: it must be a finite number at least 0"),
         (("--plot", "flight.txt"), "flight.txt has no known ending"),
         (("--ground-height", "9"), "under the ground at 9 m"),
     ],

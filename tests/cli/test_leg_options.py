@@ -76,10 +76,11 @@ def test_supports_of_a_file_float_its_base():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--lock", "knee"), r"lock is 'knee': it must be JOINT=VALUE, \[deg; m\]"),
+        (("--lock", "knee"), r"lock is 'knee': it must be JOINT=VALUE \[deg; m\]"),
         (("--lock", "=3"), "lock is '=3': it must be JOINT=VALUE"),
         (("--lock", "knee=x"), "lock is 'knee=x': it must be JOINT=VALUE"),
-        (("--lock", "knee=nan"), "joint knee is nan"),
+        (("--lock", "knee=nan"), "lock is 'knee=nan': it must be JOINT=VALUE"),
+        (("--support", "toe:-1"), "support is 'toe:-1': .* friction of at least 0"),
         (("--lock", "knee=1", "--lock", "knee=2"), "lock is 'knee=2': .* once for each joint"),
         (("--lock", "kne=1"), "joint 'kne' is unknown: did you mean 'knee'"),
         (("--loop", "a-b"), "loop is 'a-b': it must be two frames, A:B"),

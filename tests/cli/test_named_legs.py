@@ -60,3 +60,20 @@ def test_of_a_robot_only_what_moves_the_foot_can_move():
     normal = (np.cos(0.5), 0.0, np.sin(0.5))
     weights = [whole.posture(q).effective_mass(normal), leg.posture(mine).effective_mass(normal)]
     assert weights[0] == pytest.approx(weights[1], rel=1e-12)
+
+
+def test_joints_are_locked_in_degrees_or_metres(tmp_path):
+    sliding = kd.Leg.testbed().file.text.replace(
+        'name="ankle" type="revolute"', 'name="ankle" type="prismatic"'
+    )
+    (tmp_path / "slide.urdf").write_text(sliding)
+    path, values = tmp_path / "slide.urdf", {"hip": 30.0, "ankle": 0.1}
+    leg = load_leg(str(path), locked=values)
+    same = kd.Leg.from_urdf(path, locked={"hip": np.radians(30), "ankle": 0.1})
+    places = [each.posture([0.2]).contact_point for each in (leg, same)]
+    assert places[0] == pytest.approx(places[1], abs=1e-15)
+    (tmp_path / "other.urdf").write_text(sliding.replace('"toe"', '"instep"'))
+    with pytest.raises(kd.InvalidInput, match=r"^joint 'hop' is unknown: did you mean 'hip'"):
+        load_leg(str(tmp_path / "other.urdf"), locked={"hop": 1.0})
+    g1 = load_leg("g1", locked={"right_knee_joint": 30.0})
+    assert "right_knee_joint" not in g1.joint_names

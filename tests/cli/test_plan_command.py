@@ -46,6 +46,39 @@ def test_text_and_files(tmp_path):
     assert set(report["leg"]["q_deg"]) == {"hip", "knee", "ankle"}
 
 
+def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
+    found = {}
+    for drag in ("0", "0.25", "brazuca"):
+        words = ["--distance", "12", "--apex", "2", "--spin", "0,0,0", "--drag", drag]
+        ended = CliRunner().invoke(plan, [*words, "--json", str(tmp_path / "plan.json")])
+        assert ended.exception is None, ended.exception
+        launch = json.loads((tmp_path / "plan.json").read_text())["launch"]
+        found[drag] = launch["speed"]
+    assert found["0"] < found["0.25"] < found["brazuca"]
+    for words, said in (
+        (["--drag", "-1"], "drag coefficient is -1.0: it must be a finite number at least 0"),
+        (["--drag", "golf"], "drag model 'golf' is unknown: choose"),
+        (["--drag", "0.2", "--air", "none"], "--drag 0.2 is named with --air none"),
+    ):
+        ended = CliRunner().invoke(plan, ["--distance", "12", "--apex", "2", *words])
+        assert said in str(ended.exception)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--distance", "20000"], "distance is 20000.0: .* at most 10000"),
+        (["--robust", "speed=-1"], "robust is 'speed=-1': spread of speed is -1.0"),
+        (["--robust", "sped=1"], "robust is 'sped=1': source 'sped' is unknown"),
+        (["--ball-height", "0", "--ball-at", "0,0,0"], "ball-height and ball-at are named"),
+        (["--swing", "--no-limits"], "swing and no-limits are named"),
+    ],
+)
+def test_messages_have_the_words_of_the_options(words, said):
+    ended = CliRunner().invoke(plan, ["--distance", "12", "--apex", "2", *words])
+    assert re.search(said, str(ended.exception))
+
+
 def test_json_on_stdout_is_a_kick_that_can_be_done_again():
     over = ["--height", "2.2", "--over", "9.15:2.15"]
     ended = door("--distance", "20.3", *over, "--json", "-")

@@ -462,3 +462,33 @@ def test_what_is_no_ball_for_a_sweep(ball, words):
     assert (ended.returncode, ended.stdout) == (2, "")
     assert ended.stderr.startswith(f"posture-sweep: {words}")
     assert ended.stderr.count("\n") == 1
+
+
+def test_named_variables_and_those_of_the_table_are_kept(tmp_path):
+    where = ("--where", "carry > 0.1")
+    for file in ("x.nc", "x.zarr"):
+        ended = door(*SMALL, "--variables", "carry, impulse", *where, "--out", file, cwd=tmp_path)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        with kickdyn.open_sweep(tmp_path / file) as data:
+            names = ["impulse", "ball_speed", "worst_joint_impulse", "speed_use", "carry", "status"]
+            assert list(data.data_vars) == names
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--variables", "cary", "--out", "x.nc"], "variable 'cary' is unknown: did you mean 'car"),
+        (["--variables", "carry,", "--out", "x.nc"], "variable '' is unknown: choose effective"),
+        (["--variables", "carry"], "--variables is for what is kept: name it --out FILE.nc or"),
+        (
+            ["--variables", "carry", "--out", "x.nc", "--where", "impulse > 1"],
+            "names 'impulse', which this sweep does not keep: there are hip [deg], knee [deg]",
+        ),
+    ],
+)
+def test_variables_that_cannot_be_kept(arguments, words, tmp_path):
+    ended = door(*SMALL, *arguments, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert words in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())

@@ -380,6 +380,23 @@ def test_functions_that_fail_are_named():
         kd.fly(launch(), BALL, kd.Air(wind=lambda z: (3 * math.log(z / 0.03), 0.0, 0.0)))
 
 
+@pytest.mark.parametrize("value", [-0.2, math.nan, math.inf])
+@pytest.mark.parametrize("kind", ["drag", "lift", "torque"])
+def test_a_coefficient_that_is_not_finite_or_negative_is_named(kind, value):
+    def coefficient(reynolds, spin_parameter):
+        return value
+
+    ball = kd.BallState(velocity=(20, 0, 10), spin=(0, -50, 0))
+    if kind != "drag" and value < 0:  # such a flight can be integrated
+        assert kd.fly(ball, BALL, kd.Air(**{kind: coefficient})).status == "landed"
+        return
+    said = rf"the {kind} coefficient at Reynolds number [\d.e+]+ and spin parameter \S+ is {value}"
+    with pytest.raises(kd.KickdynError, match=said):
+        kd.fly(ball, BALL, kd.Air(**{kind: coefficient}))
+    with pytest.raises(kd.KickdynError, match=said):
+        kd.fly(ball, BALL, kd.Air(**{kind: constant(value)}))
+
+
 @pytest.mark.parametrize("speed", [1e-120, 1e-160, 1e-200, 1e-300])
 def test_what_is_too_slow_for_the_air_flies_without_it(speed):
     launched = kd.BallState(velocity=(speed, 0, speed), spin=(0, 3, 0))

@@ -11,10 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from chains import floating_kick, in_units, random_kick, random_leg, slides
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import kickdyn as kd
 from kickdyn.impact import compliant_contact
-from kickdyn.impact.hertz import matched_damping
+from kickdyn.impact.force_model import Dissipation, matched_damping
 from kickdyn.robot.urdf_file import shipped_urdf
 
 LEG = kd.Leg.human()
@@ -40,24 +42,109 @@ def slider(mass=2.0, gravity=False):
     return kd.Leg.from_model(model, "toe")
 
 
+@pytest.mark.parametrize("kind", Dissipation)
 @pytest.mark.parametrize("e", [1.0, 0.8, 0.4, 0.1])
-def test_two_masses(e):
-    """Restitution, contact time and impulse come out exactly; so does Hertz's crush for e = 1."""
+def test_two_masses(e, kind):
+    """Restitution, contact time and impulse come out exactly; so does Hertz's crush."""
     ball, contact, speed = kd.Ball(), kd.Contact((1, 0, 0), e), 9.0
-    hit = kd.collide(slider().posture([0.0]), [speed], ball, contact, contact_time=0.009, tol=1e-11)
-    assert hit.contact_time == pytest.approx(0.009, rel=1e-8)
+    hit = kd.collide(
+        slider().posture([0.0]), [speed], ball, contact,
+        contact_time=0.009, dissipation=kind, tol=1e-12,
+    )  # fmt: skip
+    assert hit.contact_time == pytest.approx(0.009, rel=1e-9)
     expected = kd.normal_impulse(speed, e, 2.0, ball.mass)
     assert hit.impulse == pytest.approx([expected, 0, 0], rel=1e-9)
     assert hit.ball_after.velocity[0] - hit.v_after[0] == pytest.approx(e * speed, rel=1e-8)
     mass = 1 / (1 / 2.0 + 1 / ball.mass)
     lost = 0.5 * mass * speed**2 * (1 - e * e)
     assert hit.energy_lost == pytest.approx(lost, rel=1e-8, abs=1e-12)
-    assert hit.hertz.damping == pytest.approx(matched_damping(e) / speed, rel=1e-14)
+    k = hit.force_model.stiffness
+    crush = (5 * mass * speed**2 / (4 * k)) ** 0.4
+    if kind is Dissipation.HUNT_CROSSLEY:
+        assert hit.force_model.damping == pytest.approx(matched_damping(e) / speed, rel=1e-14)
     if e == 1.0:
-        k = hit.hertz.stiffness
-        crush = (5 * mass * speed**2 / (4 * k)) ** 0.4
-        assert hit.deflection == pytest.approx(crush, rel=1e-8)
-        assert hit.peak_force == pytest.approx(k * crush**1.5, rel=1e-8)
+        closed = 2.9432750 * crush / speed  # Johnson 1985, Eqs. 11.23, 11.24
+        assert hit.contact_time == pytest.approx(closed, rel=1e-7)
+    if e == 1.0 or kind is Dissipation.WALTON_BRAUN:
+        assert hit.deflection == pytest.approx(crush, rel=1e-9)
+        assert hit.peak_force == pytest.approx(k * crush**1.5, rel=1e-9)
+        left = hit.sample(hit.contact_time).deflection
+        assert left == pytest.approx((1 - e * e) * crush, rel=1e-8, abs=1e-10)
+
+
+@pytest.mark.parametrize("e", [1.0, 0.7, 0.3])
+def test_an_inflated_ball_is_a_linear_spring(e):
+    """Half a sine in compression, e times as brief a one in restitution."""
+    ball, speed = kd.Ball(pressure=80e3), 9.0
+    hit = kd.collide(
+        slider().posture([0.0]), [speed], ball, kd.Contact((1, 0, 0), e),
+        stiffness="pressure", tol=1e-12,
+    )  # fmt: skip
+    mass, k = 1 / (1 / 2.0 + 1 / ball.mass), 2 * math.pi * ball.radius * 80e3
+    rate = math.sqrt(k / mass)
+    assert hit.force_model.exponent == 1.0
+    assert hit.contact_time == pytest.approx((1 + e) / 2 * math.pi / rate, rel=1e-9)
+    assert hit.deflection == pytest.approx(speed / rate, rel=1e-9)
+    assert hit.peak_force == pytest.approx(speed * math.sqrt(k * mass), rel=1e-9)
+    assert hit.ball_after.velocity[0] - hit.v_after[0] == pytest.approx(e * speed, rel=1e-8)
+    times = np.array([0.3, 0.8]) * math.pi / 2 / rate
+    forces = k * speed / rate * np.sin(rate * times)
+    assert hit.sample(times).force[:, 0] == pytest.approx(forces, rel=1e-9)
+    back = hit.contact_time - np.array([0.1, 0.6]) * e * math.pi / 2 / rate
+    forces = k * speed / rate * np.sin([0.1 * math.pi / 2, 0.6 * math.pi / 2])
+    assert hit.sample(back).force[:, 0] == pytest.approx(forces, rel=1e-8)
+
+
+@given(
+    e=st.floats(0.05, 1.0),
+    friction=st.floats(0.0, 1.0),
+    kind=st.sampled_from(Dissipation),
+    stiffness=st.sampled_from([None, "pressure"]),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=15)
+def test_energy_never_grows(e, friction, kind, stiffness, seed):
+    rng = np.random.default_rng(seed)
+    (posture, v, ball, contact), options = random_kick(rng, random_leg(rng))
+    ball = kd.Ball(ball.mass, ball.radius, ball.inertia_factor, pressure=1e9)
+    contact = kd.Contact(contact.normal, e, friction)
+    time = 1e-4 if stiffness is None else None
+    hit = kd.collide(
+        posture, v, ball, contact, contact_time=time, stiffness=stiffness,
+        dissipation=kind, tol=1e-7, **options,
+    )  # fmt: skip
+    assert hit.energy_lost >= -1e-6 * hit.energy_lost
+    assert hit.energy_residual < 1e-3
+
+
+def test_pressed_twice():
+    """A push in restitution that exceeds the first compression: the contact hardens again."""
+
+    def push(t, q, v):
+        return [8000.0 * math.exp(-(((t - 0.009) / 0.0015) ** 2))]
+
+    hit = kd.collide(
+        slider().posture([0.0]), [5.0], kd.Ball(), kd.Contact((1, 0, 0), 0.6),
+        contact_time=0.009, torque=push, tol=1e-11,
+    )  # fmt: skip
+    deflection = hit.sample(np.linspace(0, hit.contact_time, 400)).deflection
+    falls = np.flatnonzero(np.diff(np.sign(np.diff(deflection))) < 0)
+    assert len(falls) == 2
+    assert deflection[falls[1]] > 1.05 * deflection[falls[0]]
+    assert hit.energy_residual < 1e-8
+    at_end = hit.sample(hit.contact_time)
+    assert at_end.deflection == pytest.approx((1 - 0.36) * hit.deflection, rel=1e-6)
+    assert np.linalg.norm(at_end.force) < 1e-6 * hit.peak_force
+
+
+def test_stick_tends_to_energetic_restitution():
+    """The hysteresis returns e^2 of the work of compression, as the law `stronge`."""
+    kick = (*KICK, kd.Ball(), kd.Contact((1, 0, 0.6), 0.5, 0.8))
+    stronge, newton = (kd.strike(*kick, law=law) for law in ("stronge", "newton"))
+    far = np.linalg.norm(newton.impulse - stronge.impulse)
+    hit = kd.collide(*kick, contact_time=1e-6)
+    assert np.linalg.norm(hit.impulse - stronge.impulse) < 0.1 * far
+    assert far > 1e-2 * np.linalg.norm(stronge.impulse)
 
 
 def test_gravity_and_torque_act_meanwhile():
@@ -193,7 +280,7 @@ def test_the_instant_is_the_limit(kick):
     kick, options = kick
     instant = kd.strike(*kick, **options)
     first = kd.collide(*kick, contact_time=1e-5, tol=1e-12, **options)
-    stiffer = kd.collide(*kick, stiffness=32 * first.hertz.stiffness, tol=1e-12, **options)
+    stiffer = kd.collide(*kick, stiffness=32 * first.force_model.stiffness, tol=1e-12, **options)
     for read in (lambda hit: hit.impulse, lambda hit: hit.v_after, lambda hit: hit.energy_lost):
         far, near = (np.linalg.norm(read(hit) - read(instant)) for hit in (first, stiffer))
         assert near <= 1e-2 * np.linalg.norm(read(instant))
@@ -213,7 +300,7 @@ def test_slip_has_the_same_limit():
         lambda hit: hit.energy_lost,
     ):
         far, near = (np.linalg.norm(read(hit) - read(instant)) for hit in hits)
-        assert far <= 2e-3 * np.linalg.norm(read(instant))
+        assert far <= 3e-3 * np.linalg.norm(read(instant))
         assert far / near == pytest.approx(4.0, rel=0.05)
 
 
@@ -251,7 +338,8 @@ def test_the_impulse_is_the_forces_integral(friction):
     start, end = hit.sample(0.0), hit.sample(hit.contact_time)
     assert start.force.shape == (3,)
     assert end.impulse == pytest.approx(hit.impulse, rel=1e-12)
-    assert abs(float(end.deflection)) < 1e-12
+    left = hit.force_model.separation(hit.deflection)
+    assert float(end.deflection) == pytest.approx(left, rel=1e-6)
     assert sampled.deflection.max() <= hit.deflection
     assert sampled.deflection.max() == pytest.approx(hit.deflection, rel=1e-2)
     sizes = np.linalg.norm(sampled.force, axis=1)
@@ -275,7 +363,7 @@ def test_a_foot_that_turns_turns_the_force():
     turn = np.array([-1, 1, 1]) @ (hit.q_after - hit.q_before)  # of the foot about y
     angles = np.arctan2(ways[:, 2], ways[:, 0])
     assert angles[1] - angles[0] == pytest.approx(-turn, rel=1e-3)
-    assert abs(turn) > 0.1
+    assert abs(turn) > 0.07
 
 
 def test_a_spring_without_damping_returns_all_energy():
@@ -290,6 +378,13 @@ def test_a_spring_without_damping_returns_all_energy():
         ({"contact_time": 0.01, "stiffness": 1e5}, "name one of them"),
         ({"stiffness": -1.0}, "stiffness is -1"),
         ({"stiffness": 1e3}, "too low, the ball would be pressed by .* beyond its radius"),
+        (
+            {"stiffness": "air"},
+            r"stiffness is 'air': it must be a number \[N/m\^1.5\] or 'pressure'",
+        ),
+        ({"stiffness": "pressure"}, "ball pressure is None: its stiffness needs it"),
+        ({"stiffness": "pressure", "contact_time": 0.01}, "name one of them"),
+        ({"dissipation": "none"}, "dissipation is 'none': it must be one of walton-braun, hunt"),
         ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
         ({"tol": 0.1}, r"tol is 0\.1"),
         ({"torque": [1.0]}, r"torque has shape \(1,\): it must be \(3,\)"),
@@ -384,10 +479,12 @@ def test_no_approach():
 
 
 def test_a_leg_that_does_not_let_go():
+    """With damping; from hysteresis a constant push parts."""
     with pytest.raises(kd.KickdynError, match=r"still in contact after 0\.5 s, 50 times"):
         kd.collide(
-            slider().posture([0.0]), [1.0], kd.Ball(), kd.Contact((1, 0, 0), 0.1), torque=[400.0]
-        )
+            slider().posture([0.0]), [1.0], kd.Ball(), kd.Contact((1, 0, 0), 0.1), torque=[400.0],
+            dissipation="hunt-crossley",
+        )  # fmt: skip
 
 
 def test_a_sample_outside_the_contact():

@@ -161,11 +161,12 @@ def test_base_pose_is_in_world_axes():
 
 
 @pytest.mark.parametrize("base", ["fixed", "floating"])
-def test_singular_robots_are_refused_by_joint(base):
-    with pytest.raises(
-        kd.InvalidInput, match=r"condition .*fault: neck_roll, neck_yaw; .*legs_only=True"
-    ):
-        kd.Leg.from_robot("icub", base=base)
+def test_a_robot_is_refused_where_no_posture_of_it_exists(base):
+    icub = kd.Leg.from_robot("icub", base=base)
+    with pytest.raises(kd.InvalidInput, match=r"condition .*fault: neck_roll, neck_yaw; .*locked"):
+        icub.posture(icub.configuration())
+    bent = icub.configuration({"neck_yaw": 0.3})
+    assert icub.posture(bent).effective_mass([1, 0, 0]) > 0
     with pytest.raises(
         kd.InvalidInput, match=r"'LFinger21' .*mass 0 kg.*, as do LFinger22.*RThumb3.*legs_only"
     ):

@@ -159,3 +159,33 @@ def test_what_is_faster_than_its_limit_is_named():
     ]
     floating = kd.Leg.from_robot("bolt", base="floating")
     assert floating.too_fast(np.full(floating.nv, 1e-3)) == []
+
+
+@pytest.mark.parametrize("joint", ["turn", "spin", "slide"])
+def test_a_model_without_frames_of_joints_can_be_locked(joint):
+    free = mixed()
+    locked = free.locked({joint: 0.2})
+    assert joint not in locked.joint_names
+    values = {"turn": 0.1, "spin": -0.4, "slide": 0.3, joint: 0.2}
+    whole = free.posture(free.configuration(values))
+    kept = {name: value for name, value in values.items() if name != joint}
+    alone = locked.posture(locked.configuration(kept))
+    assert alone.contact_point == pytest.approx(whole.contact_point, abs=1e-14)
+    column = [index for index, name in enumerate(free.joint_names) if name != joint]
+    assert alone.inertia == pytest.approx(whole.inertia[np.ix_(column, column)], abs=1e-14)
+
+
+def test_without_a_limit_there_is_none():
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "hip")
+    model.addJoint(1, pin.JointModelRY(), pin.SE3.Identity(), "knee")
+    for joint in (1, 2):
+        model.appendBodyToJoint(joint, BODY, pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0, 0, -1.0]))
+    model.addFrame(pin.Frame("toe", 2, 0, tip, pin.FrameType.OP_FRAME))
+    model.velocityLimit = np.array([5.0, np.finfo(float).max])  # the largest float is Pinocchio's
+    leg = kd.Leg.from_model(model, "toe")
+    assert leg.velocity_limit.tolist() == [5.0, math.inf]
+    assert leg.effort_limit.tolist() == [math.inf, math.inf]
+    assert leg.locked({"hip": 0.5}).velocity_limit.tolist() == [math.inf]
+    assert leg.locked({"knee": 0.5}).velocity_limit.tolist() == [5.0]

@@ -99,3 +99,17 @@ def test_configurations_with_angles(spoil, load):
     for q in ([0.1, 0.5], [0.1, math.cos(0.5), math.sin(0.5)]):
         assert configuration_with_angles(leg, q) == pytest.approx([0.1, 0.5], abs=1e-15)
     assert kicking_chain(with_angles(leg)).upper.tolist() == [2.0, math.pi]
+
+
+def test_a_continuous_joint_may_move_beside_the_kicking_limb():
+    model = kd.Leg.human().model
+    add_body(model, 0, pin.JointModelRUBZ(), "turret")
+    robot = kd.Leg.from_model(model, "toe")
+    chain, alone = kicking_chain(with_angles(robot)), kicking_chain(kd.Leg.human())
+    assert chain.names == alone.names
+    assert chain.velocity_limit.tolist() == alone.velocity_limit.tolist()
+    plan = kd.plan_kick(robot, kd.Goal(3, time=0.5), kd.Ball(), kd.Air())
+    assert plan.status == "met"
+    assert plan.q[:3] == pytest.approx(
+        kd.plan_kick(kd.Leg.human(), kd.Goal(3, time=0.5), kd.Ball(), kd.Air()).q, abs=1e-6
+    )

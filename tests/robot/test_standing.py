@@ -143,10 +143,6 @@ BAD = {
         G1.with_supports(FOOT).with_loops(("left_knee_link", "pelvis")),
         "no loops",
     ),
-    "a stiff joint": (
-        G1.with_supports(FOOT).with_stiff_joints("left_knee_joint"),
-        r"stiff joints \(left_knee_joint\): kicks from one foot are planned without",
-    ),
     "a tilted sole": (
         G1.with_supports(kd.Support(FOOT, sole=[(0, 0, 0), (0.1, 0, 0.1), (0, 0.1, 0.0)])),
         "the sole of left_ankle_roll_link is tilted",

@@ -162,6 +162,14 @@ def test_a_coefficient_of_the_users_own_is_not_bounded():
     assert around.shift(1e-9) < 1e-6
 
 
+def test_lift_that_pulls_down_drives_flights_apart_as_much_as_lift_that_carries():
+    up, down = (
+        Envelope(LAUNCH, FlightEnvironment(kd.Ball(), kd.Air(lift=lift), kd.Ground(), None))
+        for lift in (0.3, -0.3)
+    )
+    assert down._growth == pytest.approx(up._growth, rel=0.2)
+
+
 def test_how_high_above_the_ground_the_ball_meets_a_wall():
     ball, launch = kd.Ball(), kd.BallState((0, 0, 5), (10, 0, 5))
     wall = kd.Plane((4, 0, 0), (-1, 0, 0), reached_by="centre")

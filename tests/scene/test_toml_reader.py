@@ -109,6 +109,16 @@ def test_values_arrive(read):
     assert scene.law == "stronge"
 
 
+def test_a_coefficient_may_be_a_number(read, faults):
+    air = read(SMALL + "[air]\ndrag = 0.25\nlift = -0.1\ntorque = 0\n").air
+    assert [model.value for model in (air.drag, air.lift, air.torque)] == [0.25, -0.1, 0.0]
+    assert faults(SMALL + "[air]\ndrag = -0.25\nlift = nan\ntorque = true\n") == (
+        "air.drag is -0.25: it must be a finite number at least 0",
+        "air.lift is nan: it must be a finite number",
+        "air.torque is True: choose smits-smith, tavares, or a number",
+    )
+
+
 def test_a_file_is_looked_for_from_the_scenes_folder(read, tmp_path, good_urdf):
     (tmp_path / "my.urdf").write_text(good_urdf)
     text = SMALL.replace('model = "human"', 'file = "my.urdf"').replace(", ankle = -5", "")
@@ -412,3 +422,24 @@ def test_stiff_joints(tmp_path, faults):
     assert impact.v_after[2] == pytest.approx(scene.v[2], rel=1e-12, abs=1e-12)
     (line,) = faults(SMALL.replace('"human"', '"human"\nstiff_joints = ["toe"]'))
     assert "leg: joint 'toe' is unknown" in line
+
+
+def test_locked_joints(tmp_path, faults):
+    file = tmp_path / "scene.toml"
+    small = SMALL.replace(", ankle = -5", "")
+    file.write_text(small.replace('"human"', '"human"\nlocked = { ankle = -5 }'))
+    free = tmp_path / "free.toml"
+    free.write_text(SMALL)
+    scene = kd.load_scene(file)
+    assert scene.leg.joint_names == ("hip", "knee")
+    pair = scene, kd.load_scene(free)
+    places = [each.leg.posture(each.q).contact_point for each in pair]
+    assert places[0] == pytest.approx(places[1], abs=1e-14)
+    for locked, said in (
+        ("{ ankel = 5 }", "leg: joint 'ankel' is unknown: did you mean 'ankle'"),
+        ("{ ankle = nan }", "leg.locked.ankle is nan"),
+        ("5", "leg.locked is 5: it must be a table, joint = number [deg; m]"),
+        ("{ ankle = 5, hip = 5, knee = 0 }", "leg: all joints of leg_human are locked"),
+    ):
+        (line,) = faults(small.replace('"human"', f'"human"\nlocked = {locked}'))
+        assert said in line

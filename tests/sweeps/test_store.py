@@ -16,11 +16,13 @@ import numpy as np
 import psutil
 import pytest
 import xarray as xr
+import zarr
 
 import kickdyn as kd
 from kickdyn.errors import Unfinished
 from kickdyn.sweeps import chunk_solver
-from kickdyn.sweeps.grid import read_postures
+from kickdyn.sweeps.dataset import VARIABLES, describe
+from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.store import SweepStore, save_netcdf
 
 LEG = kd.Leg.human()
@@ -54,6 +56,11 @@ def files(folder):
     return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+def as_stored(data):
+    """The dataset with 7 digits, as files have it; joints and status as they are."""
+    return data.assign({name: data[name].astype("f4") for name in VARIABLES if name in data})
+
+
 def computed(path):
     with kd.open_sweep(path) as data:
         return int((data.status != -1).sum())
@@ -62,7 +69,8 @@ def computed(path):
 def test_a_store_is_the_dataset_in_memory(tmp_path):
     data, small = stored(tmp_path / "s.zarr", threads=2), kd.sweep(LEG, POSTURES, KICK)
     assert dict(data.sizes) == dict(small.sizes)
-    xr.testing.assert_identical(data.load(), small)
+    assert data.ball_speed.encoding["compressors"]
+    xr.testing.assert_identical(data.load(), as_stored(small))
     assert not list(tmp_path.glob(".*"))
 
 
@@ -87,7 +95,7 @@ def test_plain_xarray_opens_a_store_without_a_warning(tmp_path, chunks):
         assert plain.status.attrs["flag_values"] == [0, 1, 2, 3, -1]
         assert plain.carry.attrs == {"units": "m", "long_name": whole.carry.attrs["long_name"]}
         assert np.isnan(plain.carry.values).tolist() == (~done).tolist()
-        assert (plain.carry.values[done] == whole.carry.values[done]).all()
+        assert (plain.carry.values[done] == as_stored(whole).carry.values[done]).all()
         stored(path, resume=True)
 
 
@@ -102,11 +110,13 @@ def test_dask_reduces_a_store(tmp_path):
 def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
     stored(tmp_path / "whole.zarr")
     script = SCRIPT + (
-        "def wait(count, speed):\n"
-        "    calls.append(count)\n"
-        "    if len(calls) == 3: print('two chunks are done', flush=True), input()\n"
-        "calls = []\n"
-        "kd.sweep(leg, postures, kick, store='s.zarr', threads=1, progress=wait)\n"
+        "from kickdyn.sweeps.store import SweepStore\n"
+        "write = SweepStore.write\n"
+        "def wait(store, k, *values):\n"
+        "    if k == 2: print('two chunks are done', flush=True), input()\n"
+        "    write(store, k, *values)\n"
+        "SweepStore.write = wait\n"
+        "kd.sweep(leg, postures, kick, store='s.zarr', threads=1)\n"
     )
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, **pipes) as killed:
@@ -116,12 +126,10 @@ def test_killed_and_resumed_it_is_the_same_bit_by_bit(tmp_path):
     with kd.open_sweep(tmp_path / "s.zarr") as half:
         assert half.attrs["finished"] == 0
         assert np.isnan(half.carry.values[half.status.values == -1]).all()
-    assert 2 * 42 <= done < 294
+    assert done == 2 * 42
     calls = []
     stored(tmp_path / "s.zarr", resume=True, progress=lambda count, _: calls.append(count))
-    assert calls[0] >= done
-    assert len(calls) == 1 + (294 - calls[0]) // 42
-    assert sum(calls) == 294
+    assert calls == [done, *5 * [42]]
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
     again = stored(tmp_path / "s.zarr", resume=True)
     assert again.attrs["finished"] == 1
@@ -205,12 +213,12 @@ def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
     stored(tmp_path / "whole.zarr")
     script = SCRIPT + (
         "from kickdyn.sweeps.store import SweepStore\n"
-        "from kickdyn.sweeps.dataset import describe\n"
+        "from kickdyn.sweeps.dataset import VARIABLES, describe\n"
         "from kickdyn.sweeps.grid import Grid\n"
         "described = describe(leg, Grid.of(leg, postures), kick, 0.0)\n"
-        "SweepStore('s.zarr', described, 50, resume=False)\n"
+        "SweepStore('s.zarr', described, list(VARIABLES), 50, resume=False)\n"
         "import resource\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (300, resource.RLIM_INFINITY))\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))\n"
         "kd.sweep(leg, postures, kick, store='s.zarr', resume=True)\n"
     )
     ended = subprocess.run(
@@ -237,6 +245,7 @@ def test_worker_processes_fill_the_same_store(tmp_path):
     stored(tmp_path / "s.zarr", LARGE, workers=2, progress=look)
     assert len(family) >= 3
     assert listening <= before
+    assert sum(map(len, files(tmp_path / "s.zarr").values())) < 45 * 3 * 521 * 281
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
 
 
@@ -311,6 +320,143 @@ def test_what_is_stopped_leaves_nothing_to_an_executor_of_the_caller(tmp_path):
     assert computed(tmp_path / "s.zarr") <= done + 42 < 294
 
 
+def test_only_named_variables_are_kept_in_their_order(tmp_path):
+    whole = kd.sweep(LEG, POSTURES, KICK)
+    for path in (tmp_path / "s.zarr", None):
+        few = kd.sweep(LEG, POSTURES, KICK, store=path, variables=["carry", "impulse", "status"])
+        assert list(few.data_vars) == ["impulse", "carry", "status"]
+        xr.testing.assert_identical(
+            as_stored(few.load()), as_stored(whole[["impulse", "carry", "status"]])
+        )
+    with pytest.raises(kd.InvalidInput, match="its variables are impulse, carry, this one's effec"):
+        stored(tmp_path / "s.zarr", resume=True)
+    stored(tmp_path / "s.zarr", resume=True, variables=("impulse", "carry"))
+    stored(tmp_path / "status.zarr", variables=["status"])
+    assert list(kd.open_sweep(tmp_path / "status.zarr")) == ["status"]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["ball_sped"], "variable 'ball_sped' is unknown: did you mean 'ball_speed'"),
+        (["carry", "x"], "variable 'x' is unknown: choose effective_mass, .*, status"),
+        (["carry", 5], "variable '5' is unknown"),
+        ([], "variables is empty: choose effective_mass"),
+        ("carry", "variables is 'carry': it must be a list"),
+        (5, "variables is 5: it must be"),
+    ],
+)
+def test_variables_that_there_are_not(tmp_path, names, words):
+    with pytest.raises(kd.InvalidInput, match=words):
+        stored(tmp_path / "s.zarr", variables=names)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_kickdyn_xarray_opens_every_file(tmp_path):
+    """In the order of the documentation, by two functions, and with the attributes of CF."""
+    stored(tmp_path / "whole.zarr")
+    save_netcdf(kd.sweep(LEG, POSTURES, KICK), tmp_path / "whole.nc")
+    described = describe(LEG, Grid.of(LEG, POSTURES), KICK, 0.0)
+    begun = SweepStore(tmp_path / "begun.zarr", described, list(VARIABLES), 50, resume=False)
+    begun.write(2, np.ones((len(VARIABLES), 42)), np.zeros(42, np.int8))
+    script = (
+        "import sys, xarray as xr\n"
+        "def show(data):\n"
+        "    flags = dict(zip(data.status.attrs['flag_meanings'].split(), "
+        "map(int, data.status.attrs['flag_values'])))\n"
+        "    print(*data.data_vars, *data.coords, data.attrs['Conventions'], "
+        "data.attrs['finished'], data.status.dtype, data.carry.dtype, data.knee.dtype, "
+        "flags['not-computed'], int((data.status == -1).sum()), int(data.carry.isnull().sum()))\n"
+        "    for name, each in data.variables.items():\n"
+        "        assert each.attrs['long_name'] and ('units' in each.attrs) == (name != 'status')\n"
+        "for name in ('whole.zarr', 'begun.zarr'): show(xr.open_zarr(name))\n"
+        "for name in ('whole.zarr', 'begun.zarr', 'whole.nc'): show(xr.open_dataset(name))\n"
+        "assert not any('kickdyn' in name for name in sys.modules)\n"
+    )
+    command = [sys.executable, "-W", "error", "-c", script]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.stderr == ""
+    names = [*VARIABLES, "status", *(n for j in POSTURES for n in (j, f"{j}_deg")), "CF-1.11"]
+    ends = {1: "1 int8 float32 float64 -1 0 0", 0: "0 int8 float32 float64 -1 252 252"}
+    assert ended.stdout.splitlines() == [f"{' '.join(names)} {ends[k]}" for k in (1, 0, 1, 0, 1)]
+    text = (Path(__file__).parents[2] / "docs" / "sweep.md").read_text()
+    table = re.search(r"\| variable \|.*?\n\n", text, re.DOTALL)[0]
+    assert re.findall(r"`(\w+)`(?=[^|]*\| [a-zA-Z0-9])", table) == [*VARIABLES, "status"]
+
+
+def test_one_process_fills_a_store_at_a_time(tmp_path):
+    path = tmp_path / "s.zarr"
+    described = describe(LEG, Grid.of(LEG, POSTURES), KICK, 0.0)
+    other = SweepStore(path, described, list(VARIABLES), 50, resume=False)
+    with (
+        other.locked(),
+        pytest.raises(kd.InvalidInput, match=r"s\.zarr is being filled by another process: wait"),
+    ):
+        stored(path, resume=True)
+    assert computed(path) == 0
+    stored(path, resume=True)
+    assert computed(path) == 294
+
+
+def test_a_store_that_another_process_makes_meanwhile_is_kept(tmp_path, monkeypatch):
+    path, consolidate = tmp_path / "s.zarr", zarr.consolidate_metadata
+
+    def overtaken(*args):
+        monkeypatch.setattr(zarr, "consolidate_metadata", consolidate)
+        monkeypatch.setattr(os, "getpid", lambda: 7)
+        stored(path)
+        return consolidate(*args)
+
+    monkeypatch.setattr(zarr, "consolidate_metadata", overtaken)
+    with pytest.raises(kd.InvalidInput, match=r"another process has made it meanwhile"):
+        stored(path)
+    assert [each.name for each in tmp_path.iterdir()] == ["s.zarr"]
+    assert computed(path) == 294
+
+
+def test_killed_at_any_file_nothing_is_lost_or_wrongly_complete(tmp_path):
+    """Each child is killed when it is about to put its n-th file in its place."""
+    script = SCRIPT + (
+        "import os, signal\n"
+        "from pathlib import Path\n"
+        "import numpy as np\n"
+        "whole, replace, done, rounds = kd.sweep(leg, postures, kick), Path.replace, 0, 0\n"
+        "def killed_at(n):\n"
+        "    calls = []\n"
+        "    def count(draft, target):\n"
+        "        calls.append(target)\n"
+        "        if len(calls) == n: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "        return replace(draft, target)\n"
+        "    Path.replace = count\n"
+        "    kd.sweep(leg, postures, kick, store='s.zarr', threads=1, resume=True)\n"
+        "for n in (1, 60, 2, 29, None, 10**9):\n"
+        "    n = n or (294 - done) // 42 * 14 + 1  # when all is computed and nothing says so\n"
+        "    child = os.fork()\n"
+        "    if child == 0:\n"
+        "        killed_at(n)\n"
+        "        os._exit(0)\n"
+        "    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])\n"
+        "    if not Path('s.zarr').exists(): continue\n"
+        "    with kd.open_sweep('s.zarr') as data:\n"
+        "        here = data.status.values != -1\n"
+        "        assert (data.status.values[here] == whole.status.values[here]).all()\n"
+        "        for name in set(data.data_vars) - {'status'}:\n"
+        "            right = whole[name].values.astype('f4')[here]\n"
+        "            assert np.array_equal(data[name].values[here], right, equal_nan=True)\n"
+        "        assert here.sum() >= done and here.all() >= data.attrs['finished'], (n, done)\n"
+        "        done, rounds = here.sum(), rounds + 1\n"
+        "        assert (code == 0) == data.attrs['finished'], (n, code)\n"
+        "print(done, rounds, code)\n"
+    )
+    command = [sys.executable, "-c", script]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.stdout.split()[::2] == ["294", "0"], ended.stderr
+    assert int(ended.stdout.split()[1]) >= 4
+    stored(tmp_path / "whole.zarr")
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
+    assert {each.name for each in tmp_path.iterdir()} == {"s.zarr", "whole.zarr"}
+
+
 @pytest.mark.parametrize("path", [5, "a\0b.zarr", ["s.zarr"]])
 def test_what_cannot_be_a_path(path):
     with pytest.raises(kd.InvalidInput, match=r"path is .*: it must be "):
@@ -333,8 +479,8 @@ def test_files_that_are_not_sweeps(tmp_path):
     for name in ("text.nc", "empty.zarr"):
         with pytest.raises(kd.InvalidInput, match=f"{name} cannot be read as a sweep"):
             kd.open_sweep(tmp_path / name)
-    kd.sweep(LEG, POSTURES, KICK).drop_vars("carry").to_netcdf(tmp_path / "less.nc")
-    with pytest.raises(kd.InvalidInput, match=r"less\.nc is not a sweep: it has no carry"):
+    kd.sweep(LEG, POSTURES, KICK).drop_vars("status").to_netcdf(tmp_path / "less.nc")
+    with pytest.raises(kd.InvalidInput, match=r"less\.nc is not a sweep: it has no status"):
         kd.open_sweep(tmp_path / "less.nc")
 
 
@@ -346,7 +492,7 @@ def small():
 def test_netcdf_keeps_everything(small, tmp_path):
     save_netcdf(small, tmp_path / "sweep.nc")
     with kd.open_sweep(tmp_path / "sweep.nc") as back:
-        xr.testing.assert_identical(back.load(), small)
+        xr.testing.assert_identical(back.load(), as_stored(small))
 
 
 @pytest.mark.parametrize(

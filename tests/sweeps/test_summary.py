@@ -112,3 +112,13 @@ def test_bad_conditions_are_refused_before_anything_is_computed():
     described = describe(LEG, Grid.of(LEG, POSTURES), KICK, 0.0)
     with pytest.raises(kd.InvalidInput, match=r"names 'kne', .* carry \[m\]"):
         Summary(described, "kne < 30")
+
+
+def test_what_is_kept_must_suffice(data):
+    few = data.drop_vars(["restitution_residual", "momentum_residual", "carry"])
+    assert np.isnan(summarize(few).residual)
+    assert summarize(few).best.tolist() == summarize(data).best.tolist()
+    with pytest.raises(kd.InvalidInput, match="'carry', which this sweep does not keep: there are"):
+        summarize(few, "carry > 1")
+    with pytest.raises(kd.InvalidInput, match="does not keep speed_use: its summary needs that"):
+        summarize(data.drop_vars("speed_use"))

@@ -531,7 +531,7 @@ def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tu
         if part.begins is not CutReason.BOUNCE or part.velocity_before is None:
             slip = None
             continue
-        if slip is None or before.begins is not CutReason.BOUNCE:
+        if slip is None:
             slip = part.velocity_before[:2]
         else:  # in flight the spin stays, the velocity changes
             slip = slip + part.velocity_before[:2] - before.velocity_after[:2]

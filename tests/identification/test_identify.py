@@ -46,6 +46,14 @@ def test_a_track_without_noise_gives_the_truth(curving):
     assert found.undetermined == {}
 
 
+def test_times_may_count_from_1970():
+    """The clocks of computers do: a time of 1.7e9 s is exact to 2.4e-7 s."""
+    late = kd.Track(1.7e9 + STRAIGHT.times, STRAIGHT.positions)
+    found = kd.identify(late, BALL, kd.Air(), free=("drag-scale",))
+    assert found.launch.velocity == pytest.approx([20, 3, 8], rel=1e-4)
+    assert found.launch.time == 1.7e9 + 3.0
+
+
 def test_wind_and_lift_of_flights_fitted_together():
     air = kd.Air(wind=(2.0, -1.0, 0.0), drag=constant(0.25))
     tracks = [flown((20, 3, 8), (0, -60, 20), air), flown((-15, 9, 10), (30, 30, 40), air)]

@@ -168,7 +168,8 @@ def keys(value, name=""):
     if isinstance(value, dict):
         named = {
             **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
-            "neglected": "EFFECT",
+            **{"neglected": "EFFECT", "values": "UNKNOWN", "deviations": "UNKNOWN"},
+            **dict.fromkeys(("restitution", "friction", "rolling_deceleration"), "VALUE"),
         }.get(name.split(".")[-1])
         parts = [(named or key, part) for key, part in value.items()]
         return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}
@@ -185,10 +186,14 @@ def keys(value, name=""):
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
         ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),
         ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
+        ("identify", ["track.csv"]),
         ("tune-mujoco", [str(ROOT / "scenes" / "robot_chip.toml"), "--timestep", "0.005"]),
     ],
 )
-def test_the_page_names_every_key(section, arguments):
+def test_the_page_names_every_key(section, arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = (ROOT / "data" / "match_ball.csv").read_text("utf-8").splitlines()
+    Path("track.csv").write_text("\n".join([rows[0], *rows[2605:2760]]), "utf-8")
     ended = CliRunner().invoke(kickdyn_command, [section, *arguments, "--json", "-"])
     assert ended.exit_code == 0
     text = PAGE.split(f"### {section}\n")[1].split("\n### ")[0]

@@ -22,7 +22,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 from queue import Queue
 from typing import NamedTuple
@@ -165,22 +165,28 @@ def is_valid(mutant: Mutant) -> bool:
     return True
 
 
-def chosen(count: int, seed: int) -> list[Mutant]:
-    """Return about `count` mutants of all packages, by their share of the code, four at least."""
+def chosen(share: float, seed: int) -> list[Mutant]:
+    """Return a share of all mutants, at least four of each package.
+
+    Each mutant has a number between 0 and 1, which follows from its text and the seed, and is
+    chosen if that is below the share. So new code adds to the selection, and displaces others only
+    in a package that has just four.
+    """
     by_package: dict[str, list[Mutant]] = {}
     for file in sorted((ROOT / "kickdyn").rglob("*.py")):
         for mutant in mutants_of(file):
             by_package.setdefault(mutant.package, []).append(mutant)
 
-    def rank(mutant: Mutant) -> str:
+    def number(mutant: Mutant) -> float:
+        """Return the number of a mutant."""
         key = (seed, mutant.file, mutant.function, mutant.before.strip(), mutant.after.strip())
-        return hashlib.sha256(repr(key).encode()).hexdigest()
+        return int(hashlib.sha256(repr(key).encode()).hexdigest(), 16) / 2**256
 
-    total = sum(len(mutants) for mutants in by_package.values())
     found: list[Mutant] = []
-    for _, mutants in sorted(by_package.items()):
-        share = max(4, round(count * len(mutants) / total))
-        found += islice(filter(is_valid, sorted(mutants, key=rank)), share)
+    for mutants in by_package.values():
+        ordered = filter(is_valid, sorted(mutants, key=number))
+        found += islice(ordered, 4)
+        found += takewhile(lambda mutant: number(mutant) < share, ordered)
     return sorted(found)
 
 
@@ -243,14 +249,14 @@ def _copy_project(folder: Path) -> Path:
 def main() -> int:
     """Run the mutants, print those that no test noticed, and return 1 if they are too many."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=100)
+    parser.add_argument("--share", type=float, default=0.0105, help="of all changes there could be")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="kickdyn", help="files whose path begins like this")
     parser.add_argument("--list", action="store_true", help="print the mutants, run none")
     parser.add_argument("--json", type=Path, help="write the outcome of each mutant here")
     options = parser.parse_args()
-    mutants = [m for m in chosen(options.count, options.seed) if m.file.startswith(options.only)]
+    mutants = [m for m in chosen(options.share, options.seed) if m.file.startswith(options.only)]
     if options.list:
         print(*mutants, sep="\n")
         return 0

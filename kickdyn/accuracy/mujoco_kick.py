@@ -20,6 +20,9 @@ from kickdyn.impact.impact_result import Impact
 IMPEDANCE = 0.9999
 """MuJoCo's largest impedance, with which a contact is a spring and a damper alone."""
 
+NO_CONTACT = 16
+"""MuJoCo's `mjDSBL_CONTACT`."""
+
 LONGEST = 1.0
 """Time after which leg and ball count as not separating [s]."""
 
@@ -104,7 +107,7 @@ class SimulatedBall(NamedTuple):
         spin: shape `(3,)` [rad/s, world frame].
         contact_time: time steps in which foot and ball push each other [s].
         joint_impulses: shape `(njoints, 3)` [N s, world frame], of the force on the body that each
-            joint moves while ball and foot touch; empty unless asked for.
+            joint moves, less what the force would be without the ball; empty unless asked for.
     """
 
     velocity: Array
@@ -163,10 +166,7 @@ class MujocoKick:
         pushed = touched = 0
         for step in range(math.ceil(longest / self.timestep) + 4):
             if joint_impulses:
-                mujoco.mj_forward(model, data)
-                mujoco.mj_rnePostConstraint(model, data)
-                if data.ncon:
-                    forces += data.cfrc_int[:, 3:] * self.timestep
+                forces += self.timestep * (self._joint_forces(0) - self._joint_forces(NO_CONTACT))
             mujoco.mj_step(model, data)
             if data.ncon:
                 touched += 1
@@ -183,6 +183,15 @@ class MujocoKick:
                 found = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
                 return SimulatedBall(velocity, spin, pushed * self.timestep, found)
         raise KickdynError(f"leg and ball did not part within {longest:g} s")
+
+    def _joint_forces(self, disabled: int) -> Array:
+        """Return the force on each body at its joint [N, world frame], some effects disabled."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        model.opt.disableflags = disabled
+        mujoco.mj_forward(model, data)
+        mujoco.mj_rnePostConstraint(model, data)
+        model.opt.disableflags = 0
+        return np.array(data.cfrc_int[:, 3:])
 
     def _start(self, before: float) -> None:
         """Set the state at a time [s] before the first contact."""

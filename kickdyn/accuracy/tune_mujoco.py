@@ -67,6 +67,11 @@ radius, and of the logarithms by which friction's coefficient and damping change
 the coefficient where a kick sticks and thus does not determine it."""
 
 
+EARLY = 1e-3
+"""Share of an interval between moments by which the simulation begins before the first contact: if
+it began at once, rounding would decide whether the two touch already."""
+
+
 class MujocoIntegrator(StrEnum):
     """Integrators of MuJoCo."""
 
@@ -95,7 +100,7 @@ class KickError(NamedTuple):
     spin: float
 
 
-class _Case(NamedTuple):
+class KickCase(NamedTuple):
     """A kick, and the ball that kickdyn computes."""
 
     change: str
@@ -108,7 +113,7 @@ class _Case(NamedTuple):
         return max(float(self.target.speed), self.approach.speed)
 
 
-class _Found(NamedTuple):
+class FittedContact(NamedTuple):
     """Parameters, what they leave, and the simulated contact time [s]."""
 
     score: float
@@ -228,14 +233,14 @@ friction="{float(self.friction)!r} 0 0"/>
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
-        yield "solref", row(self.solref), ""
+        yield "solref", digits(self.solref), ""
         if self.solref_time is not None:
-            yield "the same", " ".join(f"{part:.6g}" for part in self.solref_time), ""
-        yield "solimp", row(self.solimp), ""
+            yield "the same", digits(self.solref_time), ""
+        yield "solimp", digits(self.solimp), ""
         yield "condim", self.condim, ""
         if self.friction:
             yield "friction", self.friction, ""
-            yield "solreffriction", row(self.solreffriction), "(of a <pair>)"
+            yield "solreffriction", digits(self.solreffriction), "(of a <pair>)"
         yield "contact time", 1e3 * self.contact_time, "ms"
         for error in self.errors:
             text = f"speed {error.speed:.2%}, direction {math.degrees(error.direction):.2f} deg"
@@ -316,14 +321,14 @@ def tune_mujoco(
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, contact_time)
-    found = _tune(cases, step, chosen, contact_time)
+    found = find_best(cases, step, chosen, contact_time)
     largest: float | None = step
     if found.errors[0].velocity > tolerance:
         smaller = (each for each in STEPS if each < step)
         meets = (
             each
             for each in smaller
-            if _tune(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
+            if find_best(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
         )
         largest = next(meets, None)
     best = found.contact
@@ -364,14 +369,14 @@ def closed_form_contact(
     return stiffness / timestep**2, damping / timestep
 
 
-def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
+def kick_cases(approach: Approach, contact_time: float | None) -> list[KickCase]:
     """Return the kick, and those around it that can be computed."""
     posture, ball, contact, before = (
         approach.posture, approach.ball, approach.contact, approach.ball_before,
     )  # fmt: skip
     stiffness = None
 
-    def case(change: str, at: Posture, factor: float) -> _Case:
+    def case(change: str, at: Posture, factor: float) -> KickCase:
         """Return a kick at a posture, with all velocities times a factor."""
         nonlocal stiffness
         motion = factor * before.velocity, factor * before.spin
@@ -379,14 +384,14 @@ def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
         given = {"ball_velocity": motion[0], "ball_spin": motion[1]}
         if contact_time is None:
             target = strike(at, near.v, ball, contact, **given).ball_after  # type: ignore[arg-type]
-            return _Case(change, near, target)
+            return KickCase(change, near, target)
         time = contact_time if stiffness is None else None
         hit = collide(
             at, near.v, ball, contact, contact_time=time, stiffness=stiffness,
             dissipation="hunt-crossley", tol=1e-6, **given,
         )  # fmt: skip
         stiffness = hit.force_model.stiffness
-        return _Case(change, near, hit.ball_after)
+        return KickCase(change, near, hit.ball_after)
 
     cases = [case("", posture, 1.0)]
     cases += [case(f"speed x {factor:g}", posture, factor) for factor in SPEEDS]
@@ -401,22 +406,20 @@ def kick_cases(approach: Approach, contact_time: float | None) -> list[_Case]:
     return cases
 
 
-def _tune(
-    cases: Sequence[_Case], timestep: float, integrator: str, contact_time: float | None
-) -> _Found:
+def find_best(
+    cases: Sequence[KickCase], timestep: float, integrator: str, contact_time: float | None
+) -> FittedContact:
     """Return the best contact at a time step [s]; without a contact time, of several."""
     times: Sequence[float] = (contact_time,) if contact_time is not None else ()
     times = times or [steps * timestep for steps in STEPS_PER_CONTACT]
-    gravity, plain = (
-        contact_time is not None,
-        MujocoContact(friction=cases[0].approach.contact.friction),
-    )
+    gravity = contact_time is not None
+    plain = MujocoContact(friction=cases[0].approach.contact.friction)
     kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity) for case in cases]
     found = [
         one
         for duration in times
         for width in WIDTHS
-        if (one := _fit(cases, kicks, duration, width, integrator)) is not None
+        if (one := fit_contact(cases, kicks, duration, width, integrator)) is not None
     ]
     if not found:
         raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
@@ -428,13 +431,13 @@ def _tune(
     return best._replace(seconds=seconds)
 
 
-def _fit(
-    cases: Sequence[_Case],
+def fit_contact(
+    cases: Sequence[KickCase],
     kicks: Sequence[MujocoKick],
     contact_time: float,
     width: float,
     integrator: str,
-) -> _Found | None:
+) -> FittedContact | None:
     """Return the contact fitted to the first three kicks; None if they do not end.
 
     The impedance reaches its largest value at `width` deepest deflections.
@@ -443,17 +446,21 @@ def _fit(
     e, mu = approach.restitution, approach.contact.friction
     stiffness, damping = closed_form_contact(e, contact_time, step, integrator)
     unit = math.sqrt(stiffness)
-    depth = width * approach.speed / unit
+    depth = _rounded(width * approach.speed / unit)
     solimp = (1e-4, IMPEDANCE, depth, 0.5, 1.0) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
     across = min(4.0 / contact_time, 0.8 / step)
 
-    def contact_of(x: Array) -> MujocoContact:
-        """Return the contact of the unknowns, which are 0 at the closed form."""
-        solref = (-stiffness * math.exp(x[0]), -max(damping + unit * x[1], 0.0))
+    def contact_of(unknowns: Array) -> MujocoContact:
+        """Return the contact of the unknowns, which are 1 at the closed form."""
+        x = unknowns - 1.0
+        solref = (
+            -_rounded(stiffness * math.exp(x[0])),
+            -_rounded(max(damping + unit * x[1], 0.0)),
+        )
         if not mu:
             return MujocoContact(solref, solimp)
-        friction = float(mu * math.exp(x[2]))
-        return MujocoContact(solref, solimp, friction, (-1.0, -across * math.exp(x[3])))
+        solreffriction = (-1.0, -_rounded(across * math.exp(x[3])))
+        return MujocoContact(solref, solimp, _rounded(mu * math.exp(x[2])), solreffriction)
 
     def residuals(x: Array) -> Array:
         """Return the weighted errors, relative to the ball's speed."""
@@ -470,13 +477,13 @@ def _fit(
             if case is cases[0]:
                 mean = float(np.mean([ball.contact_time for ball in balls]))
                 parts.append(np.array([0.2 * (mean / contact_time - 1.0)]))
-        parts.append(KEPT * x[2:])
+        parts.append(KEPT * (x[2:] - 1.0))
         return np.concatenate(parts)
 
-    start = np.zeros(4 if mu else 2)
+    start = np.ones(4 if mu else 2)  # scipy's steps are relative to it
     try:
         solved = least_squares(
-            residuals, start, bounds=(-1.5, 1.5), diff_step=0.02, x_scale=0.1, max_nfev=10,
+            residuals, start, bounds=(-0.5, 2.5), diff_step=0.02, x_scale=0.1, max_nfev=10,
             ftol=1e-4, xtol=1e-4,
         )  # fmt: skip
         contact = contact_of(solved.x)
@@ -492,15 +499,25 @@ def _fit(
         if mu:
             size = max(size, SPIN * approach.ball.radius * error.spin / case.scale)
         score = max(score, size if case is cases[0] else OTHERS * size)
-    return _Found(score, contact, errors, lasted, 0.0)
+    return FittedContact(score, contact, errors, lasted, 0.0)
+
+
+def digits(values: Iterable[float]) -> str:
+    """Return parameters as text, without the zeros after a decimal point."""
+    return " ".join(f"{value:.6g}" for value in values)
+
+
+def _rounded(value: float) -> float:
+    """Return a parameter to the six digits with which people copy it."""
+    return float(f"{value:.6g}")
 
 
 def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:
     """Return the balls of kicks that reach the ball at moments spread evenly over a time step."""
-    return [kick.run((part + 0.5) / count, longest=longest) for part in range(count)]
+    return [kick.run((part + EARLY) / count, longest=longest) for part in range(count)]
 
 
-def find_error(case: _Case, kick: MujocoKick, contact: MujocoContact) -> KickError:
+def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:
     """Return the largest errors of a kick with a contact."""
     kick.set_contact(contact)
     target, speed = case.target, case.scale

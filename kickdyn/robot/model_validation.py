@@ -113,6 +113,12 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         mass, moments = body.mass, body.inertia
         empty = mass == 0.0 and not moments.any()
         largest = np.abs([mass, *body.lever, *moments.flat]).max()
+        if mass == 0.0 and not empty and largest < HUGE:
+            raise InvalidInput(
+                f"joint {name!r} moves an unsound inertia (mass 0 kg, but moments): a body without "
+                "mass has no moments of inertia; correct it, or lock the joint (locked= of "
+                "from_urdf, or --lock)"
+            )
         if not (largest < HUGE and (mass > 0 or empty)):
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {mass:g} kg): mass must be above "
@@ -129,7 +135,7 @@ def _check_inertias(model: Any, names: list[str]) -> None:
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){others}: what "
                 f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
-                "inertia, or lock the joint (locked= of from_urdf)"
+                "inertia, or lock the joint (locked= of from_urdf, or --lock)"
             )
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
@@ -144,7 +150,7 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         raise InvalidInput(
             f"joint {unsound[0]!r} moves an unsound inertia (principal moments {moments} kg m2)"
             f"{others}: none may be negative or exceed the sum of the others (triangle "
-            "inequality); correct it, or lock the joint (locked= of from_urdf)"
+            "inequality); correct it, or lock the joint (locked= of from_urdf, or --lock)"
         )
 
 
@@ -233,7 +239,7 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
         else f"has condition {condition:.1g}, above {MAX_CONDITION:g}: no digits"
     )
     joints = listed(find_singular_joints(model, inertia))
-    return f"{fault} (at fault: {joints}; Leg.locked, or locked= of from_urdf, locks joints)"
+    return f"{fault} (at fault: {joints}; lock them: Leg.locked, locked= of from_urdf, or --lock)"
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:

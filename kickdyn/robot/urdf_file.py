@@ -103,7 +103,7 @@ def _folders(package_dirs: Iterable[str | PathLike[str]]) -> Iterator[Path]:
                 continue
         except (TypeError, ValueError, OSError, RuntimeError):  # no path, a NUL, links in a circle
             pass
-        raise InvalidInput(f"package_dirs names {brief(folder)}: there is no such folder")
+        raise InvalidInput(f"package_dirs names {brief(str(folder))}: there is no such folder")
 
 
 def read_document(path: str | PathLike[str]) -> UrdfFile:

@@ -1,7 +1,7 @@
 """The report of a sweep: the paper's, the best and the worst posture as table, text and JSON."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from kickdyn.core.console import PROSE, WIDE, empty_table, screen_width, wrapped
 from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
 from kickdyn.impact.laws import ImpactLaw
-from kickdyn.robot.leg import Leg
+from kickdyn.robot.leg import Leg, Posture
 from kickdyn.sweeps.dataset import provenance, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.summary import Summary
@@ -84,7 +84,7 @@ def extreme_lines(leg: Leg, grid: Grid, kick: Kick, summary: Summary) -> list[Re
         _line(leg, kick, "best", grid.configuration(leg, int(summary.best[0, 2]))),
         _line(leg, kick, "worst", grid.configuration(leg, summary.worst)),
     )
-    return [replace(line, explanation=_explanation(line.values, kick)) for line in lines]
+    return [replace(line, explanation=_explanation(line, kick)) for line in lines]
 
 
 def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> ReportLine:
@@ -95,14 +95,32 @@ def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None
     return ReportLine(label, angles, outcome, variables_of(outcome, kick), paper)
 
 
-def _explanation(values: Mapping[str, float], kick: Kick) -> str:
-    """Return why the ball leaves as fast as it does."""
+def _explanation(line: ReportLine, kick: Kick) -> str:
+    """Return why the ball leaves as fast as it does, and whether the foot can meet it so."""
+    values, posture = line.values, line.outcome.posture
     heavier = values["effective_mass"] / kick.ball.mass
+    overlap = ""
+    if not _can_meet(posture, kick.contact.normal):
+        overlap = (
+            f"; with this normal, a ball at {posture.leg.frame} can overlap with the foot "
+            "(Leg.contact_normal_cone)"
+        )
     return (
         f"the effective mass of the leg is {values['effective_mass']:.3g} kg, {heavier:.3g} times "
         f"that of the ball, which leaves at {values['speed_ratio']:.3g} times the foot's speed "
         f"(1 + e = {1 + kick.restitution_used:.3g} for an infinitely heavy leg); "
-        f"its joints need {values['speed_use']:.0%} of their speed limits"
+        f"its joints need {values['speed_use']:.0%} of their speed limits{overlap}"
+    )
+
+
+def _can_meet(posture: Posture, normal: Array) -> bool:
+    """Return whether a foot can meet a ball along a contact normal; True where that is unknown."""
+    cone = posture.leg.contact_normal_cone
+    if cone is None:
+        return True
+    at = posture.contact_point
+    return all(
+        normal @ (posture.with_contact_offset(row).contact_point - at) > -1e-9 for row in cone
     )
 
 

@@ -87,6 +87,14 @@ def test_single_spikes_cut_nothing():
     assert [p.first for p in found.parts] == pytest.approx([p.first for p in plain.parts], abs=1)
 
 
+def test_flights_leave_out_the_samples_near_their_cuts():
+    """The ball flies for 2 s: 0.1 s are left out at each end."""
+    times = np.linspace(0.0, 2.0, 101)
+    points = np.column_stack([10.0 * times, 0.0 * times, 1.0 + 9.81 * times - 4.905 * times**2])
+    (flight,) = kd.segments(kd.Track(times, points), BALL).flights
+    assert flight.times[[0, -1]] == pytest.approx([0.12, 1.88])
+
+
 def test_what_a_track_does_not_show_is_none():
     path = kd.fly(kd.BallState((0, 0, 1), (10, 0, 5)), BALL)
     times = np.arange(0, path.duration, 0.02)

@@ -76,6 +76,19 @@ def test_the_papers_goals_take_few_steps(air):
         assert launch.history[-1].tolist() == launch.velocity.tolist()
 
 
+@pytest.mark.parametrize(
+    ("goal", "time"),
+    [
+        (kd.Goal(30, apex=5.0), 2 * math.sqrt(2 * 5.0 / 9.81)),
+        (kd.Goal((8, 0, 2), time=0.4), 0.4),  # it still rises there
+    ],
+)
+def test_newtons_method_starts_from_the_vacuum(goal, time):
+    launch = kd.plan_launch(goal, BALL, AIR)
+    assert launch.history[0] == pytest.approx(nominal_velocity(goal.target, time))
+    assert launch.iterations <= 4
+
+
 def test_the_vacuum_needs_no_correction():
     launch = kd.plan_launch(kd.Goal(20, time=1.2), BALL)
     assert launch.iterations == 0

@@ -61,6 +61,7 @@ def test_a_motion_without_limits_closes():
     ("q", "step", "words"),
     [
         ([0, 0, 0.0], 0, "step is 0"),
+        ([0, 0, 0.0], 0.12, "step is 0.12: it must be .* at most 0.1"),
         ([0.0, -1.0, 0], 0.01, "outside the joints' range"),
         ([0.0, 0.0], 0.01, r"q has shape \(2,\)"),
     ],

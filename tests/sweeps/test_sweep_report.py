@@ -150,6 +150,15 @@ def test_a_whole_robot_is_swept_by_its_named_joints():
     assert "The robot's 2 other joints are at 0" in text(summary, lines)
 
 
+def test_a_normal_that_a_foot_cannot_have_is_named():
+    overlap = "with this normal, a ball at instep can overlap with the foot"
+    leg = kd.Leg.from_robot("g1", "instep", legs_only=True)
+    for attack, is_named in ((10, True), (40, False)):  # the foot points 30 degrees down
+        kick = kd.Kick(attack=np.radians(attack))
+        best = swept("right_knee_joint=30", "right_ankle_pitch_joint=0", leg=leg, kick=kick)[2][0]
+        assert (overlap in best.explanation) == is_named
+
+
 def test_both_effective_masses_of_stiff_joints():
     leg = LEG.with_stiff_joints("ankle")
     _, _, lines = swept("knee=10:20:10", leg=leg)

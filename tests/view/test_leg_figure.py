@@ -61,6 +61,9 @@ def test_a_leg_without_urdf_is_sticks():
         along = (places[part.joint] @ part.pose)[:3, 1]
         np.testing.assert_allclose(along, way / np.linalg.norm(way), atol=1e-15)
         assert part.shape.height == pytest.approx(np.linalg.norm(way))
+    shank = np.linalg.norm(ankle - knee)  # the longest of the three
+    knobs = [part.shape.radius for part in leg_parts(leg)[0][:3]]
+    assert knobs == pytest.approx(3 * [0.1 * shank])
 
 
 def test_a_leg_without_visuals_is_sticks(leg_looking_like):

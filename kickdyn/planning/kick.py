@@ -298,9 +298,10 @@ def plan_kick(
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
     of the `Support`, its sole is what the shapes of the file have within 2 mm of the ground. At the
-    impact, the centre of mass is above the sole, the kicking foot above the ground, and, where
-    there is such a posture, the ground can supply the support's impulse: `impact.footing` says
-    whether. The motion before is not planned.
+    impact, the centre of mass is above the sole, the kicking foot above the ground, the trunk
+    (the body of the floating base) at most 30 degrees from upright, and, where there is such a
+    posture, the ground can supply the support's impulse: `impact.footing` says whether. The motion
+    before is not planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.

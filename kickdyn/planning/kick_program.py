@@ -38,7 +38,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
-from kickdyn.planning.stance import Stance
+from kickdyn.planning.stance import Condition, Stance
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -521,13 +521,25 @@ def _one_blas_thread() -> Iterator[None]:
 
 
 def explain_infeasible(program: KickProgram) -> str:
-    """Return why a program has no feasible point: its limits, the ball, or the joints' ranges."""
+    """Return why a program has no feasible point.
+
+    It is a condition of its stance, its limits, the ball, or the joints' ranges.
+    """
     leg, target, wanted = program.leg, program.target, program.ball_position
-    free = KickProgram(leg, target, wanted, limits=False)
-    if program.limits and free.solve(lambda _, v: float(v @ v)) is not None:
+    stance, limits = program.stance, program.limits
+
+    def is_feasible(stance: Stance | None, limits: bool) -> bool:
+        """Return whether the program has a point with another stance or without limits."""
+        other = KickProgram(leg, target, wanted, limits=limits, stance=stance)
+        return other.solve(lambda _, v: float(v @ v)) is not None
+
+    for condition in Condition if stance is not None else ():
+        if is_feasible(Stance(stance.standing, stance.impulse, condition), limits):
+            return f"it has one without the condition that {condition}"
+    if limits and is_feasible(stance, False):
         return "without its speed and torque limits it has one"
     if wanted is not None:
-        anywhere = KickProgram(leg, target, limits=program.limits)
+        anywhere = KickProgram(leg, target, limits=limits, stance=stance)
 
         def distance(posture: Posture, v: Array) -> float:
             """Return how far the ball is from its place, squared [m2]."""

@@ -2,10 +2,14 @@ r"""What a robot that stands on one foot must keep in a kick, as functions of it
 
 - Static balance: the centre of mass is above the sole.
 - The kicking foot is above the ground.
+- The trunk, which is the body of the floating base, is at most `TILT` from upright.
 - The support's impulse :math:`\lambda` in the strike, which follows from the posture and from the
   impulse on the ball alone, is one that the ground can supply:
   :math:`\lambda_z \ge 0, |\lambda_t| \le \mu \lambda_z`, its centre of pressure in the sole.
 """
+
+import math
+from enum import StrEnum
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +23,26 @@ from kickdyn.robot.standing import StandingRobot, joint_spheres
 LENGTH = 0.1
 """Scale of distances from the ground and from the edge of the sole [m]."""
 
+TILT = math.radians(30)
+"""Largest angle between the trunk and its direction in the robot that stands upright [rad].
+
+It is a choice: between the trunk of a walking robot, which is nearly upright, and that of a player
+who leans over the ball.
+"""
+
+UPRIGHT = 1.0 - math.cos(TILT)
+"""Scale of the height of the trunk's axis over that at the largest tilt."""
+
 STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
+
+
+class Condition(StrEnum):
+    """What a posture must keep, whatever the impulse on the ball."""
+
+    UPRIGHT = f"its trunk is at most {math.degrees(TILT):.0f} deg from upright"
+    CLEARANCE = "its kicking foot is above the ground"
+    BALANCE = "its centre of mass is above the sole"
 
 
 class Stance:
@@ -31,10 +53,16 @@ class Stance:
     Attributes:
         standing: the robot.
         impulse: on the ball, shape `(3,)` [N s]; None does not ask what the ground can supply.
+        without: a condition that is left out.
     """
 
-    def __init__(self, standing: StandingRobot, impulse: Array | None = None) -> None:
-        self.standing, self.impulse = standing, impulse
+    def __init__(
+        self,
+        standing: StandingRobot,
+        impulse: Array | None = None,
+        without: Condition | None = None,
+    ) -> None:
+        self.standing, self.impulse, self.without = standing, impulse, without
         self._size = 1.0 if impulse is None else float(np.linalg.norm(impulse))
         leg, robot = standing.leg, standing.robot
         hull = ConvexHull(standing.sole)
@@ -50,10 +78,13 @@ class Stance:
 
     def margins(self, posture: Posture) -> Array:
         """Return how far all is inside its bounds, about 1 for a good distance, shape `(k,)`."""
-        parts = [
-            (self._offsets - self._normals @ self.centre_of_mass(posture)[:2]) / LENGTH,
-            (self._points(posture)[:, 2] - self._radii) / LENGTH,
-        ]
+        centre = self.centre_of_mass(posture)[:2]  # it brings the joints' placements up to date
+        known = {
+            Condition.BALANCE: (self._offsets - self._normals @ centre) / LENGTH,
+            Condition.CLEARANCE: (self._points(posture)[:, 2] - self._radii) / LENGTH,
+            Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT,
+        }
+        parts = [rows for name, rows in known.items() if name != self.without]
         if self.impulse is not None:
             parts.append(self._impulse_margins(posture))
         return np.concatenate(parts)
@@ -64,14 +95,21 @@ class Stance:
         model, data = leg.workspace.model, leg.workspace.data
         moved = pin.jacobianCenterOfMass(model, data, posture.q)
         moved *= data.mass[0] / (data.mass[0] + model.inertias[0].mass)
-        rows = [-self._normals @ moved[:2] / LENGTH]
         pin.computeJointJacobians(model, data, posture.q)
         joint = leg.contact_joint
         own = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
         arms = self._centres @ posture.rotation_world_joint.T
         # z of v + w x arm
-        rows.append((own[2] + np.outer(arms[:, 1], own[3]) - np.outer(arms[:, 0], own[4])) / LENGTH)
-        found = np.vstack(rows)[:, vs]
+        raised = own[2] + np.outer(arms[:, 1], own[3]) - np.outer(arms[:, 0], own[4])
+        trunk = self._trunk_joint(posture)
+        turned = pin.getJointJacobian(model, data, trunk, pin.LOCAL_WORLD_ALIGNED)
+        axis = self._trunk_axis(posture)
+        known = {
+            Condition.BALANCE: -self._normals @ moved[:2] / LENGTH,
+            Condition.CLEARANCE: raised / LENGTH,
+            Condition.UPRIGHT: (axis[1] * turned[3:4] - axis[0] * turned[4:5]) / UPRIGHT,
+        }
+        found = np.vstack([rows for name, rows in known.items() if name != self.without])[:, vs]
         if self.impulse is None:
             return found
         here, columns = self._impulse_margins(posture), []
@@ -121,6 +159,23 @@ class Stance:
         if self._friction is not None:
             parts.append([self._friction * p[2] - np.hypot(p[0], p[1])])
         return np.concatenate(parts) / self._size
+
+    def _trunk_joint(self, posture: Posture) -> int:
+        """Return the number of the joint that carries the trunk; 0 if none does."""
+        model, name = posture.leg.workspace.model, self.standing.trunk_joint
+        return int(model.getJointId(name)) if name and model.existJointName(name) else 0
+
+    def _trunk_axis(self, posture: Posture) -> Array:
+        """Return the trunk's axis that is vertical while it is upright, shape `(3,)` [world frame].
+
+        The data of the leg must be those of the posture.
+        """
+        number = self._trunk_joint(posture)
+        if number == 0:  # it does not move
+            return np.array([0.0, 0.0, 1.0])
+        return np.asarray(
+            posture.leg.workspace.data.oMi[number].rotation @ self.standing.trunk_axis
+        )
 
     def _points(self, posture: Posture) -> Array:
         """Return the centres of the kicking foot's spheres, shape `(k, 3)` [m, world frame]."""

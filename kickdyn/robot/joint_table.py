@@ -238,8 +238,8 @@ def lock_joints(
     With a joint, those that mimic it are locked.
 
     Raises:
-        InvalidInput: no such joint, a value that is not finite, a mimic joint without its driver,
-            or all joints are locked.
+        InvalidInput: no such joint, a value that is not finite or outside the joint's range, a
+            mimic joint without its driver, or all joints are locked.
     """
     table, joints = JointTable(model, mimics), validation.mapping("joints", joints)
     if not joints:
@@ -250,6 +250,9 @@ def lock_joints(
                 f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks both"
             )
     q = table.configuration(joints)
+    for line in table.outside_range(q):
+        if any(line.startswith(f"{joint} at ") for joint in joints):
+            raise InvalidInput(f"{line}: it cannot be locked there")
     locked = {*joints, *(mimic.joint for mimic in table.mimics if mimic.driver in joints)}
     if len(locked) == len(table.joint_names):
         raise InvalidInput(f"all joints of {table.name} are locked: a kick must move one")

@@ -315,7 +315,8 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
 
         Raises:
-            InvalidInput: no such joint, a value that is not finite, or all of the foot's locked.
+            InvalidInput: no such joint, a value that is not finite or outside the joint's range,
+                or all of the foot's locked.
         """
         return self.with_model(lock_joints(self.model, joints, self.mimics))
 

@@ -35,6 +35,10 @@ class StandingRobot:
         leg: the same bodies on a fixed base, the supporting foot, without supports.
         placement: of the supporting frame in the world, a `pin.SE3`.
         sole: corners of the sole, shape `(k, 2)` [m, world frame, x and y].
+        trunk_joint: of `leg` that carries the trunk, which is the body of the floating base; empty
+            where the trunk is the foot.
+        trunk_axis: that is vertical while the robot stands upright, shape `(3,)` [trunk joint's
+            frame].
     """
 
     def __init__(self, robot: Leg) -> None:
@@ -63,6 +67,12 @@ class StandingRobot:
             robot.frame,
             contact_normal_cone=robot.contact_normal_cone,
         )
+        above = list(model.supports[int(frame.parentJoint)])[2:]
+        self.trunk_joint = str(model.names[above[0]]) if above else ""
+        turned, data = self.leg.workspace.model, self.leg.workspace.data
+        pin.forwardKinematics(turned, data, self.leg.configuration())
+        number = turned.getJointId(self.trunk_joint) if above else 0
+        self.trunk_axis = data.oMi[number].rotation[2].copy()
         pairs = [
             [one.joints[one.getJointId(name)] for one in (self.leg.workspace.model, model)]
             for name in robot.joint_names[1:]

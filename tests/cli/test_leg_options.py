@@ -82,6 +82,10 @@ def test_supports_of_a_file_float_its_base():
         (("--lock", "knee=nan"), "lock is 'knee=nan': it must be JOINT=VALUE"),
         (("--support", "toe:-1"), "support is 'toe:-1': .* friction of at least 0"),
         (("--lock", "knee=1", "--lock", "knee=2"), "lock is 'knee=2': .* once for each joint"),
+        (
+            ("--lock", "ankle=500"),
+            "ankle at 500 deg is outside its range -20 to 50 deg: it cannot be locked there$",
+        ),
         (("--lock", "kne=1"), "joint 'kne' is unknown: did you mean 'knee'"),
         (("--loop", "a-b"), "loop is 'a-b': it must be two frames, A:B"),
         (("--loop", "toe:"), "loop is 'toe:': it must be two frames, A:B"),

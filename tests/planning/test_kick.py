@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 from pathlib import Path as FilePath
 
@@ -312,6 +313,14 @@ def test_a_standing_robot_meets_its_goal_on_the_ground(standing):
     limit = plan.leg.velocity_limit[6:]
     assert (np.abs(plan.v[6:]) <= limit).all()
     assert not any(line.endswith("m under the ground") for line in plan.warnings)
+
+
+@pytest.mark.parametrize("goal", [None, kd.Goal(1.5, time=0.5)])
+def test_the_trunk_of_a_standing_robot_is_at_most_30_degrees_from_upright(standing, goal):
+    plan = standing if goal is None else kd.plan_kick(STANDING, goal, BALL, AIR)
+    axis = pin.Quaternion(plan.q[3:7]).matrix()[:, 2]
+    assert (plan.status, plan.impact.footing) == ("met", {FOOT: "stands"})
+    assert math.degrees(math.atan2(math.hypot(axis[0], axis[1]), axis[2])) <= 30.0
 
 
 def test_momentum_of_robot_and_ball_is_the_impulse_of_the_ground(standing):

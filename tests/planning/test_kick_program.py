@@ -15,10 +15,13 @@ from kickdyn.planning.kick_program import (
     KickObjective,
     KickProgram,
     ProgramPoint,
+    explain_infeasible,
     scatter_cost,
     turn_leg,
 )
 from kickdyn.planning.scatter import scatter
+from kickdyn.planning.stance import Condition, Stance
+from kickdyn.robot.standing import StandingRobot
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
 LEG = kd.Leg.human()
@@ -190,3 +193,22 @@ def test_the_threads_of_blas_are_as_before_a_solution():
     with kick_program._one_blas_thread():
         assert count() == 1
     assert count() == found[1]
+
+
+@pytest.mark.parametrize("cause", [*Condition, "limits"])
+def test_the_condition_that_a_standing_robot_cannot_meet_is_named(cause, monkeypatch):
+    """Where only the program without that condition has a solution."""
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    standing = StandingRobot(robot.with_supports("left_ankle_roll_link"))
+    impact_target = impact_target_for(np.array([3.0, 0.0, 2.0]), np.zeros(3), BALL, 0.8, 0.4)
+    program = KickProgram(standing.leg, impact_target, BALL.radius, stance=Stance(standing))
+
+    def solve(program, _):
+        assert program.stance.standing is standing
+        left_out = program.stance.without if program.limits else "limits"
+        return "a solution" if left_out == cause else None
+
+    monkeypatch.setattr(KickProgram, "solve", solve)
+    said = {"limits": "without its speed and torque limits it has one"}
+    expected = said.get(cause, f"it has one without the condition that {cause}")
+    assert explain_infeasible(program) == expected

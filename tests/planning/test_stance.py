@@ -1,12 +1,14 @@
 """What a standing robot must keep: against the robot on its support, and by differences."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import kickdyn as kd
 from kickdyn.impact.constraint_impulses import footing
-from kickdyn.planning.stance import LENGTH, Stance
+from kickdyn.planning.stance import LENGTH, TILT, Condition, Stance
 from kickdyn.robot.standing import StandingRobot
 
 FOOT = "left_ankle_roll_link"
@@ -77,8 +79,47 @@ def test_margins_agree_with_the_verdict_on_a_support():
 def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
     stance = Stance(STANDING)
     level = LEG.posture(LEG.configuration())  # both soles are on one level
-    heights = stance.margins(level)[4:] * LENGTH
+    heights = stance.margins(level)[4:-1] * LENGTH
     assert abs(heights.min()) < 2e-3
     bend = {"right_hip_pitch_joint": -0.8, "right_knee_joint": 0.8}
     raised = LEG.posture(LEG.configuration(bend))
-    assert (stance.margins(raised)[4:] * LENGTH).min() > 0.03
+    assert (stance.margins(raised)[4:-1] * LENGTH).min() > 0.03
+
+
+def test_the_trunk_is_upright_within_30_degrees_of_the_vertical():
+    stance, draw, seen = Stance(STANDING), np.random.default_rng(5), set()
+    assert stance.margins(LEG.posture(LEG.configuration()))[-1] == pytest.approx(1.0, abs=1e-12)
+    for _ in range(50):
+        posture = LEG.posture(draw.uniform(-0.6, 0.6, size=LEG.nq))
+        q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
+        height = pin.Quaternion(q[3:7]).matrix()[2, 2]  # of the base's vertical axis
+        found = stance.margins(posture)[-1]
+        assert found == pytest.approx((height - math.cos(TILT)) / (1 - math.cos(TILT)), abs=1e-9)
+        assert (found >= 0.0) == (math.degrees(math.acos(height)) <= 30.0)
+        seen.add(bool(found >= 0.0))
+    assert seen == {False, True}
+
+
+def test_a_trunk_that_is_the_foot_is_upright():
+    robot = kd.Leg.from_robot("g1", base="floating").with_supports(
+        kd.Support("pelvis", sole=[(0.1, 0.1, -0.1), (-0.1, 0.1, -0.1), (0.0, -0.1, -0.1)])
+    )
+    stance = Stance(standing := StandingRobot(robot))
+    posture = standing.leg.posture(np.full(standing.leg.nq, 0.1))
+    assert stance.margins(posture)[-1] == pytest.approx(1.0)
+    assert not stance.slopes(posture, np.arange(standing.leg.nv))[-1].any()
+
+
+@pytest.mark.parametrize("condition", Condition)
+def test_a_condition_is_left_out(condition):
+    rows = {
+        Condition.BALANCE: slice(0, 4),
+        Condition.CLEARANCE: slice(4, -1),
+        Condition.UPRIGHT: slice(-1, None),
+    }
+    posture, vs = postures()[0], np.arange(LEG.nv)
+    every, fewer = Stance(STANDING), Stance(STANDING, without=condition)
+    margins, slopes = every.margins(posture), every.slopes(posture, vs)
+    left = np.delete(np.arange(len(margins)), rows[condition])
+    assert fewer.margins(posture) == pytest.approx(margins[left], abs=1e-12)
+    assert fewer.slopes(posture, vs) == pytest.approx(slopes[left], abs=1e-12)

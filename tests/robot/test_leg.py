@@ -268,6 +268,7 @@ def test_links_may_have_the_names_of_joints():
     [
         (lambda leg: leg.locked({"toe": 0}), "joint 'toe' is unknown: leg_human has hip"),
         (lambda leg: leg.locked({"hip": math.nan}), "joint hip is nan"),
+        (lambda leg: leg.locked({"ankle": 30}), "ankle at 1718.9 deg is outside .* be locked"),
         (lambda leg: leg.locked({"hip": 0, "knee": 0, "ankle": 0}), "all joints .* are locked"),
         (lambda leg: leg.with_armature({"toe": 1}), "joint 'toe' is unknown"),
         (lambda leg: leg.with_armature({"hip": -1}), "armature of hip is -1.0: .*at least 0"),

@@ -1,17 +1,23 @@
 """Errors of kickdyn: one clear line that names the value and what would be valid."""
 
+import re
 from collections.abc import Sequence
+
+LONGEST = 200
+"""Characters of a value, a word or the name of a file that a message shows."""
 
 
 class KickdynError(Exception):
     """Base class of every error that kickdyn raises on purpose; its message is one printable line.
 
     Args:
-        message: line breaks in it, as of an array that is quoted, become blanks.
+        message: line breaks in it, as of an array that is quoted, become blanks; long words, as
+            the names of files may be, lose their middle.
     """
 
     def __init__(self, message: str) -> None:
-        super().__init__(printable(" ".join(line.strip() for line in message.splitlines())))
+        line = " ".join(line.strip() for line in message.splitlines())
+        super().__init__(printable(without_long_words(line)))
 
 
 class InvalidInput(KickdynError, ValueError):
@@ -38,7 +44,7 @@ class FaultyFile(InvalidInput):
 
     def __init__(self, source: str, faults: Sequence[str]) -> None:
         self.source = printable(source)
-        super().__init__(f"{self.source}: {'; '.join(map(printable, faults))}")
+        super().__init__(f"{shortened(self.source)}: {'; '.join(map(printable, faults))}")
         self.faults = tuple(printable(fault) for fault in faults)
 
     def __reduce__(self) -> "tuple[type[FaultyFile], tuple[str, tuple[str, ...]]]":
@@ -59,8 +65,8 @@ class SceneError(FaultyFile):
     def __str__(self) -> str:
         """Return the file's name and its fault in one line, or a line per fault."""
         if len(self.faults) == 1:
-            return f"{self.source}: {self.faults[0]}"
-        return "\n".join([f"{self.source}:", *self.faults])
+            return f"{shortened(self.source)}: {self.faults[0]}"
+        return "\n".join([f"{shortened(self.source)}:", *self.faults])
 
 
 class Unfinished(KickdynError):
@@ -80,3 +86,15 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def shortened(text: str) -> str:
+    """Return a text, such as the name of a file, without its middle if it is long."""
+    if len(text) <= LONGEST:
+        return text
+    return f"{text[: LONGEST // 2]}...{text[-LONGEST // 2 :]}"
+
+
+def without_long_words(text: str) -> str:
+    """Return a text whose long words have lost their middle."""
+    return re.sub(rf"\S{{{LONGEST + 1},}}", lambda word: shortened(word[0]), text)

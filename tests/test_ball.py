@@ -25,6 +25,23 @@ def test_ball_refuses_an_inertia_beyond_double_precision(mass, radius):
         kd.Ball(mass, radius)
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -80e3, 0.0, 0.8, 999.0, "1 bar", True])
+def test_ball_refuses_a_pressure_that_is_none_of_an_inflated_ball(value):
+    """0.8 is in bar, not in Pa."""
+    with pytest.raises(kd.InvalidInput, match=r"ball pressure is"):
+        kd.Ball(pressure=value)
+
+
+def test_the_stiffness_of_an_inflated_ball():
+    """The slope of p pi a^2 at d = 0, with a^2 = 2 R d - d^2, by differences."""
+    ball, d = kd.Ball(pressure=80e3), 1e-6
+    force = 80e3 * math.pi * (2 * ball.radius * d - d * d)
+    assert ball.stiffness == pytest.approx(force / d, rel=1e-5)
+    assert "pressure" in repr(ball)
+    with pytest.raises(kd.InvalidInput, match=r"ball pressure is None: .*pressure=80e3"):
+        kd.Ball().stiffness  # noqa: B018
+
+
 LAUNCH = kd.BallState(velocity=(5.0, 0.0, 5.0))
 MANY = kd.BallState(velocity=[(5.0, 0.0, 5.0)] * 2)
 LEG, CONTACT = kd.Leg.human(), kd.Contact((1, 0, 0.3), 0.8)

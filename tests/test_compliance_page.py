@@ -1,4 +1,4 @@
-"""The tables of docs/compliance.md are the output of their script."""
+"""Tables of docs/compliance.md and docs/impact.md are the output of their scripts."""
 
 import contextlib
 import io
@@ -9,14 +9,26 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPT, PAGE = ROOT / "benchmarks" / "compliance.py", ROOT / "docs" / "compliance.md"
+SPIN = ROOT / "benchmarks" / "spin_offset.py"
+
+
+def printed_by(script):
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        runpy.run_path(str(script), run_name="__main__")
+    return printed.getvalue()
 
 
 @pytest.mark.skipif(not SCRIPT.exists(), reason="benchmarks come with the checkout only")
 def test_every_row_is_the_output_of_the_script():
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        runpy.run_path(str(SCRIPT), run_name="__main__")
-    rows = [line for line in printed.getvalue().splitlines() if line.startswith("|")]
+    printed = printed_by(SCRIPT)
+    rows = [line for line in printed.splitlines() if line.startswith("|")]
     page = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("|")]
     assert rows == page
-    assert "instant: impulse 8.533 N s" in printed.getvalue()
+    assert "instant: impulse 8.533 N s" in printed
+
+
+@pytest.mark.skipif(not SPIN.exists(), reason="benchmarks come with the checkout only")
+def test_the_spin_without_friction_is_the_output_of_its_script():
+    page = (ROOT / "docs" / "impact.md").read_text(encoding="utf-8")
+    assert printed_by(SPIN).strip() in page

@@ -33,6 +33,26 @@ def test_urdf_error_survives_a_process_pool():
     )
 
 
+LONG = "folder/" * 200 + "leg.urdf"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        kd.KickdynError(f"{LONG} is full"),
+        kd.InvalidInput(f"{LONG} is full"),
+        kd.UrdfError(LONG, ["has no link"]),
+        kd.SceneError(LONG, ["has no leg"]),
+        kd.SceneError(LONG.replace("/", " "), ["has no leg", "has no contact"]),
+    ],
+)
+def test_a_long_name_of_a_file_loses_its_middle(error):
+    assert "folder" in str(error)
+    assert "leg.urdf" in str(error)
+    assert len(str(error)) < 250
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
 def test_several_faults_are_one_message():
     error = kd.InvalidInput("a is 1:\n it must be 2", "b is 3")
     assert str(error) == "a is 1: it must be 2; b is 3"

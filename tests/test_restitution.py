@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kickdyn as kd
+from kickdyn.accuracy.impact_methods import in_float32, stacked
 from kickdyn.restitution import (
     MODELS,
     approach_speed,
@@ -225,3 +226,41 @@ def test_a_fit_is_a_restitution():
     assert again.restitution_at(10.0) == pytest.approx(0.75, abs=1e-9)
     assert again.restitution_at(10.0) == pytest.approx(float(fit.at(10.0)), abs=1e-15)
     assert restitution_slope(again.restitution, 10.0) == pytest.approx(-0.01, abs=1e-9)
+
+
+def test_a_kick_from_ground_that_only_pushes_uses_the_value_at_its_speed():
+    sole = [(x, y, -0.035) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+    robot = kd.Leg.from_robot("g1", "right_ankle_roll_link", base="floating")
+    robot = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.6, sole=sole))
+    posture = robot.posture(robot.configuration({"right_hip_pitch_joint": -0.4}))
+    wish = np.array([4.0, 0.5, 1.0])
+    kick = posture, posture.joint_velocity(wish), BALL
+    table = kd.Contact(wish, [[2, 0.9], [6, 0.5]], 0.3)
+    impact = kd.unilateral_strike(*kick, table)
+    assert impact.restitution == table.restitution_at(impact.approach_speed)
+    number = kd.Contact(wish, impact.restitution, 0.3)
+    assert impact.impulse.tolist() == kd.unilateral_strike(*kick, number).impulse.tolist()
+    assert impact.restitution_residual < 1e-12
+
+
+def test_rounding_of_the_speed_counts_in_the_restitution():
+    """Where e rises steeply, the same rounding of the speed changes the impulse more."""
+    v = POSTURE.joint_velocity(10 * ATTACK)
+    steep = kd.strike(POSTURE, v, BALL, contact([[9.9, 0.0], [10.1, 1.0]], 0.0))
+    flat = kd.strike(POSTURE, v, BALL, contact(steep.restitution, 0.0))
+    assert steep.rounding.impulse > 5 * flat.rounding.impulse
+
+
+@pytest.mark.parametrize("friction", [0.0, 10.0])
+def test_other_ways_to_compute_it_use_the_same_value(friction):
+    v, table = POSTURE.joint_velocity(10 * ATTACK), contact(TABLE, friction)
+    impact = kd.strike(POSTURE, v, BALL, table)
+    assert stacked(POSTURE, v, BALL, table) == pytest.approx(impact.impulse, rel=1e-12, abs=1e-12)
+    assert in_float32(POSTURE, v, BALL, table) == pytest.approx(impact.impulse, abs=1e-5)
+
+
+def test_created_energy_is_reported_with_the_value_that_was_used():
+    eccentric = kd.Contact((0.9397, 0, -0.342), [[0, 0.9], [9, 0.9]], 0.6)
+    posture = LEG.posture(np.radians([85, 105, 45]))
+    with pytest.raises(kd.EnergyCreated, match=r"restitution 0\.9, friction 0\.6"):
+        kd.strike(posture, [5, -2, 3], kd.Ball(mass=3.0), eccentric, strict=True)

@@ -67,6 +67,11 @@ radius, and of the logarithms by which friction's coefficient and damping change
 the coefficient where a kick sticks and thus does not determine it."""
 
 
+EARLY = 1e-3
+"""Share of an interval between moments by which the simulation begins before the first contact: if
+it began at once, rounding would decide whether the two touch already."""
+
+
 class MujocoIntegrator(StrEnum):
     """Integrators of MuJoCo."""
 
@@ -316,14 +321,14 @@ def tune_mujoco(
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
     cases = kick_cases(approach, contact_time)
-    found = _find_best(cases, step, chosen, contact_time)
+    found = find_best(cases, step, chosen, contact_time)
     largest: float | None = step
     if found.errors[0].velocity > tolerance:
         smaller = (each for each in STEPS if each < step)
         meets = (
             each
             for each in smaller
-            if _find_best(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
+            if find_best(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
         )
         largest = next(meets, None)
     best = found.contact
@@ -401,16 +406,14 @@ def kick_cases(approach: Approach, contact_time: float | None) -> list[KickCase]
     return cases
 
 
-def _find_best(
+def find_best(
     cases: Sequence[KickCase], timestep: float, integrator: str, contact_time: float | None
 ) -> FittedContact:
     """Return the best contact at a time step [s]; without a contact time, of several."""
     times: Sequence[float] = (contact_time,) if contact_time is not None else ()
     times = times or [steps * timestep for steps in STEPS_PER_CONTACT]
-    gravity, plain = (
-        contact_time is not None,
-        MujocoContact(friction=cases[0].approach.contact.friction),
-    )
+    gravity = contact_time is not None
+    plain = MujocoContact(friction=cases[0].approach.contact.friction)
     kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity) for case in cases]
     found = [
         one
@@ -511,7 +514,7 @@ def _rounded(value: float) -> float:
 
 def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:
     """Return the balls of kicks that reach the ball at moments spread evenly over a time step."""
-    return [kick.run((part + 0.5) / count, longest=longest) for part in range(count)]
+    return [kick.run((part + EARLY) / count, longest=longest) for part in range(count)]
 
 
 def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:

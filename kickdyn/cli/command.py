@@ -8,7 +8,16 @@ from typing import NoReturn
 
 import click
 
-from kickdyn.errors import FaultyFile, InvalidInput, KickdynError, NoImpact, SceneError, printable
+from kickdyn.errors import (
+    FaultyFile,
+    InvalidInput,
+    KickdynError,
+    NoImpact,
+    SceneError,
+    printable,
+    shortened,
+    without_long_words,
+)
 
 
 @contextmanager
@@ -48,7 +57,7 @@ def run(command: click.Command) -> NoReturn:
     except click.ClickException as error:
         _fail(name, 2, error.format_message())
     except SceneError as error:
-        _fail(name, 2, *(f"{error.source}: {fault}" for fault in error.faults))
+        _fail(name, 2, *(f"{shortened(error.source)}: {fault}" for fault in error.faults))
     except FaultyFile as error:
         _fail(name, 2, str(error))
     except InvalidInput as error:
@@ -63,7 +72,7 @@ def run(command: click.Command) -> NoReturn:
         sys.stderr.close()
         sys.exit(1)
     except OSError as error:
-        file = "" if error.filename is None else f"{error.filename}: "
+        file = "" if error.filename is None else f"{shortened(str(error.filename))}: "
         _fail(name, 1, f"{file}{error.strerror or error}")
     sys.exit(0)
 
@@ -71,5 +80,6 @@ def run(command: click.Command) -> NoReturn:
 def _fail(name: str, code: int, *faults: str) -> NoReturn:
     """Exit with a code, after a line on standard error for each fault."""
     for fault in faults:
-        print(f"{name}: {printable(' '.join(fault.split()))}", file=sys.stderr)
+        line = without_long_words(" ".join(fault.split()))
+        print(f"{name}: {printable(line)}", file=sys.stderr)
     sys.exit(code)

@@ -8,6 +8,7 @@ import click
 
 from kickdyn.cli.command import warn
 from kickdyn.cli.named_legs import load_leg
+from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
@@ -59,7 +60,7 @@ def _read_locked(_: click.Context, __: click.Option, texts: tuple[str, ...]) -> 
         try:
             if not name or name in locked:
                 raise ValueError
-            locked[name] = float(value)
+            locked[name] = validation.number(name, float(value))
         except ValueError:
             once = ", once for each joint" if name in locked else " [deg; m]"
             raise InvalidInput(f"lock is {text!r}: it must be JOINT=VALUE{once}") from None
@@ -90,7 +91,8 @@ def _read_supports(
             supports.append(Support(frame, friction=float(friction) if colon else None))
         except ValueError:
             raise InvalidInput(
-                f"support is {text!r}: it must be a frame, or FRAME:FRICTION as foot:0.6"
+                f"support is {text!r}: it must be a frame, or FRAME:FRICTION as foot:0.6, "
+                "with a finite friction of at least 0"
             ) from None
     return tuple(supports)
 

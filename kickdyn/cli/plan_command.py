@@ -18,11 +18,12 @@ from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import SURFACES
-from kickdyn.planning.goal import Arc, Goal
+from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
 from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
+from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
@@ -60,7 +61,9 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
         return None
     pairs = [part.partition("=") for part in text.split(",")]
     try:
-        return {name.strip(): float(value) for name, _, value in pairs}
+        return checked_spread({name.strip(): float(value) for name, _, value in pairs})
+    except InvalidInput as error:
+        raise InvalidInput(f"robust is {text!r}: {error}") from None
     except ValueError:
         raise InvalidInput(f"robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
 
@@ -165,9 +168,13 @@ def plan(
 
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
+    if ball_height is not None and ball_at is not None:
+        raise InvalidInput("ball-height and ball-at are named: name one of the two")
+    if swing and no_limits:
+        raise InvalidInput("swing and no-limits are named: a swing is planned within limits")
     for name, value in {"distance": distance, "height": height, "left": left}.items():
         least = 0.0 if name == "distance" else -math.inf
-        validation.number(name, value, above=least, unit="m")
+        validation.number(name, value, above=least, at_most=FARTHEST, unit="m")
     if wall is not None:
         wall.check_before(math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):

@@ -116,6 +116,7 @@ def posture_sweep(
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html
     """
     leg = leg_options.load()
+    validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
     validation.number("attack", attack, at_least=-90, at_most=90, unit="deg")
     angle = math.radians(attack)
     kick = Kick(

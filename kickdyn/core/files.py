@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from kickdyn.errors import FaultyFile, InvalidInput
+from kickdyn.errors import FaultyFile, InvalidInput, shortened
 
 
 def shipped(folder: str) -> Path:
@@ -59,13 +59,17 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     try:
         file = Path(path).resolve()
         if file.is_symlink():  # resolved, and still a link: they lead in a circle
-            raise InvalidInput(f"{path} cannot be written (its links lead in a circle)")
+            raise InvalidInput(
+                f"{shortened(str(path))} cannot be written (its links lead in a circle)"
+            )
         if not os.fspath(path):
             raise InvalidInput("the name of a file is empty")
         if file.is_dir():
-            raise InvalidInput(f"{path} is a folder: name a file in it")
+            raise InvalidInput(f"{shortened(str(path))} is a folder: name a file in it")
         if file.exists() and not file.is_file():  # replacing a device would remove it
-            raise InvalidInput(f"{path} is not a regular file: name one, or one yet to be")
+            raise InvalidInput(
+                f"{shortened(str(path))} is not a regular file: name one, or one yet to be"
+            )
         with tempfile.TemporaryFile(dir=file.parent):
             pass
     except InvalidInput:
@@ -110,7 +114,7 @@ def check_outputs(*files: str | os.PathLike[str] | None, json_file: str | None =
 
 def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
     """Return the error for a file that the system does not let be written."""
-    return InvalidInput(f"{path} cannot be written ({_reason(error)})")
+    return InvalidInput(f"{shortened(str(path))} cannot be written ({_reason(error)})")
 
 
 def _reason(error: Exception) -> str:

@@ -11,15 +11,12 @@ from typing import Any, NoReturn, ParamSpec, TypeVar, get_args, get_origin, get_
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kickdyn.errors import InvalidInput
+from kickdyn.errors import LONGEST, InvalidInput
 
 Array = NDArray[np.float64]
 Choice = TypeVar("Choice", bound=StrEnum)
 P = ParamSpec("P")
 Result = TypeVar("Result")
-
-LONGEST = 200
-"""Characters of a value that a message shows."""
 
 _FLOAT64 = np.dtype(np.float64)
 _NO_NUMBERS = (str, bytes, bytearray, bool, np.bool_, np.complexfloating, np.ma.MaskedArray)

@@ -353,8 +353,9 @@ def fit_restitution(impacts: Sequence[InferredImpact], knots: int = 2) -> Restit
 
     The table is the piecewise linear function of the approach speed that is nearest to the kicks'
     restitutions in the sense of least squares, each kick counting the same; its knots are at
-    quantiles of their speeds, from the lowest to the highest. With n kicks, k knots and the
-    residuals :math:`\rho`, the scatter is :math:`\sqrt{\sum \rho^2 / (n - k)}`.
+    quantiles of their speeds, from the lowest to the highest. `Contact(restitution=fit.table)`
+    takes it. With n kicks, k knots and the residuals :math:`\rho`, the scatter is
+    :math:`\sqrt{\sum \rho^2 / (n - k)}`.
 
     Args:
         impacts: of several kicks, by `infer_impact`.

@@ -66,7 +66,7 @@ def chosen(only: str | None) -> Sequence[Section]:
     found = [one for one in SECTIONS if wanted and wanted <= _numbers(f"{one.name} {one.also}")]
     if not found:
         names = "; ".join(f"{one.name}{one.also and f' ({one.also})'}" for one in SECTIONS)
-        raise InvalidInput(f"item {only!r} is not among those reproduced: choose one of {names}")
+        raise InvalidInput(f"only is {only!r}: it must be one of {names}")
     return found
 
 

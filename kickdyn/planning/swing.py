@@ -170,7 +170,8 @@ def plan_swing(
         InvalidInput: CasADi is missing; a joint is at the end of its range and moves into it; no
             swing is found; a leg with supports or loops, which tie joints together that a swing
             chooses one by one, or with stiff joints; joints that move but are not between base and
-            foot, or joints without limits; a value out of range.
+            foot, or joints without limits; a value out of range; a swing that reaches only a share
+            of the planned speed, where the restitution of the plan depends on the speed.
     """
     given, leg = leg, with_angles(leg)
     check_unconstrained(leg, "swings are planned")
@@ -199,6 +200,7 @@ def plan_swing(
         phases, share, limit = known, 1.0, ""
     if share < 1e-3:
         raise InvalidInput(f"there is no swing to this kick; {limit}")
+    _check_restitution(plan, share)
     return Swing(
         status=PlanStatus.MET if share == 1.0 else PlanStatus.BEYOND_LIMITS,
         plan=plan,
@@ -212,6 +214,18 @@ def plan_swing(
         backswing=phases[0],
         follow_through=phases[1],
     )
+
+
+def _check_restitution(plan: KickPlan, share: float) -> None:
+    """Raise `InvalidInput` where the restitution at a share of the speed is another."""
+    impact = plan.impact
+    e = impact.contact.restitution_at(share * impact.approach_speed)
+    if share < 1.0 and e != impact.restitution:
+        raise InvalidInput(
+            f"the swing reaches {share:.0%} of the planned speed, at which the restitution is "
+            f"{e:.4g}, not {impact.restitution:.4g}: the kick is another, so plan it with "
+            "plan_kick(swing=True)"
+        )
 
 
 def _known_phases(

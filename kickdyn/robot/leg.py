@@ -444,7 +444,7 @@ class Leg(JointTable, ReprMixin):
             if self.velocity_limit[self.velocity_index(name)] == 0.0
             and 1 + self.joint_names.index(name) in list(self._model.supports[self.contact_joint])
         ]
-        limit = [f"speed limit of {name} is 0: what moves it is too fast" for name in stuck]
+        limit = [f"speed limit of {name} is 0: a kick that moves it is too fast" for name in stuck]
         return (*file, *self.open_loops, *limit)
 
     @cached_property

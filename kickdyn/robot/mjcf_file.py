@@ -23,6 +23,7 @@ from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.mesh_path import MeshFinder
 from kickdyn.robot.mimic_joints import Mimic
+from kickdyn.robot.model_validation import listed
 from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
@@ -100,8 +101,7 @@ class MjcfFile(RobotFile):
         """A line if the file has other moving bodies than those of the robot."""
         if not self.left_out:
             return ()
-        names = ", ".join(self.left_out[:5]) + (", ..." if self.left_out[5:] else "")
-        return (f"bodies that hang on another root are left out: {names}",)
+        return (f"bodies that hang on another root are left out: {listed(self.left_out, 5)}",)
 
     def compile(self) -> Any:
         """Return the `mujoco.MjModel`.

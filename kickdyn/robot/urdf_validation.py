@@ -17,9 +17,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from kickdyn.robot.mimic_joints import Mimic
-
-ROUNDING = 1e-9
-"""How far moments of inertia may break the triangle inequality, relative to the largest."""
+from kickdyn.robot.model_validation import ROUNDING, listed
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
@@ -108,7 +106,7 @@ def find_irregularities(root: Element) -> list[str]:
     ]
     together = "they count together with what is fixed to them or hangs from them"
     return [
-        f"{kind} ({_few(names)}): {meaning}"
+        f"{kind} ({listed(names, 3)}): {meaning}"
         for names, kind, meaning in (
             (light, "links with mass 0", together),
             (impossible, "links with moments of inertia that no body has", together),
@@ -117,12 +115,6 @@ def find_irregularities(root: Element) -> list[str]:
         )
         if names
     ]
-
-
-def _few(names: list[str]) -> str:
-    """Return up to three names; how many there are besides."""
-    rest = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + rest
 
 
 def _is_impossible(inertia: Element | None) -> bool:

@@ -84,8 +84,9 @@ class Page:
             InvalidInput: the file cannot be written, or there is no Chromium for a picture.
             KickdynError: Chromium failed.
         """
+        validation.check_type(str, PathLike, file=file)
+        at = validation.number("at", at, at_least=0, unit="s")
         if Path(file).suffix.lower() == ".png":
-            at = validation.number("at", at, at_least=0, unit="s")
             save_picture(self.html, file, self.pace.animation_time(at) if self.pace else 0.0)
             return
         with replacing(file) as draft:

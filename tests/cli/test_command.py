@@ -42,6 +42,7 @@ def test_ctrl_c_ends_a_command_in_one_line():
         (kd.SceneError("s.toml", ["a", "b"]), 2, "kick: s.toml: a\nkick: s.toml: b"),
         (kd.KickdynError("no\x1b answer"), 1, "kick: no\\x1b answer"),
         (FileNotFoundError(2, "No such file", "robot.stl"), 1, "kick: robot.stl: No such file"),
+        (click.UsageError("no " + "x" * 999), 2, f"kick: no {'x' * 100}...{'x' * 100}"),
         (OSError("the port is taken"), 1, "kick: the port is taken"),
     ],
 )

@@ -47,7 +47,7 @@ def test_json_on_stdout_stands_alone():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--only", "table 7"], "item 'table 7' is not among those reproduced"),
+        (["--only", "table 7"], "only is 'table 7': it must be one of Fig. 1; "),
         (["--json", "no/where.json"], "cannot be written"),
         (["--figures", "file/figures"], "cannot be made"),
     ],

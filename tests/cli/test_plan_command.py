@@ -64,6 +64,21 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
         assert said in str(ended.exception)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--distance", "20000"], "distance is 20000.0: .* at most 10000"),
+        (["--robust", "speed=-1"], "robust is 'speed=-1': spread of speed is -1.0"),
+        (["--robust", "sped=1"], "robust is 'sped=1': source 'sped' is unknown"),
+        (["--ball-height", "0", "--ball-at", "0,0,0"], "ball-height and ball-at are named"),
+        (["--swing", "--no-limits"], "swing and no-limits are named"),
+    ],
+)
+def test_messages_have_the_words_of_the_options(words, said):
+    ended = CliRunner().invoke(plan, ["--distance", "12", "--apex", "2", *words])
+    assert re.search(said, str(ended.exception))
+
+
 def test_json_on_stdout_is_a_kick_that_can_be_done_again():
     over = ["--height", "2.2", "--over", "9.15:2.15"]
     ended = door("--distance", "20.3", *over, "--json", "-")

@@ -33,6 +33,13 @@ def test_nothing_is_left_of_a_failure(tmp_path):
     assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("a.txt", "old")]
 
 
+def test_a_long_name_is_cut_in_the_message(tmp_path):
+    for name in ("a b/" * 500 + "c.txt", "x" * 5000 + ".txt"):
+        with pytest.raises(InvalidInput, match=r"\.txt cannot be written") as refused:
+            check_writable(tmp_path / name)
+        assert len(str(refused.value)) < 300
+
+
 @pytest.mark.parametrize("mode", [0o600, 0o640, 0o755])
 def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
     file = tmp_path / "a.txt"

@@ -378,6 +378,13 @@ def test_a_spring_without_damping_returns_all_energy():
         ({"contact_time": 0.01, "stiffness": 1e5}, "name one of them"),
         ({"stiffness": -1.0}, "stiffness is -1"),
         ({"stiffness": 1e3}, "too low, the ball would be pressed by .* beyond its radius"),
+        (
+            {"stiffness": "air"},
+            r"stiffness is 'air': it must be a number \[N/m\^1.5\] or 'pressure'",
+        ),
+        ({"stiffness": "pressure"}, "ball pressure is None: its stiffness needs it"),
+        ({"stiffness": "pressure", "contact_time": 0.01}, "name one of them"),
+        ({"dissipation": "none"}, "dissipation is 'none': it must be one of walton-braun, hunt"),
         ({"contact_time": 1e-12}, "contact time is .*at least 1e-09"),
         ({"tol": 0.1}, r"tol is 0\.1"),
         ({"torque": [1.0]}, r"torque has shape \(1,\): it must be \(3,\)"),

@@ -177,6 +177,15 @@ def test_too_weak_a_leg_gets_the_most_of_it_and_the_joint_at_fault(plan):
         assert (other.share > 1.02 * swing.share) == (stronger.effort_limit[0] == 66.0)
 
 
+def test_a_share_of_a_kick_is_refused_where_the_restitution_would_be_another(plan):
+    e = plan.impact.restitution  # as planned, and less at a lower speed
+    contact = kd.Contact(plan.impact.contact.normal, [[5, 0.5 * e], [10, e]], 0.4)
+    impact = kd.strike(plan.impact.posture, plan.v, BALL, contact)
+    assert impact.restitution == e
+    with pytest.raises(kd.InvalidInput, match=r"planned speed, at which the restitution is 0\."):
+        kd.plan_swing(weaker(60.0), replace(plan, impact=impact), longest=0.2, nodes=12)
+
+
 def test_a_kick_at_a_joints_stop_has_no_swing_and_the_way_out_costs_little():
     goal = kd.Goal(15, time=1)
     stuck = kd.plan_kick(HUMAN, goal, BALL, AIR)

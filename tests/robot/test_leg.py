@@ -643,5 +643,5 @@ def test_a_foot_faster_than_floats_is_refused():
 
 def test_a_speed_limit_of_0_is_named(spoil, load):
     leg = load(spoil(('velocity="20"', 'velocity="0"')))
-    assert leg.warnings == ("speed limit of knee is 0: what moves it is too fast",)
+    assert leg.warnings == ("speed limit of knee is 0: a kick that moves it is too fast",)
     assert kd.Leg.human().warnings == ()

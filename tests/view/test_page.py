@@ -87,6 +87,16 @@ def test_a_page_that_cannot_be_written(tmp_path, name, kick):
     assert {f.name for f in tmp_path.iterdir()} == {"folder", "file"}
 
 
+def test_swapped_arguments_of_save_are_refused_in_a_short_line(tmp_path, kick, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = kd.page(kick[0])
+    for wrong in ((0.5, "kick.html"), ("kick.html", "kick.png"), (made.html,), (made, "kick.html")):
+        with pytest.raises(kd.InvalidInput) as refused:
+            made.save(*wrong)
+        assert len(str(refused.value)) < 400
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")

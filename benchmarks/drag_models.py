@@ -1,9 +1,11 @@
 """How well drag models predict a measured match: `python benchmarks/drag_models.py [TRACK.csv]`.
 
 Every flight of at least 0.4 s that `kd.segments` finds is fitted in its first half (launch and
-spin), and its second half is predicted. The table has the distance between prediction and
-measurement in the second halves: the median over the flights, the quartiles, the root mean square,
-and on how many flights each model is the best. It is the table of docs/identification.md.
+spin, with `--wind` also a wind), and its second half is predicted. The table has the distance
+between prediction and measurement in the second halves: the median over the flights, the quartiles,
+the root mean square, and on how many flights each model is the best. A drag coefficient `of the
+others` is the median of those that were fitted to the other flights. These are the tables of
+docs/identification.md.
 """
 
 import sys
@@ -27,21 +29,30 @@ AIRS = [
 """What is compared: the drag models with the default lift, a constant, and another lift."""
 
 
-def misses(flights: "list[kd.Track]") -> "dict[str, np.ndarray]":
+def misses(flights: "list[kd.Track]", *wind: str) -> "dict[str, np.ndarray]":
     """Return the distance in the second half of each flight by model, shape `(flights,)` [m]."""
     found: dict[str, list[float]] = {}
+    fits = [kd.identify(flight, BALL, free=("spin", "drag", *wind)) for flight in flights]
+    drags = [fit.values.get("drag", np.nan) for fit in fits]  # NaN where it is not determined
     for number, flight in enumerate(flights, start=1):
-        for score in kd.identify(flight, BALL, free="spin", compare=AIRS).comparison:
-            found.setdefault(score.model, []).append(score.prediction_rms)
+        others = float(np.nanmedian(np.delete(drags, number - 1)))
+        airs = [*AIRS, kd.Air(drag=constant(others))]
+        scores = kd.identify(flight, BALL, free=("spin", *wind), compare=airs).comparison
+        others_name = f"drag {others:g}, lift saturating"
+        for score in scores:
+            name = "drag of the others" if score.model == others_name else score.model
+            found.setdefault(name, []).append(score.prediction_rms)
         print(f"\r{number} of {len(flights)} flights", end="", file=sys.stderr, flush=True)
     return {name: np.array(values) for name, values in found.items()}
 
 
-def main(file: str) -> None:
+def main(*words: str) -> None:
     """Print the table."""
+    wind = ["wind"] if "--wind" in words else []
+    file = next((word for word in words if word != "--wind"), str(TRACK))
     flights = [one for one in kd.segments(kd.Track.from_csv(file), BALL).flights
                if one.duration >= 0.4]  # fmt: skip
-    table = misses(flights)
+    table = misses(flights, *wind)
     least = np.min([*table.values()], axis=0)
     print(f"\n{len(flights)} flights, {sum(f.duration for f in flights):.1f} s\n")
     print("| model | median [cm] | quartiles [cm] | rms [cm] | best on |")
@@ -54,4 +65,4 @@ def main(file: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else str(TRACK))
+    main(*sys.argv[1:])

@@ -11,6 +11,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 from kickdyn._version import __version__
 from kickdyn.cli.command import run
 from kickdyn.core.files import shipped
+from kickdyn.errors import InvalidInput
 
 COMMANDS = {
     "posture-sweep": "Kick from a grid of postures.",
@@ -51,6 +52,25 @@ def _names(param: click.Parameter) -> list[str]:
     return []
 
 
+class _JointName(click.types.StringParamType):
+    """A text that begins with the name of a joint of the leg that the command line names."""
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Return the names that begin so, with `=` where a value follows."""
+        from kickdyn.cli.named_legs import load_leg  # imports Pinocchio
+
+        given = ctx.params
+        try:
+            leg = load_leg(given.get("leg_name") or "human", given.get("frame"))
+        except (InvalidInput, OSError):
+            return []
+        value = "=" if "=" in (param.metavar or "") else ""
+        names = [f"{name}{value}" for name in leg.joint_names]
+        return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+
+
 class _Commands(click.Group):
     """A group whose commands are a summary each until one of them is called, and imported."""
 
@@ -72,7 +92,17 @@ def _imported(name: str) -> click.Command:
     for param in command.params:
         if param.type is click.STRING and re.search("FILE|DIR|SCENE", param.metavar or ""):
             param.type = _FileOrName()
+        if param.name in ("joints", "locked", "stiff_joints"):
+            param.type = _JointName()
     return command
+
+
+_BARE = "COMPREPLY+=($value)"
+"""How the script for bash takes a name: blanks split it, and stars are replaced by files."""
+
+_QUOTED = """COMPREPLY+=("$(printf %q "$value")")
+            [[ $value == *= ]] && compopt -o nospace"""
+"""The same, the name quoted where it has to be, and no blank after an `=`."""
 
 
 @click.group("kickdyn", _Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -94,7 +124,8 @@ def completion(shell: str) -> None:
     """
     kind = get_completion_class(shell)
     if kind is not None:
-        click.echo(kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source())
+        script = kind(kickdyn_command, {}, "kickdyn", "_KICKDYN_COMPLETE").source()
+        click.echo(script.replace(_BARE, _QUOTED))
 
 
 def main() -> NoReturn:

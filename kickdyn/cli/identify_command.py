@@ -157,11 +157,15 @@ def _print(
         click.echo(str(fits[0][1]))
     elif fits:
         names = [name for name in fits[0][1].names if name not in ("x", "y", "z", "vx", "vy", "vz")]
-        click.echo("samples     speed [m/s]  rms [cm]  " + "".join(f"{name:>20}" for name in names))
+        click.echo(
+            "samples     speed [m/s]  left out  rms [cm]  "
+            + "".join(f"{name:>20}" for name in names)
+        )
         for (first, last), fit in fits:
             cells = "".join(f"{_cell(fit, name):>20}" for name in names)
-            speed = float(fit.launch.speed)
-            click.echo(f"{f'{first}-{last}':11} {speed:11.2f}  {100 * fit.rms:8.2f}  {cells}")
+            speed, aside = float(fit.launch.speed), int((~fit.used).sum())
+            numbers = f"{speed:11.2f}  {aside:8}  {100 * fit.rms:8.2f}"
+            click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
     else:
         click.echo(f"no flight of {SHORTEST:g} s or more was found")
     for line in failures:

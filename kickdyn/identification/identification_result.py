@@ -28,10 +28,13 @@ UNITS = {
 """Units of what is sought; coefficients and factors have none."""
 
 LOOSEST = {
-    **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 50.0),
+    **dict.fromkeys(("back_spin", "side_spin", "gyro_spin"), 20.0),
     **{"drag": 0.1, "drag_scale": 0.5, "lift_scale": 0.5, "wind_x": 3.0, "wind_y": 3.0},
 }
 """Standard deviation above which a value is not given: about half of what it usually is."""
+
+TIGHT = 0.05
+"""Share of `LOOSEST` up to which a value near zero is given, such as a spin to 1 rad/s."""
 
 
 class ModelScore(NamedTuple):
@@ -64,8 +67,8 @@ class Identification(ReprMixin):
         tracks: what was measured.
         ball: mass and radius.
         air: with the coefficients and the wind that were found.
-        launches: for each flight the state at its first sample. A spin has all three components,
-            also those that the measurement does not determine: these are near zero.
+        launches: for each flight the state at its first sample. A spin has all three components;
+            those that the measurement does not determine are the most probable ones.
         names: of the unknowns.
         estimates: of the unknowns, shape `(p,)`.
         covariance: of the estimates, shape `(p, p)`.
@@ -92,7 +95,7 @@ class Identification(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "samples", f"{self.used.sum()} of {self.used.size} used", ""
-        yield "rms", self.rms, "m"
+        yield "rms of these", self.rms, "m"
         for name, value in self.values.items():
             number = f"{value:.4g} +- {self.deviations[name]:.2g}"
             yield name, number, _unit(name)
@@ -111,12 +114,21 @@ class Identification(ReprMixin):
 
     @cached_property
     def undetermined(self) -> dict[str, str]:
-        """The unknowns that the measurement does not determine, and why not."""
-        return {
-            name: f"its standard deviation is {deviation:.2g} {_unit(name)}".rstrip()
-            for name, deviation in zip(self.names, self._deviations, strict=True)
-            if deviation > LOOSEST.get(_plain(name), math.inf)
-        }
+        """The unknowns that the measurement does not determine, and why not.
+
+        Their standard deviation is more than half the value, and not small: more than 1 rad/s of a
+        spin, 0.005 of a drag coefficient, 0.025 of a factor, 0.15 m/s of a wind. Or it is more than
+        20 times as large as these, whatever the value.
+        """
+        found = {}
+        for name, value, deviation in zip(
+            self.names, self.estimates, self._deviations, strict=True
+        ):
+            loosest = LOOSEST.get(_plain(name), math.inf)
+            if deviation > min(max(0.5 * abs(value), TIGHT * loosest), loosest):
+                reason = f"its standard deviation is {deviation:.2g} {_unit(name)}".rstrip()
+                found[name] = reason if deviation > loosest else f"{reason}, over half the value"
+        return found
 
     @property
     def _deviations(self) -> list[float]:
@@ -192,6 +204,11 @@ class Identification(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """What to know before using the numbers; empty if there is nothing."""
         lines = []
+        if self.rms > self.ball.radius:
+            lines.append(
+                f"the fit misses the positions by {self.rms:.2g} m, more than the ball's radius: "
+                "they may not be one flight without a bounce"
+            )
         if self.undetermined:
             lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
         loose = [name for name, v in self.values.items() if self.deviations[name] > 0.5 * abs(v)]

@@ -33,7 +33,7 @@ from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.ground import Ground
 from kickdyn.identification.flight_lanes import Lane, fly_lanes
 from kickdyn.identification.identification_result import Identification, ModelScore
-from kickdyn.identification.track import Track, refuse_units
+from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 
 LEAST_SAMPLES = 5
 """Fewer positions do not determine a launch and say how well they do."""
@@ -59,6 +59,11 @@ FIRST_DRAG = 0.2
 """C_D from which a constant is sought: that of a ball above the drag crisis (Goff & Carre 2009)."""
 
 
+LARGEST_COEFFICIENT, LARGEST_SPEED = 10.0, 10.0
+"""No fit goes beyond this size of a coefficient or factor, nor beyond this many times the mean
+speed of the measurement plus 10 m/s: what is no flight would lead there."""
+
+
 class Free(StrEnum):
     """What can be sought beside the launch."""
 
@@ -77,6 +82,9 @@ NAMES = {
     Free.WIND: ("wind_x", "wind_y"),
 }
 """The values that each brings."""
+
+COEFFICIENTS = ("drag", "drag_scale", "lift_scale")
+"""Values without a unit."""
 
 LAUNCH = ("x", "y", "z", "vx", "vy", "vz")
 """Names of the first six unknowns of each flight."""
@@ -113,8 +121,8 @@ def identify(
             half of each flight, predicts the second. The fit itself uses `air`.
 
     Raises:
-        InvalidInput: fewer than 5 positions, positions that are no flight in metres, or a wrong
-            argument.
+        InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
+            flight in metres, or a wrong argument.
         KickdynError: no flight could be fitted.
     """
     tracks = _tracks(track)
@@ -123,14 +131,11 @@ def identify(
     known = validation.vector("spin", spin, 3, unit="rad/s")
     for one in tracks:
         _check_flight(one, ball, ground)
+    rivals = [_rival(model, air, tracks) for model in compare]
     problem = _Problem(tracks, ball, air, sought, known)
     answer = _answer(problem, _fit(problem))
-    if not compare:
-        return answer
-    scores = sorted(
-        (_score(model, problem) for model in compare), key=lambda score: score.prediction_rms
-    )
-    return replace(answer, comparison=tuple(scores))
+    scores = [_score(*rival, problem) for rival in rivals]
+    return replace(answer, comparison=tuple(sorted(scores, key=lambda s: s.prediction_rms)))
 
 
 class _Problem(NamedTuple):
@@ -209,7 +214,8 @@ def flight_axes(velocity: Array) -> Array:
     spin turns about :math:`-l` and lifts the ball, side spin about :math:`t \times l` and bends the
     flight to the left, gyro spin about :math:`t`.
     """
-    along = velocity / np.linalg.norm(velocity)
+    speed = float(np.linalg.norm(velocity))
+    along = velocity / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     left = np.array([-along[1], along[0], 0.0])
     size = float(np.linalg.norm(left))
     left = left / size if size > 1e-9 else np.array([0.0, 1.0, 0.0])
@@ -260,6 +266,9 @@ def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
                 f"ground at {ground.height:g} m: give the ground's height in the track's "
                 "coordinates"
             )
+    refuse_intervals(track)
+    if not np.ptp(track.positions, axis=0).any():
+        raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
     falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
     refuse_units(float(falling))
 
@@ -349,6 +358,8 @@ def _evaluate(
     """Return residuals, shape `(3 n,)` [m], and their derivatives; None where a flight fails."""
     count, own = len(problem.tracks), problem.per_flight
     shared = dict(zip(problem.shared, values[count * own :].tolist(), strict=True))
+    if any(abs(shared.get(name, 0.0)) > LARGEST_COEFFICIENT for name in COEFFICIENTS):
+        return None
     airs = [problem.air_of(shared)]
     steps = {name: 1e-6 * max(abs(value), 0.1) for name, value in shared.items()}
     airs += [problem.air_of({**shared, name: shared[name] + step}) for name, step in steps.items()]
@@ -357,6 +368,9 @@ def _evaluate(
     for i, track in enumerate(problem.tracks):
         part = values[i * own : (i + 1) * own]
         velocity, times = part[3:6], track.times - track.times[0]
+        usual = float(np.linalg.norm(np.ptp(track.positions, axis=0))) / times[-1] + 10.0
+        if np.abs(velocity).max() > LARGEST_SPEED * usual:
+            return None
         spin = axes[i] @ part[6:9] if problem.spins else problem.known_spin
         faster = 1e-6 * max(float(np.linalg.norm(velocity)), 1e-3)
         lanes = [Lane(velocity, spin, airs[0])]
@@ -489,19 +503,26 @@ def _widening(problem: _Problem, estimate: _Estimate) -> float:
     return math.sqrt((1.0 + correlation) / (1.0 - correlation))
 
 
-def _score(model: str | Air, problem: _Problem) -> ModelScore:
+def _rival(model: str | Air, air: Air, tracks: tuple[Track, ...]) -> tuple[str, Air]:
+    """Return the name of a model and its air; raise `InvalidInput` if it cannot be compared."""
+    fewest = min(map(len, tracks))
+    if (fewest + 1) // 2 < LEAST_SAMPLES:
+        raise InvalidInput(
+            f"a flight of {fewest} positions has too few to fit a half: compare needs "
+            f"{2 * LEAST_SAMPLES - 1}"
+        )
+    if isinstance(model, Air):
+        return f"drag {_named(model.drag)}, lift {_named(model.lift)}", model
+    return model, replaced(air, drag=model)
+
+
+def _score(name: str, air: Air, problem: _Problem) -> ModelScore:
     """Return how well a model, fitted to the first halves, predicts the second ones."""
-    air = model if isinstance(model, Air) else replaced(problem.air, drag=model)
     sought = tuple(free for free in problem.sought if free != Free.DRAG)
     fitted = problem._replace(air=air, sought=sought)
     misses, rest = [], []
     for track in problem.tracks:
         half = (len(track) + 1) // 2
-        if half < LEAST_SAMPLES:
-            raise InvalidInput(
-                f"a flight of {len(track)} positions has too few to fit a half: compare needs "
-                f"{2 * LEAST_SAMPLES}"
-            )
         answer = _answer(part := fitted._replace(tracks=(track[:half],)), _fit(part))
         lane = Lane(answer.launch.velocity, answer.launch.spin, answer.air)
         start = answer.launch.position
@@ -510,7 +531,6 @@ def _score(model: str | Air, problem: _Problem) -> ModelScore:
         miss = math.inf if moved is None else _rms((start + moved[0] - track.positions)[half:])
         misses.append(miss)
         rest.append(answer.rms)
-    name = model if isinstance(model, str) else f"drag {_named(air.drag)}, lift {_named(air.lift)}"
     return ModelScore(name, _rms(np.array(misses)), _rms(np.array(rest)), tuple(misses))
 
 

@@ -29,7 +29,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import acceleration_function
 from kickdyn.ground import Ground, Surface
-from kickdyn.identification.track import Track, refuse_units
+from kickdyn.identification.track import Track, refuse_intervals, refuse_units
 
 LONGEST = 1.0
 """Longest time that one cubic is fitted to [s]; longer flights are joined afterwards."""
@@ -265,13 +265,14 @@ def segments(
         air: its drag is not counted as rolling deceleration; None is `Air()`.
 
     Raises:
-        InvalidInput: fewer than 5 samples, a track under the ground, or one whose ball falls as in
-            other units than metres; or a wrong argument.
+        InvalidInput: fewer than 5 samples, samples a second or more apart, a track under the
+            ground, or one whose ball falls as in other units than metres; or a wrong argument.
     """
     ball, air = Ball() if ball is None else ball, Air() if air is None else air
     level = ground.height if ground is not None else 0.0
     if len(track) < 5:
         raise InvalidInput(f"track has {len(track)} samples: at least 5 are needed")
+    refuse_intervals(track)
     _check_heights(track, level)
     height = level + ball.radius
     noise = max(_noise(track), LEAST_NOISE)

@@ -260,3 +260,13 @@ def refuse_units(falling: float) -> None:
                 f"the ball falls with {falling:.4g} per s2, as in {unit}: positions must be in "
                 "metres, with z up"
             )
+
+
+def refuse_intervals(track: Track) -> None:
+    """Raise `InvalidInput` for samples a second or more apart: no times of a flight in seconds."""
+    interval = float(np.median(np.diff(track.times))) if len(track) > 1 else 0.0
+    if interval > 1.0 - 1e-9:
+        raise InvalidInput(
+            f"the samples are {interval:.4g} s apart, as in milliseconds or numbers of frames: "
+            "times must be in seconds"
+        )

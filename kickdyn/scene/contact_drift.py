@@ -32,9 +32,9 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     inertia included, and the contact's normal turns with the foot. Half way and at the end of the
     contact the ball is struck anew; the result is the largest change, times a safety factor. Where
     that is no strike, nothing is known: inf. However brief, a contact that sticks does not tend to
-    the law `newton` (see `collide`); it stays nearer to `stronge`, which follows the sliding, too:
-    the difference of these laws is added. With supports, loops and mimic joints, which the leg
-    would leave on a straight way, nothing is known either.
+    the law `newton` but to `stronge` (see `collide`): the difference of these laws is added. With
+    supports, loops and mimic joints, which the leg would leave on a straight way, nothing is known
+    either.
     """
     assert scene.contact_time is not None
     if scene.leg.constraints is not None:

@@ -84,6 +84,16 @@ def test_completion_knows_commands_and_options(monkeypatch):
     assert completed("kickdyn view fr", 2).split() == ["file,fr", "plain,free_kick"]
     robots = ["file,rob", "plain,robocup_carpet", "plain,robot_chip"]
     assert completed("kickdyn tradeoff --scene rob", 3).split() == robots
+    assert completed("kickdyn plan --stiff k", 3).split() == ["plain,knee"]
+    assert completed("kickdyn plan --leg human --lock hip=3 --lock a", 7).split() == [
+        "plain,ankle="
+    ]
+    assert completed("kickdyn posture-sweep --joint ", 3).split() == [
+        "plain,hip=",
+        "plain,knee=",
+        "plain,ankle=",
+    ]
+    assert completed("kickdyn plan --leg no.urdf --stiff k", 5).split() == []
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
@@ -101,6 +111,24 @@ def test_bash_offers_names_beside_files(tmp_path):
         ["bash", "-c", f"{teach}\n{ask}"], env=environment, capture_output=True, text=True
     )
     assert (ended.stdout, ended.stderr) == ("paper_kick\n", "")
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash_quotes_names(tmp_path):
+    """A joint may be called anything: blanks do not split it, stars stand for no files."""
+    (tmp_path / "kickdyn").write_text("#!/bin/sh\necho 'plain,left knee*='\n")
+    (tmp_path / "kickdyn").chmod(0o755)
+    teach = CliRunner().invoke(kickdyn_command, ["completion", "bash"]).output
+    ask = (
+        "compopt() { echo compopt $*; }\nCOMP_WORDS=(kickdyn plan --lock l) COMP_CWORD=3\n"
+        '_kickdyn_completion kickdyn\nprintf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    ended = subprocess.run(
+        ["bash", "-c", f"{teach}\n{ask}"], env=environment, capture_output=True, text=True
+    )
+    assert ended.stdout.splitlines() == ["compopt -o nospace", r"left\ knee\*="]
+    assert ended.stderr == ""
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -140,7 +168,8 @@ def keys(value, name=""):
     if isinstance(value, dict):
         named = {
             **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
-            "neglected": "EFFECT",
+            **{"neglected": "EFFECT", "values": "UNKNOWN", "deviations": "UNKNOWN"},
+            **dict.fromkeys(("restitution", "friction", "rolling_deceleration"), "VALUE"),
         }.get(name.split(".")[-1])
         parts = [(named or key, part) for key, part in value.items()]
         return {k for key, part in parts for k in keys(part, f"{name}.{key}".lstrip("."))}
@@ -157,10 +186,14 @@ def keys(value, name=""):
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
         ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),
         ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
+        ("identify", ["track.csv"]),
         ("tune-mujoco", [str(ROOT / "scenes" / "robot_chip.toml"), "--timestep", "0.005"]),
     ],
 )
-def test_the_page_names_every_key(section, arguments):
+def test_the_page_names_every_key(section, arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = (ROOT / "data" / "match_ball.csv").read_text("utf-8").splitlines()
+    Path("track.csv").write_text("\n".join([rows[0], *rows[2605:2760]]), "utf-8")
     ended = CliRunner().invoke(kickdyn_command, [section, *arguments, "--json", "-"])
     assert ended.exit_code == 0
     text = PAGE.split(f"### {section}\n")[1].split("\n### ")[0]

@@ -218,7 +218,7 @@ def test_any_urdf(tmp_path):
         (["--out", "file.zarr", "--resume"], "file.zarr cannot be read as a sweep"),
         (["--out", "no/where.zarr"], "no/where.zarr cannot be written"),
         (["--out", "s.zarr", "--plot", "p.exe"], "plots are written as .png"),
-        (["--speed", "nan"], "foot speed is nan"),
+        (["--speed", "nan"], "sweep: speed is nan"),
         (["--speed", "fast"], "'fast' is not a valid float"),
         (["--attack", "120"], "attack is 120"),
         (["--air", "thick"], "'thick' is not one of 'standard', 'paper', 'none'"),

@@ -1,5 +1,7 @@
 """Launch, spin, drag, lift and wind from tracks whose truth is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -96,6 +98,30 @@ def test_what_a_short_flight_does_not_determine_is_no_number():
     assert "drag" in found.warnings[0]
 
 
+def test_what_is_less_than_twice_its_deviation_is_no_number(curving):
+    """Also the spin along a flight, which has no force; a small deviation of zero is a number."""
+    rng = np.random.default_rng(2)
+    points = curving.positions + rng.normal(0.0, 0.02, curving.positions.shape)
+    found = kd.identify(kd.Track(curving.times, points), BALL, free=("spin", "drag-scale"))
+    assert "gyro_spin" in found.undetermined
+    assert found.values["drag_scale"] > 2.0 * found.deviations["drag_scale"]
+    for name in set(found.values) & {"back_spin", "side_spin"}:
+        assert found.deviations[name] < max(0.5 * abs(found.values[name]), 1.0)
+    covariance = np.diag([0.9] * len(found.names)) ** 2
+    exact = replace(found, estimates=0.1 * found.estimates, covariance=covariance)
+    assert {*exact.undetermined} == {"drag_scale"}
+    covariance = np.diag([25.0] * len(found.names)) ** 2
+    loose = replace(found, estimates=1e3 * found.estimates, covariance=covariance)
+    assert {"back_spin", "side_spin", "gyro_spin"} <= {*loose.undetermined}
+
+
+def test_what_is_no_flight_is_fitted_with_a_warning():
+    times = np.linspace(0.0, 2.0, 20)
+    rolling = np.column_stack([5.0 * times - times**2, 0.0 * times, 0.0 * times + 0.11])
+    found = kd.identify(kd.Track(times, rolling), BALL, free=("drag",))
+    assert any("may not be one flight" in line for line in found.warnings)
+
+
 def test_the_truth_lies_in_the_region_as_often_as_it_says():
     """Its squared residuals exceed the least ones as chi-squared with 10 degrees of freedom."""
     excesses = []
@@ -132,8 +158,8 @@ def test_residuals_that_go_together_widen_the_deviations(curving):
 
 
 def test_models_are_ranked_by_prediction():
-    tracks = [flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"))]
-    found = kd.identify(tracks, BALL, compare=("brazuca", "goff-carre", "jabulani"))
+    tracks = [flown((25, 3, 8), (0, -40, 20), kd.Air(drag="goff-carre"), rate=25.0)]
+    found = kd.identify(tracks, BALL, compare=("brazuca", "goff-carre"))
     assert found.comparison[0].model == "goff-carre"
     assert found.comparison[0].prediction_rms < 1e-4 < found.comparison[1].prediction_rms
     rms = [score.prediction_rms for score in found.comparison]
@@ -165,6 +191,8 @@ def test_plot_and_representations(curving):
     [
         (lambda t: (t.times[:4], t.positions[:4]), "4 positions: at least 5"),
         (lambda t: (t.times, 1000 * t.positions), "as in millimetres"),
+        (lambda t: (1000 * t.times, t.positions), "as in milliseconds"),
+        (lambda t: (t.times, 0 * t.positions + 1), "the ball stays at"),
         (lambda t: (t.times, 100 * t.positions), "as in centimetres"),
         (lambda t: scaled_by(STRAIGHT, 1 / 0.3048), "as in feet"),
         (lambda t: (t.times, t.positions / 0.0254), "as in inches"),
@@ -192,6 +220,11 @@ def test_what_is_no_flight_in_metres_is_refused(curving, change, message):
 def test_wrong_arguments_are_refused(curving, options, message):
     with pytest.raises(kd.InvalidInput, match=message):
         kd.identify(curving, BALL, **options)
+
+
+def test_models_that_cannot_be_compared_are_refused(curving):
+    with pytest.raises(kd.InvalidInput, match="compare needs 9"):
+        kd.identify(curving[:8], BALL, compare=("brazuca",))
 
 
 def test_what_is_no_track_is_refused():

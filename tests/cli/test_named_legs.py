@@ -54,7 +54,7 @@ def test_an_mjcf_file_is_known_by_what_is_in_it(tmp_path):
 def test_a_joint_of_an_mjcf_is_locked_in_degrees(tmp_path):
     part = '<joint name="{}" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
     knee = f'<body name="toe" pos="0 0 -1">{part.format("knee")}</body>'
-    hip = f'<body>{part.format("hip")}{knee}</body>'
+    hip = f"<body>{part.format('hip')}{knee}</body>"
     (tmp_path / "leg.xml").write_text(f"<mujoco><worldbody>{hip}</worldbody></mujoco>")
     leg = load_leg(str(tmp_path / "leg.xml"), locked={"hip": 90.0})
     assert leg.joint_names == ("knee",)

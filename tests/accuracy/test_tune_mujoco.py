@@ -142,6 +142,15 @@ def test_a_sliding_kick_with_friction(monkeypatch):
     assert model.pair_friction[0, 0] == found.friction
 
 
+def test_the_first_kick_counts_in_full_and_its_neighbours_in_part(monkeypatch):
+    approach = find_approach(POSTURE, V, kd.Ball(), kd.Contact(ALONG, 0.7), (0, 0, 0), (0, 0, 0))
+    cases = tuning.kick_cases(approach, 0.010)
+    kicks = [MujocoKick(case.approach, 0.002, MujocoContact(), "Euler", True) for case in cases]
+    found = tuning.fit_contact(cases, kicks, 0.010, 0.0, "Euler")
+    own, *others = (error.velocity for error in found.errors)
+    assert found.score == max(own, tuning.OTHERS * max(others))
+
+
 def test_the_ball_of_the_snippet(tuned):
     model = mujoco.MjModel.from_xml_string(tuned.mjcf())
     assert tuple(model.geom("ball").solref) == tuned.solref

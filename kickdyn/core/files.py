@@ -118,8 +118,9 @@ def _refused(path: str | os.PathLike[str], error: Exception) -> InvalidInput:
 
 
 def _reason(error: Exception) -> str:
-    """Return the operating system's description of an error."""
-    return getattr(error, "strerror", None) or str(error)
+    """Return the operating system's description of an error, in one line."""
+    number = getattr(error, "errno", None)  # of h5py, strerror has several lines
+    return os.strerror(number) if number else " ".join(str(error).split())
 
 
 def write_json(path: str, document: object) -> None:

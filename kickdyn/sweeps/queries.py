@@ -209,7 +209,8 @@ def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> 
     :math:`(f_{+1} - f_{-1}) / 2h` inside the grid and one-sided ones at its ends and beside
     postures whose status is not `ok` (`numpy.gradient`). The error is a third of the difference to
     the slope from every other neighbour: Richardson's estimate, exact for cubics where both are
-    central.
+    central. To it is added what rounding of the values can do, :math:`\epsilon |f| / h`, since
+    files have 7 digits.
 
     Args:
         data: the dataset, of any size.
@@ -218,8 +219,8 @@ def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> 
 
     Returns:
         Along `joint`, `slope` and `slope_error`, and along `joint` and `other_joint`, `curvature`,
-        in the variable's unit per rad or metre. They are nan where a joint has too few values, or
-        neighbours whose status is not `ok`.
+        in the variable's unit per `joint_unit`, rad or m. They are nan where a joint has too few
+        values, or neighbours whose status is not `ok`.
 
     Raises:
         InvalidInput: an unknown variable, or a posture that the dataset does not have.
@@ -239,13 +240,13 @@ def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> 
             here[name] = slice(begin, begin + count)
             places.append(centre[name] - begin)
         part = data[[of, "status"]].isel(here).transpose(*along)
-        return part[of].where(possible(part)), places
+        return part[of].astype(float).where(possible(part)), places
 
-    n = len(joints)
+    n, digits = len(joints), float(np.finfo(data[of].dtype).eps)
     slopes, curvature = np.full((n, 2), np.nan), np.full((n, n), np.nan)
     for i, name in enumerate(joints):
         line, (at,) = near(name, count=9)
-        slopes[i] = _slope(line[name].values, line.values, at)
+        slopes[i] = _slope(line[name].values, line.values, at, digits)
         for j, other in enumerate(joints):
             patch, places = near(*dict.fromkeys((name, other)), count=3)
             if min(patch.shape) == 3:
@@ -257,12 +258,20 @@ def slopes_at(data: xr.Dataset, posture: xr.Dataset, of: str = "ball_speed") -> 
             "slope_error": ("joint", slopes[:, 1]),
             "curvature": (("joint", "other_joint"), curvature),
         },
-        {"joint": joints, "other_joint": joints},
+        {
+            "joint": joints,
+            "other_joint": joints,
+            "joint_unit": ("joint", [str(data[name].attrs.get("units", "")) for name in joints]),
+        },
+        {"variable": of, "units": str(data[of].attrs.get("units", ""))},
     )
 
 
-def _slope(x: Array, f: Array, place: int) -> tuple[float, float]:
-    """Return slope and error at a place of a line whose values are nan where they do not count."""
+def _slope(x: Array, f: Array, place: int, digits: float) -> tuple[float, float]:
+    """Return slope and error at a place of a line whose values are nan where they do not count.
+
+    `digits` is the relative rounding of the values.
+    """
     missing = np.flatnonzero(np.isnan(f))
     low = int(missing[missing < place].max(initial=-1)) + 1
     high = int(missing[missing > place].min(initial=len(f)))
@@ -274,4 +283,5 @@ def _slope(x: Array, f: Array, place: int) -> tuple[float, float]:
         if len(x[points]) >= 3:
             slope[points] = np.gradient(f[points], x[points], edge_order=2)
         slopes.append(float(slope[place]))
-    return slopes[0], abs(slopes[1] - slopes[0]) / 3
+    rounding = digits * abs(f[place]) / np.diff(x).min(initial=np.inf)
+    return slopes[0], float(abs(slopes[1] - slopes[0]) / 3 + rounding)

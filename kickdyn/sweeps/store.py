@@ -12,6 +12,7 @@ times the time.
 
 import fcntl
 import glob
+import io
 import json
 import math
 import os
@@ -209,7 +210,9 @@ def save_netcdf(data: xr.Dataset, path: str | PathLike[str]) -> None:
     how = {"dtype": "f4", "zlib": True, "complevel": 1, "shuffle": True}
     encoding = {name: how for name in VARIABLES if name in data}
     with replacing(path) as draft:
-        data.to_netcdf(draft, engine="h5netcdf", encoding=encoding)
+        file = io.BytesIO()  # HDF5 itself crashes where the disk is full
+        data.to_netcdf(file, engine="h5netcdf", encoding=encoding)
+        draft.write_bytes(file.getbuffer())
 
 
 def _rewrite_root(folder: Path, finished: int) -> None:

@@ -5,6 +5,7 @@ import os
 import pickle
 import shutil
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import (
@@ -17,7 +18,7 @@ from concurrent.futures import (
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache, partial
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from os import PathLike
 from pathlib import Path
 from typing import TypeVar
@@ -243,13 +244,25 @@ def _pool(threads: int | None, workers: int | None = None) -> Iterator[Executor]
     size = int(validation.number(name, _cores() if size is None else size, at_least=1))
     executor: Executor = ThreadPoolExecutor(size)
     if workers is not None:
-        # Ctrl-C, which a terminal sends to every process, ends the main process only
-        ignore = (signal.SIGINT, signal.SIG_IGN)
-        executor = ProcessPoolExecutor(size, get_context("spawn"), signal.signal, ignore)
+        executor = ProcessPoolExecutor(size, get_context("spawn"), _prepare_worker)
     try:
         yield executor
     finally:
         executor.shutdown(cancel_futures=True)
+
+
+def _prepare_worker() -> None:
+    """Let a worker process ignore Ctrl-C, which ends the main process, and end with that."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process once its parent has ended, even if that was killed."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 @contextmanager

@@ -276,3 +276,22 @@ def test_no_posture_for_slopes_or_a_front(data):
     assert pareto_front(data, where="hip < 0").sizes["posture"] == 0
     with pytest.raises(kd.InvalidInput, match="names 'speed', which is unknown"):
         pareto_front(data, more="speed")
+
+
+def test_the_error_of_a_slope_counts_the_digits_and_its_unit_has_a_name():
+    x = 0.5 * np.arange(9.0)
+    data = line(x, (x**3 - 90.0 * x).astype("f4"))  # exact in seven digits, which is not known
+    data.ball_speed.attrs["units"] = "m/s"
+    found = slopes_at(data, data.sel(hip=2.0))
+    rounding = 2.0**-23 * 172.0 / 0.5
+    assert found.slope_error.values == pytest.approx([0.25 + rounding], rel=1e-9)
+    assert found.joint_unit.values.tolist() == ["m"]
+    assert found.attrs == {"variable": "ball_speed", "units": "m/s"}
+
+
+def test_what_xarray_selects_can_be_queried(data):
+    part = data.isel(knee=1)
+    front, speed = pareto_front(part), part.ball_speed.where(possible(part))
+    assert float(front.ball_speed[0]) == float(speed.max())
+    turned = pareto_front(data.transpose("ankle", "hip", "knee")).ball_speed.values
+    assert turned.tolist() == pareto_front(data).ball_speed.values.tolist()

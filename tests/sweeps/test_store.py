@@ -212,18 +212,22 @@ def test_a_kernel_that_disagrees_stops_the_sweep(tmp_path, monkeypatch):
 def test_a_file_that_may_not_grow_ends_in_one_line_and_is_resumed(tmp_path):
     stored(tmp_path / "whole.zarr")
     script = SCRIPT + (
-        "from kickdyn.sweeps.store import SweepStore\n"
+        "from kickdyn.sweeps.store import SweepStore, save_netcdf\n"
         "from kickdyn.sweeps.dataset import VARIABLES, describe\n"
         "from kickdyn.sweeps.grid import Grid\n"
         "described = describe(leg, Grid.of(leg, postures), kick, 0.0)\n"
         "SweepStore('s.zarr', described, list(VARIABLES), 50, resume=False)\n"
         "import resource\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))\n"
+        "try: save_netcdf(kd.sweep(leg, postures, kick), 's.nc')\n"
+        "except kd.InvalidInput as error: print(error)\n"
         "kd.sweep(leg, postures, kick, store='s.zarr', resume=True)\n"
     )
     ended = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
     )
+    assert ended.stdout == "s.nc cannot be written (File too large)\n"
+    assert ended.returncode == 1
     assert re.search(r"File too large: 0 of 7 chunks are in s\.zarr, --resume", ended.stderr)
     stored(tmp_path / "s.zarr", resume=True)
     assert files(tmp_path / "s.zarr") == files(tmp_path / "whole.zarr")
@@ -272,6 +276,25 @@ def test_a_worker_that_is_killed_leaves_what_can_be_resumed(tmp_path):
            progress=lambda count, _: calls.append(count))  # fmt: skip
     assert calls[0] >= done
     assert sum(calls) == computed(tmp_path / "s.zarr") == 3 * 521 * 281
+
+
+def test_a_worker_ends_with_a_process_that_is_killed(tmp_path):
+    script = (
+        "import os\n"
+        "from concurrent.futures import ProcessPoolExecutor\n"
+        "from multiprocessing import get_context\n"
+        "from kickdyn.sweeps.sweep import _prepare_worker\n"
+        "if __name__ == '__main__':\n"
+        "    pool = ProcessPoolExecutor(1, get_context('spawn'), _prepare_worker)\n"
+        "    print(pool.submit(os.getpid).result(), flush=True)\n"
+        "    input()\n"
+    )
+    (tmp_path / "main.py").write_text(script)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([sys.executable, tmp_path / "main.py"], **pipes) as killed:
+        worker = psutil.Process(int(killed.stdout.readline()))
+        killed.kill()
+    worker.wait(20)
 
 
 def test_what_cannot_be_sent_to_a_worker_is_one_line(tmp_path):

@@ -31,13 +31,17 @@ def sliding_foot() -> kd.Leg:
     return kd.Leg.from_model(model, "toe")
 
 
-def rigid_spin(offset: float, friction: float) -> float:
-    """Return the spin by one point of contact on a rigid ball [rad/s], law `stronge`."""
+def rigid_impact(offset: float, friction: float) -> kd.Impact:
+    """Return the impact at one point of a rigid ball, law `stronge`."""
     across = offset / BALL.radius
     contact = kd.Contact((math.sqrt(1.0 - across**2), -across, 0.0), RESTITUTION, friction)
     posture = sliding_foot().posture(np.zeros(3))
-    impact = kd.strike(posture, [SPEED, 0.0, 0.0], BALL, contact, law="stronge")
-    return math.hypot(*impact.ball_after.spin)
+    return kd.strike(posture, [SPEED, 0.0, 0.0], BALL, contact, law="stronge")
+
+
+def rigid_spin(offset: float, friction: float) -> float:
+    """Return the spin by one point of contact on a rigid ball [rad/s]."""
+    return math.hypot(*rigid_impact(offset, friction).ball_after.spin)
 
 
 def patch(radius: float, low: float, high: float) -> tuple[float, float]:

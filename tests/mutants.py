@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT = 3600.0
-"""Longest that one run of pytest may take [s]."""
+"""Longest that one run of pytest may wait [s]: for changes that let the tests wait for ever."""
 CPU_TIME = 600
 """Most processor time of one run of pytest [s], which does not depend on what else is running."""
 
@@ -226,7 +226,9 @@ def _failure(calls: list[str], copy: Path) -> str:
         return NO_END
     if run.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return NO_END
-    if not 0 <= run.returncode <= 2:
+    if run.returncode < 0:  # pytest itself ended by a signal, as SIGSEGV
+        return calls[0]
+    if run.returncode > 2:
         raise RuntimeError(f"pytest {' '.join(calls)} ended with {run.returncode}: {run.stdout}")
     if run.returncode == 0:
         return ""

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from kickdyn.core.gravity import GRAVITY
-from kickdyn.core.validation import Array
+from kickdyn.core.validation import Array, check_type
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.joint_table import lock_joints
 from kickdyn.robot.mimic_joints import Mimic
@@ -65,6 +65,7 @@ def build_mjcf_model(
         InvalidInput: no such frame, base or joint to lock, or the frame does not move.
     """
     check_base(base)
+    check_type(str, frame=frame)  # MuJoCo crashes on None
     compiled = file.compile()
     bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
     own = [body for body in bodies if root in (None, compiled.body_rootid[body])]

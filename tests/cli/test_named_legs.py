@@ -51,6 +51,23 @@ def test_an_mjcf_file_is_known_by_what_is_in_it(tmp_path):
         load_leg(str(tmp_path / "leg.xml"))
 
 
+def test_a_joint_of_an_mjcf_is_locked_in_degrees(tmp_path):
+    part = '<joint name="{}" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+    knee = f'<body name="toe" pos="0 0 -1">{part.format("knee")}</body>'
+    hip = f"<body>{part.format('hip')}{knee}</body>"
+    (tmp_path / "leg.xml").write_text(f"<mujoco><worldbody>{hip}</worldbody></mujoco>")
+    leg = load_leg(str(tmp_path / "leg.xml"), locked={"hip": 90.0})
+    assert leg.joint_names == ("knee",)
+    assert leg.frame == "toe"
+    assert leg.posture([0.0]).contact_point == pytest.approx([-1.0, 0.0, 0.0], abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["human", "g1", "g1_description"])
+def test_folders_of_packages_are_not_for_a_robot_by_name(name):
+    with pytest.raises(kd.InvalidInput, match=f"it is for a URDF file, not {name}$"):
+        load_leg(name, package_dirs=["share"])
+
+
 def test_of_a_robot_only_what_moves_the_foot_can_move():
     whole, leg = kd.Leg.from_robot("g1", legs_only=True), load_leg("g1")
     assert leg.nv < whole.nv

@@ -66,6 +66,7 @@ def test_the_ball_can_go_to_a_pipe(scene):
         (["free_kick", "--timestep", 0.006], "it must be at most 0.005 s"),
         (["free_kick", "--out", "no/such/folder"], "cannot be written"),
         (["free_kick", "--out", "-", "--json", "-"], "only one of them can be stdout"),
+        (["free_kick", "--out", "no_file", "--json", "no_file"], "named for two outputs"),
     ],
 )
 def test_bad_input_is_refused(arguments, fault):

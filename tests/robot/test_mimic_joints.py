@@ -187,6 +187,8 @@ def test_locking_the_driver_locks_both(geared, spoil, tmp_path):
         assert (locked.joint_names, locked.mimics, locked.constraints) == (("extra",), (), None)
         there = leg.posture([0.6, 0.0]).contact_point
         assert locked.posture([0.0]).contact_point == pytest.approx(there, abs=1e-15)
+    rest = leg.locked({"extra": 0.1})
+    assert (rest.joint_names, rest.mimics) == (("hip", "knee"), leg.mimics)
     for refused in (leg.locked, lambda locked: kd.Leg.from_urdf(path, "end", locked=locked)):
         with pytest.raises(kd.InvalidInput, match="joint 'knee' mimics 'hip': lock that one"):
             refused({"knee": 0.1})

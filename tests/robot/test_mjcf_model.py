@@ -380,6 +380,8 @@ def test_names(tmp_path):
     assert kd.Leg.from_mjcf(file, "skin").frame == "skin"
     with pytest.raises(kd.InvalidInput, match=r"frame 'toe' is unknown: .*body3.*instep, skin"):
         kd.Leg.from_mjcf(file, "toe")
+    with pytest.raises(kd.InvalidInput, match="frame is None: it must be a str"):
+        kd.Leg.from_mjcf(file, None)
     with pytest.raises(kd.InvalidInput, match="frame 'base' is fixed to the base"):
         kd.Leg.from_mjcf(file, "base")
 

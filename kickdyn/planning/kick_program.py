@@ -533,9 +533,10 @@ def explain_infeasible(program: KickProgram) -> str:
         other = KickProgram(leg, target, wanted, limits=limits, stance=stance)
         return other.solve(lambda _, v: float(v @ v)) is not None
 
-    for condition in Condition if stance is not None else ():
-        if is_feasible(Stance(stance.standing, stance.impulse, condition), limits):
-            return f"it has one without the condition that {condition}"
+    if stance is not None:
+        for condition in Condition:
+            if is_feasible(Stance(stance.standing, stance.impulse, condition), limits):
+                return f"it has one without the condition that {condition}"
     if limits and is_feasible(stance, False):
         return "without its speed and torque limits it has one"
     if wanted is not None:

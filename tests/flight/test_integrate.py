@@ -263,13 +263,16 @@ def agrees(state, ball, air, tol, ground=None, drop=0.0, within=50):
 
 
 EXTREMES = {
-    "1000 m/s": (launch((800, 100, 600), spin=(5, -40, 20)), kd.Air()),
-    "spin of 10,000 rad/s": (launch((25, 2, 10), spin=(2e3, -9e3, 4e3)), kd.Air()),
-    "straight up": (launch((0, 0, 25)), kd.Air()),
-    "straight up with spin along": (launch((0, 0, 25), spin=(0, 0, 60)), kd.Air()),
-    "straight up with spin across": (launch((0, 0, 25), spin=(30, -50, 0)), kd.Air()),
-    "wind faster than the ball": (launch((5, 0, 5), spin=(0, -20, 9)), kd.Air(wind=(-60, 10, 0))),
-    "updraft": (launch((5, 1, 8)), kd.Air(wind=(2, 0, 9))),
+    "1000 m/s": (launch((800, 100, 600), spin=(5, -40, 20)), kd.Air(drag="brazuca")),
+    "spin of 10,000 rad/s": (launch((25, 2, 10), spin=(2e3, -9e3, 4e3)), kd.Air(drag="brazuca")),
+    "straight up": (launch((0, 0, 25)), kd.Air(drag="brazuca")),
+    "straight up with spin along": (launch((0, 0, 25), spin=(0, 0, 60)), kd.Air(drag="brazuca")),
+    "straight up with spin across": (launch((0, 0, 25), spin=(30, -50, 0)), kd.Air(drag="brazuca")),
+    "wind faster than the ball": (
+        launch((5, 0, 5), spin=(0, -20, 9)),
+        kd.Air(drag="brazuca", wind=(-60, 10, 0)),
+    ),
+    "updraft": (launch((5, 1, 8)), kd.Air(drag="brazuca", wind=(2, 0, 9))),
 }
 
 
@@ -293,7 +296,7 @@ def test_extreme_masses(mass):
 
 
 @pytest.mark.parametrize("reynolds", [10.0, 1e2, 1e4, 3e4, 1e5, 1e6, 1e7])
-@pytest.mark.parametrize("drag", ["brazuca", "sphere"])
+@pytest.mark.parametrize("drag", ["brazuca", "sphere", "supercritical"])
 def test_high_reynolds_numbers(reynolds, drag):
     viscosity = 1.2 * 2 * BALL.radius * 12 / reynolds
     air = kd.Air(density=1.2, viscosity=viscosity, drag=drag)

@@ -259,7 +259,7 @@ def test_only(only, names):
 )
 def test_only_what_exists(only):
     with pytest.raises(
-        kd.InvalidInput, match=r"not among those reproduced: .* Fig\. 1; Table 2 \(Fig\. 7\)"
+        kd.InvalidInput, match=r"only is .*: it must be one of Fig\. 1; Table 2 \(Fig\. 7\)"
     ):
         chosen(only)
 

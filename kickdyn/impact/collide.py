@@ -36,6 +36,9 @@ from kickdyn.impact.force_model import (
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
+PRESSURE_RANGE = 0.4
+"""Deflection over radius up to which `Ball.stiffness` neglects at most 10 %, at 80 kPa."""
+
 CONTACT_TIME = 0.010
 """[s]. 9 to 14 ms were measured in soccer, Australian football and rugby league (review in Ball,
 Ingleton, Peacock & Nunome, Ball impact dynamics in the punt kick, ISBS 2013)."""
@@ -142,12 +145,21 @@ class Collision(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for each joint outside its range, or faster before the impact than its limit.
 
-        And one where the restitution is used outside its table.
+        And one where the restitution is used outside its table, and where a ball whose stiffness
+        is that of its pressure is flattened beyond the range of `Ball.stiffness`.
         """
+        flat: tuple[str, ...] = ()
+        share = self.deflection / self.ball.radius
+        if self.force_model.exponent == LINEAR and share > PRESSURE_RANGE:
+            flat = (
+                f"the ball is flattened by {share:.2f} of its radius: its pressure gives the "
+                f"stiffness within 10 % up to {PRESSURE_RANGE:g}",
+            )
         return (
             *self.leg.outside_range(self.q_before),
             *self.leg.too_fast(self.v_before),
             *range_warnings(self.contact.restitution, self.approach_speed),
+            *flat,
         )
 
     def __reduce__(self) -> "tuple[partial[Collision], tuple[()]]":
@@ -355,11 +367,10 @@ def _result(
 
     peak_force, deflection = _peaks(sample, solution.times)
     if deflection >= ball.radius * (1.0 - 1e-9):
-        raise InvalidInput(
-            f"stiffness is {motion.force_model.stiffness:g} N/m^{motion.force_model.exponent:g}: "
-            f"too low, the ball would be pressed by {deflection:g} m, beyond its radius of "
-            f"{ball.radius:g} m"
-        )
+        pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
+        if motion.force_model.exponent == LINEAR:
+            raise InvalidInput(f"ball pressure is {ball.pressure:g} Pa: {pressed}")
+        raise InvalidInput(f"stiffness is {motion.force_model.stiffness:g} N/m^1.5: {pressed}")
     state = motion.state(last)
     left = motion.energy(last, solution.largest[-1])
     energies = motion.energy(start, 0.0) + state.work - state.lost - left

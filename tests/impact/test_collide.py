@@ -383,13 +383,30 @@ def test_a_spring_without_damping_returns_all_energy():
     assert hit.energy_lost == pytest.approx(0.0, abs=1e-9)
 
 
+def test_a_ball_flattened_beyond_the_range_of_its_pressure_is_named():
+    def hit(speed, pressure=80e3):
+        foot = [speed, 0, 0]
+        return kd.collide(
+            LEG.posture(Q), LEG.posture(Q).joint_velocity(foot), kd.Ball(pressure=pressure),
+            kd.Contact((1, 0, 0), 0.7), stiffness="pressure", tol=1e-6,
+        )  # fmt: skip
+
+    slow, fast = hit(8.0), hit(30.0)
+    assert slow.deflection < 0.4 * slow.ball.radius
+    assert not [line for line in slow.warnings if "flattened" in line]
+    share = fast.deflection / fast.ball.radius
+    assert f"the ball is flattened by {share:.2f} of its radius" in "".join(fast.warnings)
+    with pytest.raises(kd.InvalidInput, match=r"ball pressure is 1000 Pa: too low"):
+        hit(30.0, 1e3)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         ({"contact_time": 0.0}, "contact time is 0"),
         ({"contact_time": 0.01, "stiffness": 1e5}, "name one of them"),
         ({"stiffness": -1.0}, "stiffness is -1"),
-        ({"stiffness": 1e3}, "too low, the ball would be pressed by .* beyond its radius"),
+        ({"stiffness": 1e3}, r"stiffness is 1000 N/m\^1\.5: too low, .* beyond its radius"),
         (
             {"stiffness": "air"},
             r"stiffness is 'air': it must be a number \[N/m\^1.5\] or 'pressure'",

@@ -77,7 +77,8 @@ class Contact(ValueEquality, ReprMixin):
     def restitution_slope(self, speed: float) -> float:
         r"""Return the derivative :math:`de/du` at a speed of approach [1 / (m/s)].
 
-        It is 0 for a number and outside a table; in a row of the table it is that above the row.
+        It is 0 for a number and outside a table; exactly at a tabulated speed it is the slope of
+        the interval above.
 
         Args:
             speed: u of the foot towards the ball, 0 or more [m/s].

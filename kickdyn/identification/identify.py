@@ -451,7 +451,7 @@ def _spread(residuals: Array, length: float) -> float:
 
 
 def _answer(problem: _Problem, estimate: _Estimate) -> Identification:
-    """Return the result: values, their covariance, what is not determined, warnings."""
+    """Return the result: values, their covariance, undetermined parameters and warnings."""
     count, own = len(problem.tracks), problem.per_flight
     kept = estimate.residuals[estimate.used]
     freedom = max(kept.size - estimate.values.size, 1)

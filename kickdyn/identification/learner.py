@@ -61,8 +61,8 @@ SCATTER = 0.03
 """Relative scatter of launch speed, and scatter of direction [rad], from kick to kick."""
 
 LEARNT = 1.0 / 3.0
-"""Share of the scatter's variance below which what is not known does not count any more: it then
-widens the scatter by 15 %."""
+"""Variance of the mean landing, over that of the scatter, at which learning ends: the unknown
+parameters then widen the scatter by 15 %."""
 
 UNLIKELY = 5.99
 """Square of a distance, in standard deviations, that 5 % of random points in a plane exceed: the
@@ -242,7 +242,7 @@ class Learner(ReprMixin):
 
     @property
     def landing_uncertainty(self) -> Array:
-        """Covariance of the mean landing of the command, by what is not known, `(2, 2)` [m2]."""
+        """Covariance of the command's mean landing, from the unknown parameters, `(2, 2)` [m2]."""
         slopes = self._landing_slopes[:, :6]
         return np.asarray(slopes @ self._covariance @ slopes.T)
 

@@ -145,7 +145,7 @@ class KickPlan(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What is not as it should be, a line each.
+        """A line for each limit, pose or flight of the plan that needs attention.
 
         A coefficient of the flight or of the contact used outside its range; a body that is under
         the ground (level, under the ball or under the target, whichever is lower) at the impact.

@@ -351,7 +351,7 @@ class _Reader:
 
 
 def _keep_mechanics(root: Element) -> None:
-    """Remove what describes no robot, and refuse what is not read; nothing names a file but meshes.
+    """Remove sections without mechanics and refuse unsupported elements; only meshes name files.
 
     Geoms collide with nothing, which spares MuJoCo their convex hulls.
     """

@@ -123,7 +123,7 @@ class Ball(ReprMixin):
         :math:`(1 - \Delta V / V)^{-1.4}`. At 80 kPa they change F by less than 3 % up
         to a deflection of 0.3 R, by 10 % at 0.4 R and by 21 % at 0.5 R. Neglected too are bending
         and stretching of the shell, its inertia, and its bulging beside the circle
-        (`docs/compliance.md` compares with measurements).
+        (`docs/explanation/compliance.md` compares with measurements).
 
         Raises:
             InvalidInput: the ball's pressure is unknown.

@@ -44,7 +44,10 @@ MODELS = {
         "published ranges, 1.37 to 1.48 of that ratio and 0.66 to 0.79 of e.",
     ),
 }
-"""Every model by name; `Contact(restitution=name)` takes one. `docs/impact.md` derives it."""
+"""Every model by name; `Contact(restitution=name)` takes one.
+
+`docs/explanation/impact.md` derives them.
+"""
 
 
 def checked_restitution(value: float | str | ArrayLike) -> Restitution:

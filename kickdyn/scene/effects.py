@@ -12,7 +12,10 @@ from kickdyn.scene.envelope import EXACT, Envelope, LaunchError
 from kickdyn.scene.scene import Scene
 
 UNBOUNDED = "what it moves has no known bound in this scene"
-"""Why an effect with a bound of inf is modelled: `docs/howto.md` says where that happens."""
+"""Why an effect with a bound of inf is modelled.
+
+`docs/how-to/recipes.md` says where that happens.
+"""
 
 
 @dataclass(frozen=True)

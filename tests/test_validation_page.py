@@ -1,4 +1,4 @@
-"""The tables of docs/validation.md and of README.md are the output of benchmarks/validation.py."""
+"""The tables of validation.md and README.md are the output of benchmarks/validation.py."""
 
 import re
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE, README = ROOT / "docs" / "validation.md", ROOT / "README.md"
+PAGE, README = ROOT / "docs" / "explanation" / "validation.md", ROOT / "README.md"
 BENCHMARKS = ROOT / "benchmarks"
 
 
@@ -40,7 +40,7 @@ def test_the_page_has_every_measurement_and_explains_what_is_outside():
     expected = {f"M{k}" for k in range(1, 12)} | {f"A{k}" for k in range(1, 5)}
     assert names == expected | {"Table 4", "Table 5"}
     for row in cells:
-        if "outside" in row[4] or "not comparable" in row[4]:
+        if any(word in row[4] for word in ("outside", "partly", "not comparable")):
             assert len(row) == 6, row
             assert row[5], row
 

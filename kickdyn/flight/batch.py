@@ -181,10 +181,10 @@ def _integrate(
     scenes: Array, velocities: Array, ball: Ball, air: Air, tol: float, time_limit: float
 ) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
     """Return nodes, status and evaluations of flights through the air."""
-    rates = compiled_rates(ball, air)
+    rates, velocities = compiled_rates(ball, air), np.array(velocities)  # which can be written to
     limits = max(tol, 100 * float(np.finfo(float).eps)), tol, time_limit
     try:
-        return march(rates, scenes, np.array(velocities), *limits)
+        return march(rates, scenes, velocities, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail
         n = len(scenes)
         flown = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8), np.zeros(n, np.int64)

@@ -63,7 +63,7 @@ _NOT_YET_UP, _ANYWHERE, _AT_APEX = 0.0, 1.0, 2.0  # places, which say what event
 _EPS = float(np.finfo(float).eps)
 
 _OPTIONS: dict[str, Any] = {**HOW, "_nrt": False}
-"""Without numba's counting of references, which costs time at every call: Python owns all arrays."""
+"""No counting of references by numba, which costs time in every call: Python owns all arrays."""
 
 njit: Any = numba.njit(**_OPTIONS, **WITHIN)
 inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)

@@ -76,15 +76,23 @@ def tasks() -> list[Task]:
     kicked = kd.strike(posture, VELOCITY, BALL, CONTACT).ball_after
     many = launches()
     postures = int(np.prod([len(angles) for angles in GRID.values()]))
+    kick = kd.Kick()
     return [
         Task("`strike`: impact with the impulses in all joints", strikes, 100, 30),
-        Task("`sweep`: impact and flight of each posture", lambda: kd.sweep(LEG, GRID, kd.Kick()), postures),
+        Task(
+            "`sweep`: impact and flight of each posture",
+            lambda: kd.sweep(LEG, GRID, kick),
+            postures,
+        ),
         Task("`fly`: flight with drag and lift", lambda: kd.fly(kicked, BALL, AIR), runs=50),
         Task("`fly_many`: the same, each of 10,000", lambda: kd.fly_many(many, BALL, AIR), FLIGHTS),
-        Task("`collide`: contact of finite time", lambda: kd.collide(posture, VELOCITY, BALL, CONTACT)),
+        Task(
+            "`collide`: contact of finite time",
+            lambda: kd.collide(posture, VELOCITY, BALL, CONTACT),
+        ),
         Task("`plan_launch`: launch for a target", lambda: kd.plan_launch(GOAL, BALL, AIR)),
         Task("`plan_kick`: kick for a target", lambda: kd.plan_kick(LEG, GOAL, BALL, AIR)),
-    ]  # fmt: skip
+    ]
 
 
 def shown(value: float) -> str:

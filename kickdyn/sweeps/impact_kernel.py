@@ -34,10 +34,11 @@ import numpy as np
 
 from kickdyn.core.lanes import LANES, WITHIN
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-"""How the kernels are compiled."""
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+"""How the kernels are compiled: without memory management, since all arrays are the caller's."""
 
 njit: Any = numba.njit(**OPTIONS, **WITHIN)
+_allocating: Any = numba.njit(**{**OPTIONS, "_nrt": True}, **WITHIN)
 
 LOSS = 300.0
 """Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
@@ -112,8 +113,8 @@ def solve_velocity(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
     are left. `lower` is L of `factorize`; z and v have shape `(n + 1, LANES)`.
     """
     whole, parts = v[0], lower[0, 0]  # of no joint
-    whole[:] = 0.0
-    parts[:] = 0.0
+    for i in range(LANES):
+        whole[i], parts[i] = 0.0, 0.0
     for k in range(1, len(parent)):
         own, pivot, diagonal, a = v[k], lower[k, k], lower[0, k], parent[k]
         for i in range(LANES):
@@ -146,7 +147,8 @@ def delassus_matrix(carries, rows, delassus):  # type: ignore[no-untyped-def]
 
     In a plane the entries of the second tangent stay 0.
     """
-    delassus[:] = 0.0
+    for i in range(6 * LANES):
+        delassus[i] = 0.0
     for k in range(1, len(carries)):
         if not carries[k]:
             continue
@@ -217,7 +219,7 @@ def solve_slip(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # 
         impulse[i], impulse[LANES + i], impulse[2 * LANES + i], lost[i] = found
 
 
-@njit
+@_allocating
 def _slip_impulse(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
     r"""Return impulse on the friction cone and energy lost.
 
@@ -247,7 +249,7 @@ def _slip_impulse(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ign
     return best
 
 
-@njit
+@_allocating
 def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
     r"""Return every angle a with :math:`c_1 \cos a + s_1 \sin a + c_2 \cos 2a + s_2 \sin 2a = 0`.
 

@@ -67,22 +67,23 @@ class Kernel:
     """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
-        self._kernel = _compiled(model.planar)
+        self._kernel, self._motion = _compiled(model.planar), _kinematics(model.planar)
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         slides = [bool(model.slides[k]) for k in joints]
         tables = [_motion(q, s) for q, s in zip(grid.axes.values(), slides, strict=True)]
         steps = np.array(grid.shape, np.int64)
-        at_zero = [_motion(np.zeros(1), bool(slide)) for slide in model.slides]
+        self._still = np.concatenate([_motion(np.zeros(1), bool(slide)) for slide in model.slides])
+        self._repeats = np.append(np.cumprod(steps[:0:-1])[::-1], 1)
         self._grid = (
-            steps, np.array(joints, np.int64), np.cumsum(steps) - steps,
+            steps, np.array(joints, np.int64), np.cumsum(steps) - steps, self._repeats,
             np.ascontiguousarray(np.concatenate(tables)),
         )  # fmt: skip
         kick, ball = model.kick, model.kick.ball
         # what the ball adds to the Delassus matrix along the tangents and along the normal
         mobility = 1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass
         self._model = (
-            np.ascontiguousarray(np.concatenate(at_zero)), model.parent, model.slides,
-            model.carries_foot, model.constants, model.foot, tuple(map(float, model.lever)),
+            model.parent, model.slides, model.carries_foot, model.constants, model.foot,
+            tuple(map(float, model.lever)),
             (*mobility, kick.speed, kick.restitution_used, kick.friction),
         )  # fmt: skip
 
@@ -92,8 +93,22 @@ class Kernel:
         Rows are as above. Without `full`, the impulse alone is computed, the first five rows.
         """
         answer = np.empty((ROWS, count))
-        self._kernel(*self._grid, first, *self._model, full, answer)
+        steps, *_ = self._grid
+        digits, done = (first // self._repeats) % steps, first % self._repeats
+        at = np.ascontiguousarray(np.column_stack([digits, done]))
+        self._kernel(*self._grid, at, *self._model, full, *self._memory(), answer)
         return answer
+
+    def _memory(self) -> tuple[Array, ...]:
+        """Return the memory that a call of the kernel works in, joints at 0."""
+        motion, n = self._motion, len(self._still)
+        x, width = np.zeros((n, motion.ROWS * LANES)), motion.AXES
+        x[1:, motion.COS : motion.COS + LANES] = self._still[1:, :1]
+        x[1:, motion.SIN : motion.SIN + LANES] = self._still[1:, 1:]
+        for row in motion.UNIT:  # the base is not rotated
+            x[0, row : row + LANES] = 1.0
+        inertia, rows = np.zeros((n, n, LANES)), np.zeros((n, width * LANES))
+        return x, inertia, rows, np.zeros((n, LANES)), np.zeros((_WORK_ROWS, 7 * LANES))
 
 
 def fill_variables(
@@ -166,44 +181,35 @@ motion: Any = spatial_kernel
 WIDTH = 3
 """Columns of the Jacobian; 2 in a plane."""
 
+_WORK_ROWS = 9
 
-def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
-          foot, lever, kick, full, answer):  # fmt: skip
+
+def _sweep(steps, joints, offsets, repeats, table, at, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
+          foot, lever, kick, full, x, inertia, rows, jump, work, answer):  # fmt: skip
     """Fill in the answers of consecutive postures, `LANES` at a time.
 
     `steps` is the number of values of each axis of the grid, `joints` its joint, `offsets` where it
     begins in `table`, which has the first two rows of a joint for every value of every axis;
-    `still` has those of each joint at 0. The other arguments are those of `impact_kernel`.
+    `repeats` is how many postures in a row share a value of the axis. `at` has, of each axis, the
+    number of the first posture's value and how many postures before it share that. `x`, `inertia`,
+    `rows`, `jump` and `work` are memory of the caller's, because code that allocates none compiles
+    in three quarters of the time. The other arguments are those of `impact_kernel`.
     """
     n, count = len(parent), answer.shape[1]
     across, along, speed, e, mu = kick
-    x, inertia = np.zeros((n, motion.ROWS * LANES)), np.zeros((n, n, LANES))
-    rows, jump = np.zeros((n, WIDTH * LANES)), np.zeros((n, LANES))
-    point, delassus = np.zeros(7 * LANES), np.zeros(6 * LANES)
-    impulse, reaction = np.zeros(3 * LANES), np.zeros(3 * LANES)
-    lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    for i in range(LANES):
-        x[0, i] = 1.0  # the base is not rotated
-        if WIDTH == 3:
-            x[0, 4 * LANES + i] = x[0, 8 * LANES + i] = 1.0
-        for k in range(1, n):
-            x[k, motion.COS + i], x[k, motion.SIN + i] = still[k, 0], still[k, 1]
-    at, repeats = np.zeros((len(steps), 2), np.int64), np.ones(len(steps), np.int64)
-    each = 1
-    for a in range(len(steps) - 1, -1, -1):
-        repeats[a] = each
-        at[a, 0], at[a, 1] = (first // each) % steps[a], first % each
-        each *= steps[a]
+    point, delassus, impulse, reaction = work[0], work[1], work[2], work[3]
+    lost, doubt, use, dual, capacity = work[4], work[5], work[6], work[7], work[8]
     for begin in range(0, count, LANES):
         for a in range(len(steps)):
             own, values = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
             _deal_axis(own[motion.COS :], own[motion.SIN :], values, repeats[a], a, at)
-        doubt[:] = 0.0
+        for i in range(LANES):
+            doubt[i] = 0.0
         motion.place_bodies(parent, slides, constants, x)
         motion.joint_space_inertia(parent, slides, constants, x, inertia)
         motion.contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, point)
         if full:  # before the Jacobian is whitened
-            least_speed_use(carries, rows, constants, speed, use, doubt)
+            least_speed_use(carries, rows, constants, speed, dual, capacity, use, doubt)
         factorize(parent, inertia, doubt)
         whiten(parent, carries, inertia, rows)
         delassus_matrix(carries, rows, delassus)
@@ -227,7 +233,8 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
                 c = begin + i
                 pressed = impulse[2 * LANES + i]
                 parting = pressed * along - (speed + reaction[2 * LANES + i])
-                total = math.sqrt(impulse[i] ** 2 + impulse[LANES + i] ** 2 + pressed**2)
+                s, t = impulse[i], impulse[LANES + i]
+                total = math.sqrt(s * s + t * t + pressed * pressed)
                 answer[LOST, c], answer[USE, c] = lost[i], use[i]
                 answer[WORST, c] = math.sqrt(reaction[i])
                 answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
@@ -241,19 +248,25 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
             answer[DOUBT, c] = doubt[i]
 
 
+def _kinematics(in_plane: bool) -> Any:
+    """Return the module of kinematics in a plane or in space."""
+    return planar_kernel if in_plane else spatial_kernel
+
+
 @cache
 def _compiled(in_plane: bool) -> Callable[..., None]:
     """Return a kernel, from the disk where it is kept there."""
-    kinematics = planar_kernel if in_plane else spatial_kernel
+    kinematics = _kinematics(in_plane)
     # numba looks for changes in this file only; the others are part of the name
     modules = (lanes, kernel_model, impact_kernel, sweep_kick, speed_use_kernel, kinematics)
     content = zlib.crc32(b"".join(Path(str(each.__file__)).read_bytes() for each in modules))
-    names = {**globals(), "motion": kinematics, "WIDTH": 2 if in_plane else 3}
+    names = {**globals(), "motion": kinematics, "WIDTH": kinematics.AXES}
     variant = named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")
     integers, flags, matrix = numba.int64[::1], numba.boolean[::1], numba.float64[:, ::1]
     three, five = _tuple(numba.float64, 3), _tuple(numba.float64, 5)
     signature = numba.void(
-        integers, integers, integers, matrix, numba.int64, matrix, integers, flags, flags, matrix,
-        numba.int64, three, five, numba.boolean, matrix,
+        integers, integers, integers, integers, matrix, numba.int64[:, ::1], integers, flags, flags,
+        matrix, numba.int64, three, five, numba.boolean, matrix, numba.float64[:, :, ::1], matrix,
+        matrix, matrix, matrix,
     )  # fmt: skip
     return compiled(variant, signature, **OPTIONS)

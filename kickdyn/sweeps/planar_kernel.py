@@ -31,6 +31,12 @@ body (B), and of all bodies the joint carries (H) with their second moment (TURN
 
 ROWS = 19
 
+AXES = 2
+"""Axes of the contact: rows of the Jacobian."""
+
+UNIT = (C,)
+"""Rows that are 1 where a body is not rotated."""
+
 TU, TW, SIZE, DU, DW = 0, LANES, 3 * LANES, 4 * LANES, 5 * LANES
 """Rows of the contact point: its position from the foot's joint, the sum of squares of its
 Jacobian, its position from one joint after the other."""
@@ -103,7 +109,8 @@ def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, p
         point[DU + i], point[DW + i], point[SIZE + i] = point[TU + i], point[TW + i], 0.0
     for k in range(1, len(parent)):
         if not carries[k]:
-            rows[k] = 0.0
+            for i in range(rows.shape[1]):
+                rows[k, i] = 0.0
     k = foot
     while k > 0:
         own, row, slide, sense = x[k], rows[k], slides[k], constants[k, PLANAR_SENSE]
@@ -113,7 +120,8 @@ def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, p
             row[LANES + i] = own[AU + i] if slide else -sense * dw
             point[DU + i], point[DW + i] = du + own[OU + i], dw + own[OW + i]
         for i in range(LANES):
-            point[SIZE + i] += row[i] ** 2 + row[LANES + i] ** 2
+            t, n = row[i], row[LANES + i]
+            point[SIZE + i] += t * t + n * n
         k = parent[k]
 
 

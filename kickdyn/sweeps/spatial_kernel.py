@@ -32,6 +32,12 @@ angular (N) impulse that the parent transmits."""
 
 ROWS = 44
 
+AXES = 3
+"""Axes of the contact: rows of the Jacobian."""
+
+UNIT = R00, R11, R22
+"""Rows that are 1 where a body is not rotated."""
+
 TX, TY, TZ, SIZE, DX, DY, DZ = (row * LANES for row in range(7))
 """Rows of the contact point: its position from the foot's joint, the sum of squares of its
 Jacobian, its position from one joint after the other."""
@@ -186,7 +192,8 @@ def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, p
         point[SIZE + i] = 0.0
     for k in range(1, len(parent)):
         if not carries[k]:
-            rows[k] = 0.0
+            for i in range(rows.shape[1]):
+                rows[k, i] = 0.0
     k = foot
     while k > 0:
         own, row, slide = x[k], rows[k], slides[k]
@@ -201,7 +208,8 @@ def contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, p
             point[DY + i] = dy + own[OY + i]
             point[DZ + i] = dz + own[OZ + i]
         for i in range(LANES):
-            point[SIZE + i] += row[i] ** 2 + row[LANES + i] ** 2 + row[2 * LANES + i] ** 2
+            jx, jy, jz = row[i], row[LANES + i], row[2 * LANES + i]
+            point[SIZE + i] += jx * jx + jy * jy + jz * jz
         k = parent[k]
 
 

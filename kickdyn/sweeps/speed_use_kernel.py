@@ -6,8 +6,6 @@ along the normal, so that w y is its speed times the last entry of y.
 
 import math
 
-import numpy as np
-
 from kickdyn.core.lanes import LANES
 from kickdyn.sweeps.impact_kernel import njit
 from kickdyn.sweeps.kernel_model import LIMIT
@@ -19,16 +17,20 @@ product has digits enough; between them a posture is doubtful."""
 
 
 @njit
-def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignore[no-untyped-def]
-    """Fill in the least possible value of the largest joint speed over its limit."""
+def least_speed_use(carries, rows, constants, speed, y, taken, use, doubt):  # type: ignore[no-untyped-def]
+    """Fill in the least possible value of the largest joint speed over its limit.
+
+    `y` and `taken` are memory to work in, of a row for each axis and of one row.
+    """
     n, flat = len(carries), rows.shape[1] == 2 * LANES
-    y, movers, bound, least = np.zeros(rows.shape[1]), 0, 0, math.inf
+    movers, bound, least = 0, 0, math.inf
     for k in range(1, n):
         most = constants[k, LIMIT]
         movers += 1 if carries[k] and most > 0.0 else 0
         bound += 1 if carries[k] and most <= UNLIMITED else 0
         least = min(least, most) if carries[k] and most > 0.0 else least
-    use[:] = 0.0
+    for i in range(LANES):
+        use[i] = 0.0
     for j in range(1, n):
         if not carries[j] or bound == 0:
             continue
@@ -36,7 +38,7 @@ def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignor
         if flat:
             for i in range(LANES):
                 y[i], y[LANES + i] = -a[LANES + i], a[i]
-            _raise_to_candidate(carries, rows, constants, speed, least, y, use)
+            _raise_to_candidate(carries, rows, constants, speed, least, y, taken, use)
             continue
         for k in range(j + 1, n):
             if not carries[k]:
@@ -51,15 +53,17 @@ def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignor
                 doubt[i] = 1.0 if PARALLEL < apart < ASKEW else doubt[i]
                 sound = 1.0 if apart >= ASKEW else 0.0
                 y[i], y[LANES + i], y[2 * LANES + i] = sound * y1, sound * y2, sound * y3
-            _raise_to_candidate(carries, rows, constants, speed, least, y, use)
+            _raise_to_candidate(carries, rows, constants, speed, least, y, taken, use)
     for i in range(LANES):  # from 1e9 on, the foot can hardly move so
         doubt[i] = doubt[i] if use[i] < 1e9 and movers >= (2 if flat else 3) else 1.0
 
 
 @njit
-def _raise_to_candidate(carries, rows, constants, speed, least, y, use):  # type: ignore[no-untyped-def]
+def _raise_to_candidate(carries, rows, constants, speed, least, y, taken, use):  # type: ignore[no-untyped-def]
     r"""Raise `use` to the value of a candidate, :math:`w \cdot y / \sum_i l_i |a_i \cdot y|`."""
-    taken, last = np.zeros(LANES), len(y) - LANES
+    last = rows.shape[1] - LANES
+    for i in range(LANES):
+        taken[i] = 0.0
     for k in range(1, len(carries)):
         most, row = constants[k, LIMIT], rows[k]
         if not carries[k] or most == 0.0:

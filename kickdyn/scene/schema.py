@@ -59,7 +59,7 @@ def _of_unit(unit: str) -> str:
     return f" [{unit}]" if unit else ""
 
 
-def _number(unit: str = "", **limits: float) -> Kind:
+def _number(unit: str = "", **limits: Any) -> Kind:
     """Return numbers within limits, which are those of `validation.number`."""
     words = " and ".join(f"{name.replace('_', ' ')} {limit:g}" for name, limit in limits.items())
     check = partial(validation.number, unit=unit, **limits)

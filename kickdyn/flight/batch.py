@@ -92,6 +92,12 @@ def fly_many(
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
 
 
+def compile_flights(ball: Ball, air: Air) -> None:
+    """Compile what `fly_many` calls, or read it from the disk."""
+    compiled_march()
+    compiled_rates(ball, air)
+
+
 class _Flown(NamedTuple):
     """What `march` finds out about n flights: nodes `(n, 16)`, status and evaluations `(n,)`."""
 

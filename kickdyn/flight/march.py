@@ -69,7 +69,7 @@ def compiled_march() -> Any:
     # numba looks for changes in this file only; the others are part of the name
     sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
     name = f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}"
-    return compiled(named(_march, name), signature, **HOW)
+    return compiled(named(_march, name), signature, "the integration of flights", **HOW)
 
 
 def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations):

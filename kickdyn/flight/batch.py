@@ -20,7 +20,7 @@ from kickdyn.flight.equations import MAX_SPEED, tolerances
 from kickdyn.flight.flight_result import ROUNDING, FlightStatus, outside_ranges, refinements
 from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, march
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march
 from kickdyn.ground import Ground
 
 

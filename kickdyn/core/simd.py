@@ -1,3 +1,4 @@
+# mypy: allow-untyped-calls
 """Batches: `BATCH` numbers that compiled code computes with one instruction of the processor.
 
 Compilers make vector instructions of a loop only where they can prove that its arrays do not
@@ -15,22 +16,22 @@ from typing import Any
 import numba
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.datamodel import PrimitiveModel
+from numba.core.datamodel.models import PrimitiveModel
 from numba.core.imputils import lower_builtin, lower_cast
-from numba.core.typeconv import Conversion
+from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import AbstractTemplate, builtin_registry, signature
 from numba.extending import intrinsic, register_model
 from numba.np.arrayobj import populate_array
 
 BATCH = 32
-"""Numbers in a batch, a power of two: so many that addresses and branches cost little beside them."""
+"""Numbers in a batch, a power of two; so many that addresses and branches cost little beside."""
 
 _FLOATS = ir.VectorType(ir.DoubleType(), BATCH)
 _BITS = ir.VectorType(ir.IntType(1), BATCH)
 _intrinsic: Any = intrinsic
 
 
-class _Batch(types.Type):  # type: ignore[misc]
+class _Batch(types.Type):
     """The type of `BATCH` floats."""
 
     def __init__(self) -> None:
@@ -41,7 +42,7 @@ class _Batch(types.Type):  # type: ignore[misc]
         return Conversion.safe if isinstance(other, types.Float) else None
 
 
-class _Mask(types.Type):  # type: ignore[misc]
+class _Mask(types.Type):
     """The type of `BATCH` answers, yes or no."""
 
     def __init__(self) -> None:
@@ -54,7 +55,7 @@ _batch, _mask = _Batch(), _Mask()
 def _represent(kind: Any, vector: Any) -> None:
     """Tell numba which vector of LLVM a type is."""
 
-    class Model(PrimitiveModel):  # type: ignore[misc]
+    class Model(PrimitiveModel):
         """A value that LLVM knows by itself."""
 
         def __init__(self, manager: Any, own_type: Any) -> None:
@@ -79,10 +80,12 @@ def _spread(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(first, ir.Constant(kind, ir.Undefined), zeros)
 
 
-def _define(function: Any, scalar: Any, vector: Any, result: Any, generate: Any, count: int) -> None:
+def _define(
+    function: Any, scalar: Any, vector: Any, result: Any, generate: Any, count: int
+) -> None:
     """Define a function of `count` vectors, of which all but one may be scalars."""
 
-    class Template(AbstractTemplate):  # type: ignore[misc]
+    class Template(AbstractTemplate):
         """Finds the type of a call's result."""
 
         key = function

@@ -141,10 +141,8 @@ def joint_impulses(parent, slides, constants, foot, impulse, jump, x, point, ans
     for k in range(len(parent) - 1, 0, -1):
         own, dv, armature = x[k], jump[k], constants[k, ARMATURE]
         fu, fw, about = own[FU], own[FW], own[N]
-        if slides[k]:
-            along = own[AU] * fu + own[AW] * fw
-        else:
-            along = constants[k, PLANAR_SENSE] * about
+        sense = constants[k, PLANAR_SENSE]
+        along = own[AU] * fu + own[AW] * fw if slides[k] else sense * about
         worst = max(worst, fu * fu + fw * fw)
         left = max(left, math.fabs(along + armature * dv))
         if parent[k] > 0:

@@ -3,7 +3,7 @@
 All vectors have the contact's axes (first and second tangent, normal). Moments are about the
 joint's own origin, so that a light foot far from the hip loses no digits. Every joint turns about,
 or slides along, the z axis of its own frame. The algorithms are those of Featherstone, Rigid Body
-Dynamics Algorithms, 2008, written out in components, each of which is a batch (`kickdyn.core.simd`).
+Dynamics Algorithms, 2008, written out in components, each a batch of `kickdyn.core.simd`.
 """
 
 import math
@@ -235,10 +235,7 @@ def joint_impulses(parent, slides, constants, foot, impulse, jump, x, point, ans
         own, dv, armature = x[k], jump[k], constants[k, ARMATURE]
         fx, fy, fz, nx, ny, nz = own[FX], own[FY], own[FZ], own[NX], own[NY], own[NZ]
         ax, ay, az = own[R02], own[R12], own[R22]
-        if slides[k]:
-            along = ax * fx + ay * fy + az * fz
-        else:
-            along = ax * nx + ay * ny + az * nz
+        along = ax * fx + ay * fy + az * fz if slides[k] else ax * nx + ay * ny + az * nz
         worst = max(worst, fx * fx + fy * fy + fz * fz)
         left = max(left, math.fabs(along + armature * dv))
         if parent[k] > 0:

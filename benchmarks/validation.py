@@ -186,9 +186,9 @@ def punts() -> Iterator[Row]:
         yield Row(
             "M3", f"peak over mean force, mean {name}", "1.97", f"{ratio:.2f}",
             close((ratio, 1.97)),
-            f"{which}; Hertz's spring, {other:.2f} with the spring from pressure. M2 and M3 are "
-            "both inside with no choice of mean and spring. The forces (2062 and 1045 N) have no "
-            "ball speed",
+            f"{which}; Hertz's spring, {other:.2f} with the spring from pressure. No choice of "
+            "mean, spring and dissipation has both M2 and M3 inside. The forces (2062 and 1045 N) "
+            "have no ball speed",
             f"peak over mean force, mean {name}",
         )  # fmt: skip
     assert not both, "a remark on M3 says so"
@@ -196,8 +196,8 @@ def punts() -> Iterator[Row]:
         ("Hertz's spring", HERTZ, ""),
         ("spring from pressure", "pressure",
          ". The linear spring holds to 3 % up to a foot of 13 m/s, and to 10 % up to 17 m/s: these "
-         "feet are faster, and the next terms make the force larger (docs/explanation/"
-         "compliance.md)"),
+         "feet are faster, and the next terms make the force larger "
+         "([why](compliance.md#stiffness-from-pressure))"),
     ):  # fmt: skip
         forces = [
             head_on(speed / gain, stiffness=stiffness).peak_force for speed in compliance.MAXIMAL
@@ -278,7 +278,7 @@ def curves() -> Iterator[Row]:
     why = (
         "the normal force on a rigid ball, with or without a spring, points to its centre, so that "
         "friction alone turns it; in finite elements the deformed ball is turned by pressure "
-        "(docs/explanation/impact.md says what was tried)"
+        "([what was tried](impact.md#spin-without-friction))"
     )
     yield Row(
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
@@ -463,7 +463,7 @@ def tracked() -> Iterator[Row]:
         f"{within(0.125, 0.183, drag.BEYOND_CRISIS)} (default), "
         f"{range_within(0.125, 0.183, min(drags), max(drags))} (fitted)",
         "ball and wind are unknown, and flights differ more than the models do "
-        "(docs/how-to/identification.md): "
+        "([Identification](../how-to/identification.md)): "
         "no default can be inside all of them",
         "C_D in flights of a match",
     )  # fmt: skip

@@ -40,6 +40,26 @@ def test_the_rows_are_those_of_the_script(monkeypatch):
     assert validation.short_lines(found) == readme
 
 
+@pytest.mark.skipif(not BENCHMARKS.exists(), reason="benchmarks come with the checkout only")
+def test_the_rules_of_the_verdicts(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import validation
+
+    try:
+        found = [validation.within(1, 3, *values) for values in ((1, 3), (0.9, 2), (0.9, 3.1))] + [
+            validation.range_within(1, 3, *ends)
+            for ends in ((1, 3), (0.5, 1), (2, 4), (0.5, 4), (0.1, 0.9), (3.1, 4))
+        ]
+        assert validation.close((1.09, 1.0), (0.91, 1.0)) == "inside"
+        assert validation.close((1.11, 1.0), (0.91, 1.0)) == "**partly**"
+        assert validation.sign(-0.1, 1) == "**outside**, not this sign"
+    finally:
+        for name in ("validation", "compliance", "spin_offset"):
+            sys.modules.pop(name, None)
+    partly, outside = "**partly**", "**outside**"
+    assert found == ["inside", partly, outside, "inside", *[partly] * 3, outside, outside]
+
+
 def test_the_page_has_every_measurement_and_explains_what_is_outside():
     cells = [line.strip("| ").split(" | ") for line in rows(PAGE)]
     names = {row[0] for row in cells}

@@ -106,7 +106,6 @@ def mechanical_limb() -> Iterator[Row]:
         "it falls because the fitted e falls; with one number for e, ball over foot speed of two "
         "masses is the same at all speeds, because every equation of the impact is proportional "
         "to speed",
-        "ball over foot speed as the foot gets faster",
     )  # fmt: skip
     legs = [leg_ratio(FAST, e) / leg_ratio(SLOW, e) - 1.0 for e in (MODEL, compliance.RESTITUTION)]
     yield Row(
@@ -187,9 +186,9 @@ def punts() -> Iterator[Row]:
         yield Row(
             "M3", f"peak over mean force, mean {name}", "1.97", f"{ratio:.2f}",
             close((ratio, 1.97)),
-            f"{which}; Hertz's spring, {other:.2f} with the spring from pressure. M2 and M3 are "
-            "both inside with no choice of mean and spring. The forces (2062 and 1045 N) have no "
-            "ball speed",
+            f"{which}; Hertz's spring, {other:.2f} with the spring from pressure. No choice of "
+            "mean, spring and dissipation has both M2 and M3 inside. The forces (2062 and 1045 N) "
+            "have no ball speed",
             f"peak over mean force, mean {name}",
         )  # fmt: skip
     assert not both, "a remark on M3 says so"
@@ -197,8 +196,8 @@ def punts() -> Iterator[Row]:
         ("Hertz's spring", HERTZ, ""),
         ("spring from pressure", "pressure",
          ". The linear spring holds to 3 % up to a foot of 13 m/s, and to 10 % up to 17 m/s: these "
-         "feet are faster, and the next terms make the force larger (docs/explanation/"
-         "compliance.md)"),
+         "feet are faster, and the next terms make the force larger "
+         "([why](compliance.md#stiffness-from-pressure))"),
     ):  # fmt: skip
         forces = [
             head_on(speed / gain, stiffness=stiffness).peak_force for speed in compliance.MAXIMAL
@@ -245,7 +244,6 @@ def restitution() -> Iterator[Row]:
         f"fitted to M1, {sign(fall, -1)}",
         "a line through the data of M1; the abstract of M6 has no numbers, and a number for e has "
         "no trend",
-        "e as the impact gets faster",
     )  # fmt: skip
     yield Row(
         "M6", "e of a small contact area (toe) against a large one (instep)",
@@ -280,7 +278,7 @@ def curves() -> Iterator[Row]:
     why = (
         "the normal force on a rigid ball, with or without a spring, points to its centre, so that "
         "friction alone turns it; in finite elements the deformed ball is turned by pressure "
-        "(docs/explanation/impact.md says what was tried)"
+        "([what was tried](impact.md#spin-without-friction))"
     )
     yield Row(
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
@@ -346,7 +344,7 @@ def plans() -> Iterator[Row]:
     measured = "28.60 to 34.48 m/s; straight approach 25.64 to 32.26 m/s"
     limits = (
         "all joints at the speed limits of `Leg.human()`, in the posture of the largest ball "
-        "speed, along 30 deg, e = 0.7"
+        "speed, along 30 deg, e = 0.7; the toe, which is farther from the joints than the instep"
     )
     yield Row(
         "M10", "ball speed of maximal instep kicks, hip at rest", measured,
@@ -465,7 +463,7 @@ def tracked() -> Iterator[Row]:
         f"{within(0.125, 0.183, drag.BEYOND_CRISIS)} (default), "
         f"{range_within(0.125, 0.183, min(drags), max(drags))} (fitted)",
         "ball and wind are unknown, and flights differ more than the models do "
-        "(docs/how-to/identification.md): "
+        "([Identification](../how-to/identification.md)): "
         "no default can be inside all of them",
         "C_D in flights of a match",
     )  # fmt: skip
@@ -484,11 +482,10 @@ def lines(rows: "list[Row]") -> list[str]:
 
 
 def short_lines(rows: "list[Row]") -> list[str]:
-    """Return the table of README.md."""
-    head = ["| | Quantity | Measured | kickdyn | Verdict |", "|---|---|---|---|---|"]
+    """Return the rows of README.md."""
     chosen = [row for row in rows if row.short]
     cells = [(row.number, row.short, row.measured, row.ours, row.verdict) for row in chosen]
-    return [*head, *("| " + " | ".join(row) + " |" for row in cells)]
+    return ["| " + " | ".join(row) + " |" for row in cells]
 
 
 def main() -> None:

@@ -23,6 +23,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.plane import Plane
+from kickdyn.planning.backswing import Backswing, find_backswing
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
 from kickdyn.planning.kick_program import (
@@ -44,6 +45,16 @@ from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
+
+LIFT = 100.0
+"""Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
+
+It is a choice: where the foot of G1 and that of gymnasium's humanoid need more in kicks over 1.5 to
+4 m, no backswing is found.
+"""
+
+TRIED = 2
+"""Postures at the impact for which a backswing is sought, the best ones first."""
 
 APPROACH = 10
 """Configurations of the approach that are compared with the ground."""
@@ -79,6 +90,7 @@ class KickPlan(ReprMixin):
             `plan_swing` starts from there.
         balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
             None for a leg on a fixed base.
+        backswing: of a robot that stands on one foot, from rest to the impact, with `swing=True`.
     """
 
     status: PlanStatus
@@ -96,6 +108,7 @@ class KickPlan(ReprMixin):
     heading: float
     phases: tuple[SwingPhase, SwingPhase] | None = None
     balance: float | None = None
+    backswing: Backswing | None = None
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
@@ -315,9 +328,9 @@ def plan_kick(
     standing = StandingRobot(leg) if is_floating(leg) else None
     if standing is None:
         check_unconstrained(leg, "kicks from a fixed base are planned")
-    elif swing:
-        raise InvalidInput(f"swing is True: {leg.name} stands, and swings are for fixed bases")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
+    if swing and standing is None:
+        check_solver()
     ball_position = _checked_ball_position(ball_height, ball_at)
     if standing is not None:
         ball_position = _lying_on_ground(ball_position, ball)
@@ -333,16 +346,21 @@ def plan_kick(
     )
     chain = kicking_chain(leg if standing is None else standing.leg, branches=True)
     scatter = None if uncertainty is None else scatter_cost(target, launch, air, uncertainty)
+    backswing = None
     if standing is None:
         program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
         solution = _solve(program, objective, scatter)
+    elif swing:
+        program, solution, backswing = _solve_with_backswing(
+            standing, chain, target, ball_position, objective
+        )
     else:
         program, solution = _solve_standing(
             standing, chain, target, ball_position, limits, objective, scatter
         )
     cost = scatter or program.cost(objective)
     static_share, phases = solution.share, None  # the share without regard to a swing
-    if swing:
+    if swing and standing is None:
         from kickdyn.planning.swing_kick import solve_with_swing
 
         solution, phases = solve_with_swing(program, solution, objective)
@@ -376,6 +394,7 @@ def plan_kick(
         ),
         heading=program.heading,
         phases=phases,
+        backswing=backswing,
         balance=None if program.stance is None else program.stance.balance(solution.posture),
     )
 
@@ -417,6 +436,49 @@ def _solve_standing(
     return stands, found if scatter is None else _solve_scatter(stands, scatter)
 
 
+def _solve_with_backswing(
+    standing: StandingRobot,
+    chain: KickingChain,
+    target: ImpactTarget,
+    ball_position: float | Array | None,
+    objective: KickObjective,
+) -> tuple[KickProgram, KickSolution, Backswing]:
+    """Return the solution of a standing robot that has a backswing, its program, and that.
+
+    It is sought near the solutions of `_solve_standing`.
+
+    Raises:
+        InvalidInput: none is found.
+    """
+
+    def program(impulse: Array | None, lift: float | None) -> KickProgram:
+        """Return the program, with the support's impulse and the height of the foot or without."""
+        stance = Stance(standing, impulse, lift=lift)
+        return KickProgram(chain.leg, target, ball_position, stance=stance)
+
+    impulses, known = (target.impulse, None), list[KickSolution]()
+    while impulses and not known:
+        plain = program(impulses[0], None)
+        known = plain.solve_all(plain.cost(objective))
+        impulses = impulses if known else impulses[1:]
+    reason = "no posture reaches the launch within its limits, with or without a backswing"
+    if known:
+        reason = (
+            "its kicking foot would come from under the ground; a flatter launch, or a contact "
+            "point (offset) where the foot is heavier, takes a foot that rises less"
+        )
+    for impulse in impulses:
+        lifted = program(impulse, LIFT)
+        starts = [plain.unknowns(one) for one in known]
+        found = lifted.solve_all(lifted.cost(objective), starts)
+        for solution in sorted(found, key=lambda one: one.value)[:TRIED]:
+            q, v = solution.posture.q[lifted.qs], solution.v[lifted.vs]
+            backswing, reason = find_backswing(standing, q, v)
+            if backswing is not None:
+                return lifted, solution, backswing
+    raise InvalidInput(f"{standing.robot.name} finds no backswing to this kick: {reason}")
+
+
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
     """Return the position of a ball that lies on the ground z = 0, or raise `InvalidInput`."""
     height = ball.radius if position is None else np.atleast_1d(position)[-1]
@@ -439,7 +501,6 @@ def _checked_objective(
             "uncertainty, and no other objective takes one"
         )
     if swing:
-        check_solver()
         if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
             raise InvalidInput(
                 f"objective is {objective}: with swing=True it must be joint-speed or "

@@ -9,14 +9,16 @@ posture and the velocity at the impact are given and the velocity at the start i
         W^2 \min(g_{kinematic}, 0)^2 + w^2 \min(g_{dynamic}, 0)^2
         + \epsilon^2 (\tau / \tau_{max})^2 \Big)
 
-at the nodes and half-way between them, :math:`W \gg w \gg \epsilon`. Kinematic conditions are those
-of the joints' ranges and speeds, of the trunk, of the kicking foot above the ground, and of the
-start, where the robot stands at rest. They are kept, or there is no backswing. Dynamic ones are the
-torque limits and what the ground can supply to the supporting foot. They are kept where they can
-be; `Backswing.warnings` names those that are not.
+at the nodes and half-way between them, heights half-way between those too, with
+:math:`W \gg w \gg \epsilon`. Kinematic conditions are those of the joints' ranges and speeds, of
+the trunk, of the kicking foot above the ground, and of the start, where the robot stands at rest.
+They are kept, or there is no backswing. Dynamic ones are the torque limits and what the ground can
+supply to the supporting foot. They are kept where the solver finds such a motion;
+`Backswing.warnings` names those that are not.
 """
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -31,7 +33,7 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.planning.kick_program import one_blas_thread
-from kickdyn.planning.stance import LENGTH, Stance
+from kickdyn.planning.stance import LENGTH, Condition, Stance
 from kickdyn.planning.swing_phase import (
     LONGEST,
     Motion,
@@ -50,20 +52,24 @@ is bent most."""
 SHORTEST, GUESS = 0.1, 0.3
 """Shortest duration, and the one of the first guess [s]."""
 
-GAP = 5e-3
-"""Height above the ground, and distance of the centre of mass at the start from the edge of the
-sole, that the solver aims at [m]."""
+GAP = 2e-3
+"""Height above the ground that the solver aims at [m]: between its times, a foot comes lower."""
 
-RANGE_GAP = 0.01
-"""Share of a joint's range, and of its speed limit, that the solver leaves over."""
+MARGIN = 5e-3
+"""Distance of the centre of mass at the start from the edge of the sole that it aims at [m]."""
 
-RANGE, HEIGHT = 0.01, 0.003
+SHARE = 0.01
+"""Share of each limit (range, speed and torque of a joint, tilt of the trunk) that the solver
+leaves over, for what is between its times."""
+
+RANGE, HEIGHT = 0.1, 0.03
 """Scales of kinematic conditions: of joints [rad, m] and of heights and distances [m]."""
 
-WEIGHTS = ((0.3, 0.1), (0.1, 0.01))
-"""Weights of torques over their limits, and of the ground's wrench over the robot's weight, in
-units of the scales above. The second ones are for a kick whose foot has its path only with more
-torque, or with a wrench that ground cannot supply."""
+WEIGHTS = ((1.0, 0.3, 0.1), (10.0, 0.3, 0.1), (10.0, 0.03, 0.003))
+"""Weights of kinematic conditions in their scales, of torques over their limits, and of the
+ground's wrench over the robot's weight. Each stage starts from the one before, and is taken only
+where that one does not keep a kinematic condition. The last one is for a kick whose foot has a path
+only with more torque, or with a wrench that ground cannot supply."""
 
 EASE = 0.01
 """Weight of the torques within their limits."""
@@ -133,26 +139,26 @@ class Backswing(ReprMixin):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """A line for each joint that takes more than its torque limit, and for the support.
+        """A line for torques above their limits, and one for a support that does not stand.
 
         `footing` judges the wrench of the ground, gravity included; friction's moment about the
         vertical is not judged.
         """
-        motion, chain = self.phase.fine, self.phase.chain
+        motion, chain, lines = self.phase.fine, self.phase.chain, list[str]()
         use = (np.abs(motion.torque) / chain.effort_limit).max(axis=0)
-        lines = [
-            f"the backswing takes {share:.0%} of the torque limit of {name}"
+        over = [
+            f"{name} {share:.0%}"
             for name, share in zip(chain.names, use.tolist(), strict=True)
             if share > 1.0
         ]
-        states = self._footing(motion)
-        off = [number for number, state in enumerate(states) if state != Footing.STANDS]
-        if off:
-            first, last = (-1e3 * motion.time[number] for number in (off[0], off[-1]))
+        if over:
+            lines.append(f"the backswing takes more than the torque limits: {', '.join(over)}")
+        counts = Counter(self._footing(motion))
+        off = [f"{s} for {counts[s] / counts.total():.0%}" for s in Footing if counts[s]]
+        if set(counts) != {Footing.STANDS}:
             lines.append(
-                f"{self.standing.support.frame} {states[off[0]]} in the backswing, between "
-                f"{first:.0f} and {last:.0f} ms before the impact: ground cannot supply the "
-                "force that this motion takes"
+                f"in the backswing, {self.standing.support.frame} {', '.join(off)} of the time: "
+                "the motion takes forces that ground cannot supply"
             )
         return tuple(lines)
 
@@ -176,7 +182,8 @@ class Backswing(ReprMixin):
         fast = (np.abs(motion.v) / chain.velocity_limit).max(axis=0)
         if self.clearance < 0.0:
             when = -1e3 * motion.time[int(np.argmin(self._heights))]
-            return f"the kicking foot is {-self.clearance:.3f} m under the ground {when:.0f} ms before"
+            depth = -self.clearance
+            return f"its kicking foot is {depth:.2g} m under the ground {when:.0f} ms before"
         if out.max() > 0.0:
             return f"{chain.names[int(np.argmax(out))]} is {out.max():.2g} rad outside its range"
         if fast.max() > 1.0:
@@ -192,9 +199,7 @@ class Backswing(ReprMixin):
         return ""
 
 
-def find_backswing(
-    standing: StandingRobot, q: Array, v: Array
-) -> tuple[Backswing | None, str]:
+def find_backswing(standing: StandingRobot, q: Array, v: Array) -> tuple[Backswing | None, str]:
     """Return the backswing to a posture and velocity at the impact; else None and the reason.
 
     Args:
@@ -205,7 +210,7 @@ def find_backswing(
     problem = _BackswingProblem(standing, q, v)
     reason, x = "", problem.guess()
     for weights in WEIGHTS:
-        x = problem.solve(x, *weights)
+        x = problem.solve(x, weights)
         found = Backswing(problem.phase(x), standing)
         reason = found.fault(problem.stance)
         if not reason:
@@ -250,6 +255,10 @@ class _Dynamics:
         return data.tau.copy(), by_q[:, 6:].copy(), by_v[:, 6:].copy(), mass[:, 6:]
 
 
+Weights = tuple[float, float, float]
+"""Of kinematic conditions, torques and the ground's wrench, as `WEIGHTS`."""
+
+
 class _Terms(NamedTuple):
     """Residuals at one time and their derivatives by q, v and a there, of shape `(m, n)`."""
 
@@ -267,21 +276,26 @@ class _BackswingProblem:
     """
 
     def __init__(self, standing: StandingRobot, q: Array, v: Array) -> None:
-        self.stance, self._chain = Stance(standing), (chain := kicking_chain(standing.leg))
+        self.stance = Stance(standing, without=Condition.CLEARANCE)
+        self._chain, self._limb = (chain := kicking_chain(standing.leg)), _kicking_limb(standing)
         self._q, self._away, self._n = q, -v, len(chain.names)
-        self._dynamics = _Dynamics(chain)
+        self._dynamics, self._data = _Dynamics(chain), chain.model.createData()
+        self._none = np.zeros((self._n, self._n))
         self._nodes = np.linspace(0.0, 1.0, NODES + 1) ** 2
-        self._times = np.sort(np.append(self._nodes, (self._nodes[1:] + self._nodes[:-1]) / 2))
+        count = np.arange(NODES + 1)
+        self._times = np.interp(np.arange(4 * NODES + 1) / 4, count, self._nodes)
         of_nodes = integrate_accelerations(np.eye(NODES + 1), self._nodes)  # a, v and q by T^k
         stopping = of_nodes[1](1.0)
         self._free = null_space(stopping[None])
         self._given = -stopping / (stopping @ stopping)
         values = [motion(self._times) for motion in reversed(of_nodes)]
         starts = (self._times, np.ones_like(self._times), np.zeros_like(self._times))
-        self._constant = [one + part @ self._given for one, part in zip(starts, values, strict=True)]
+        self._constant = [
+            one + part @ self._given for one, part in zip(starts, values, strict=True)
+        ]
         self._basis = [part @ self._free for part in values]
         middle, half = (chain.upper + chain.lower) / 2, (chain.upper - chain.lower) / 2
-        self._range = middle, half * (1.0 - 2 * RANGE_GAP)
+        self._range = middle, half * (1.0 - 2 * SHARE)
 
     def guess(self) -> Array:
         """Return the unknowns of a motion that stops evenly."""
@@ -294,15 +308,15 @@ class _BackswingProblem:
         rest = self._motion(x)[0][-1]
         return make_phase(self._chain, -1, self._q, self._away, pulls, time * self._nodes, rest)
 
-    def solve(self, x: Array, of_torque: float, of_wrench: float) -> Array:
-        """Return the unknowns of least squares near some, for weights of dynamic conditions."""
-        latest: tuple[Array, tuple[Array, Array]] = x, self._residuals(x, of_torque, of_wrench)
+    def solve(self, x: Array, weights: Weights) -> Array:
+        """Return the unknowns of least squares near some."""
+        latest: tuple[Array, tuple[Array, Array]] = x, self._residuals(x, weights)
 
         def at(x: Array) -> tuple[Array, Array]:
             """Return residuals and derivatives, computed once."""
             nonlocal latest
             if not np.array_equal(latest[0], x):
-                latest = x.copy(), self._residuals(x, of_torque, of_wrench)
+                latest = x.copy(), self._residuals(x, weights)
             return latest[1]
 
         ends = np.full((2, len(x)), np.inf) * [[-1.0], [1.0]]
@@ -322,17 +336,19 @@ class _BackswingProblem:
         ]
         return [self._q + found[0], *found[1:]]
 
-    def _residuals(self, x: Array, of_torque: float, of_wrench: float) -> tuple[Array, Array]:
+    def _residuals(self, x: Array, weights: Weights) -> tuple[Array, Array]:
         """Return all residuals and their derivatives by the unknowns."""
         n, y, time = self._n, x[:-1].reshape(-1, self._n), x[-1]
         q, v, a = self._motion(x)
         still = np.zeros(n)
         terms = [
-            self._moving(*state, self._times[at] > 0.0, of_torque, of_wrench)
+            self._moving(*state, weights, before=at > 0)
+            if at % 2 == 0
+            else self._above(state[0], weights[0] / HEIGHT)
             for at, state in enumerate(zip(q, v, a, strict=True))
         ]
         places = np.repeat(np.arange(len(terms)), [len(one.values) for one in terms])
-        terms.append(rest := self._resting(q[-1], still))
+        terms.append(rest := self._resting(q[-1], still, weights[0]))
         places = np.append(places, np.full(len(rest.values), len(q) - 1))
         values = np.concatenate([one.values for one in terms])
         slopes = np.zeros((len(values), len(y), n))
@@ -347,52 +363,62 @@ class _BackswingProblem:
             by_time += np.einsum("kn,kn->k", by, moved[places])
         return values, np.column_stack([slopes.reshape(len(values), -1), by_time])
 
-    def _moving(
-        self, q: Array, v: Array, a: Array, before: bool, of_torque: float, of_wrench: float
-    ) -> _Terms:
+    def _moving(self, q: Array, v: Array, a: Array, weights: Weights, *, before: bool) -> _Terms:
         """Return what counts at a time; kinematic terms only where they can still change."""
-        chain, n, none = self._chain, self._n, np.zeros((self._n, self._n))
+        chain, none, (kinematic, of_torque, of_wrench) = self._chain, self._none, weights
         forces, *slopes = self._dynamics.torques(q, v, a)
         use, by_torque = forces[6:] / chain.effort_limit, 1.0 / chain.effort_limit[:, None]
         of_use = [by_torque * slope[6:] for slope in slopes]
+        over = [-np.sign(use)[:, None] * slope for slope in of_use]
         parts = [
             _Terms(EASE * use, *(EASE * slope for slope in of_use)),
-            _hinged(of_torque * (1.0 - 2 * RANGE_GAP - np.abs(use)), *(
-                -of_torque * np.sign(use)[:, None] * slope for slope in of_use
-            )),
+            _hinged(of_torque, 1.0 - 2 * SHARE - np.abs(use), *over),
             self._wrench(forces[:6], [slope[:6] for slope in slopes], of_wrench),
-        ]  # fmt: skip
+        ]
         if before:
             middle, half = self._range
-            off = q - middle
-            parts.append(
-                _hinged((half - np.abs(off)) / RANGE, -np.diag(np.sign(off)) / RANGE, none, none)
-            )
-            fast = v / chain.velocity_limit
-            by_v = -np.diag(np.sign(v) / chain.velocity_limit) / RANGE
-            parts.append(_hinged((1.0 - RANGE_GAP - np.abs(fast)) / RANGE, none, by_v, none))
-            parts.append(self._placed(q, slice(len(self.stance.normals), None)))
-        return _Terms(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+            off, fast = q - middle, v / chain.velocity_limit
+            by_q, by_v = -np.diag(np.sign(off)), -np.diag(np.sign(v) / chain.velocity_limit)
+            parts += [
+                _hinged(kinematic / RANGE, half - np.abs(off), by_q, none, none),
+                _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(fast), none, by_v, none),
+                self._above(q, kinematic / HEIGHT),
+                self._placed(q, kinematic, slice(-1, None), SHARE),
+            ]
+        return _joined(parts)
 
-    def _resting(self, q: Array, still: Array) -> _Terms:
+    def _resting(self, q: Array, still: Array, kinematic: float) -> _Terms:
         """Return what counts of the posture at rest: balance, and the torques that hold it."""
         forces, by_q, *_ = self._dynamics.torques(q, still, still)
-        limit = self._chain.effort_limit
-        use, none = forces[6:] / limit, np.zeros((self._n, self._n))
-        slope = -np.sign(use)[:, None] * by_q[6:] / limit[:, None] / RANGE
-        parts = (
-            self._placed(q, slice(0, len(self.stance.normals))),
-            _hinged((1.0 - RANGE_GAP - np.abs(use)) / RANGE, slope, none, none),
-        )
-        return _Terms(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+        limit, none = self._chain.effort_limit, self._none
+        use = forces[6:] / limit
+        slope = -np.sign(use)[:, None] * by_q[6:] / limit[:, None]
+        held = _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(use), slope, none, none)
+        return _joined([self._placed(q, kinematic, slice(0, -1), MARGIN / LENGTH), held])
 
-    def _placed(self, q: Array, rows: slice) -> _Terms:
-        """Return the margins of the stance that count, in the scale of heights."""
+    def _above(self, q: Array, weight: float) -> _Terms:
+        """Return the heights of the lowest points of the kicking limb's bodies that count."""
+        model, data, values, rows = self._chain.model, self._data, [], []
+        pin.computeJointJacobians(model, data, q)
+        for name, body in self._limb:
+            joint = model.getJointId(name)
+            pose = data.oMi[joint]
+            heights = body.centres @ pose.rotation[2] - body.radii
+            lowest = int(np.argmin(heights))
+            arm = pose.rotation @ body.centres[lowest]
+            own = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+            values.append(float(heights[lowest] + pose.translation[2]) - GAP)
+            rows.append(own[2] + arm[1] * own[3] - arm[0] * own[4])  # z of v + w x arm
+        none = self._none[: len(rows)]
+        return _hinged(weight, np.array(values), np.array(rows), none, none)
+
+    def _placed(self, q: Array, weight: float, rows: slice, gap: float = 0.0) -> _Terms:
+        """Return the margins of the stance that count: balance of the sole's edges, then trunk."""
         posture, still = self._chain.leg.posture(q), np.zeros(self._n)
         margins = self.stance.margins(posture, still)[rows]
-        slopes, none = self.stance.slopes(posture, still, np.arange(self._n))
-        scale = LENGTH / HEIGHT
-        return _hinged(scale * margins - GAP / HEIGHT, scale * slopes[rows], none[rows], none[rows])
+        slopes = self.stance.slopes(posture, still, np.arange(self._n))[0][rows]
+        none, scale = np.zeros_like(slopes), weight * LENGTH / HEIGHT
+        return _hinged(scale, margins - gap, slopes, none, none)
 
     def _wrench(self, wrench: Array, slopes: list[Array], weight: float) -> _Terms:
         """Return how far the ground's wrench is outside what it can supply."""
@@ -405,14 +431,19 @@ class _BackswingProblem:
             size = float(np.hypot(wrench[0], wrench[1])) or 1.0
             cone = [-wrench[0] / size, -wrench[1] / size, friction, 0.0, 0.0, 0.0]
             rows = np.vstack([rows, cone])
-        rows *= weight / self._dynamics.weight
-        return _hinged(rows @ wrench, *(rows @ slope for slope in slopes))
+        rows /= self._dynamics.weight
+        return _hinged(weight, rows @ wrench, *(rows @ slope for slope in slopes))
 
 
-def _hinged(values: Array, by_q: Array, by_v: Array, by_a: Array) -> _Terms:
-    """Return residuals that are 0 where their values are 0 or more."""
-    off = (values < 0.0).astype(float)
+def _hinged(weight: float, values: Array, by_q: Array, by_v: Array, by_a: Array) -> _Terms:
+    """Return weighted residuals that are 0 where their values are 0 or more."""
+    off = weight * (values < 0.0)
     return _Terms(off * values, *(off[:, None] * slope for slope in (by_q, by_v, by_a)))
+
+
+def _joined(parts: list[_Terms]) -> _Terms:
+    """Return residuals one after the other."""
+    return _Terms(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
 def _kicking_limb(standing: StandingRobot) -> list[tuple[str, Spheres]]:

@@ -56,8 +56,9 @@ It is a choice: where the foot of G1 and that of gymnasium's humanoid need more 
 TRIED = 2
 """Postures at the impact for which a backswing is sought, the best ones first."""
 
-APPROACH = 10
-"""Configurations of the approach that are compared with the ground."""
+APPROACH, BACKSWING = 10, 40
+"""Configurations of the approach at the velocity of the impact, and of a planned backswing, whose
+bodies are compared with the ground."""
 
 FAR = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
@@ -163,12 +164,20 @@ class KickPlan(ReprMixin):
         A coefficient of the flight or of the contact used outside its range; a body that is under
         the ground (level, under the ball or under the target, whichever is lower) at the impact.
         Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        support that does not stand, and a body that is under the ground while the foot approaches
-        the ball by the ball's radius with the joints' velocity of the impact.
+        support that does not stand, those of `backswing`, and a body that is under the ground in
+        the backswing; without one, while the foot approaches the ball by the ball's radius with
+        the joints' velocity of the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
-        return (*self.path.warnings, *of_contact, *self._leaving(), *self._under_ground())
+        of_backswing = () if self.backswing is None else self.backswing.warnings
+        return (
+            *self.path.warnings,
+            *of_contact,
+            *self._leaving(),
+            *of_backswing,
+            *self._under_ground(),
+        )
 
     def _leaving(self) -> list[str]:
         """Return a line for each support that does not stand.
@@ -200,28 +209,29 @@ class KickPlan(ReprMixin):
         ]
 
     def _under_ground(self) -> list[str]:
-        """Return a line for each body under the ground, at the impact or in the approach."""
+        """Return a line for each body under the ground, at the impact or before it."""
         impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
         below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
-        start = 0.0 if self.balance is None else -impact.ball.radius / speed
-        times = np.linspace(0.0, start, APPROACH)
-        model = self.leg.workspace.model
-        motion = [
-            hold_support(impact.posture, pin.integrate(model, self.q, time * self.v))
-            for time in times
-        ]
         floor = float(impact.ball_before.position[2]) + below
-        now = find_depths(self.leg, motion[:1], floor)
+        now = find_depths(self.leg, [self.q], floor)
         lines = [f"{one.frame} is {one.depth:.3f} m under the ground" for one in now]
+        if self.balance is None:
+            return lines
+        if self.backswing is not None:
+            times = -self.backswing.duration * np.linspace(0.0, 1.0, BACKSWING) ** 2
+            motion, how = [self.backswing.configuration(time) for time in times], ""
+        else:
+            times = np.linspace(0.0, -impact.ball.radius / speed, APPROACH)
+            straight = [pin.integrate(self.leg.workspace.model, self.q, t * self.v) for t in times]
+            motion = [hold_support(impact.posture, q) for q in straight]
+            how = ", if the joints keep its velocity; swing=True (--swing) plans the motion"
         known = {one.frame for one in now}
-        for one in find_depths(self.leg, motion, floor) if start else []:
-            if one.frame not in known:
-                lines.append(
-                    f"{one.frame} comes from {one.depth:.3f} m under the ground, "
-                    f"{-1e3 * times[one.number]:.0f} ms before the impact, if the joints keep its "
-                    "velocity"
-                )
-        return lines
+        return lines + [
+            f"{one.frame} comes from {one.depth:.3f} m under the ground, "
+            f"{-1e3 * times[one.number]:.0f} ms before the impact{how}"
+            for one in find_depths(self.leg, motion, floor)
+            if one.frame not in known
+        ]
 
     @property
     def too_fast_after(self) -> dict[str, float]:
@@ -304,24 +314,31 @@ def plan_kick(
             goal is then a time and a target as high as the ball.
         uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
-            its limits and a second each: `plan_swing` then finds the motion. For a fixed base and
-            objectives `joint-speed` and `kinetic-energy`, with limits; needs
-            `pip install "kickdyn[swing]"`.
+            its limits and a second each: `plan_swing` then finds the motion. For objectives
+            `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
+            A robot that stands on one foot needs nothing more: its plan has a `backswing`, from
+            rest to the impact, see below.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
     of the `Support`, its sole is what the shapes of the file have within 2 mm of the ground. At the
     impact, the centre of mass is above the sole, the kicking foot above the ground, the trunk
     (the body of the floating base) at most 30 degrees from upright, and, where there is such a
-    posture, the ground can supply the support's impulse: `impact.footing` says whether. The motion
-    before is not planned.
+    posture, the ground can supply the support's impulse: `impact.footing` says whether.
+
+    With `swing=True`, such a robot also has a `backswing`: from a posture in which it stands at
+    rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
+    speeds, the trunk at most 30 degrees from upright and the kicking foot above the ground. Torques
+    and the force of the ground keep their limits where there is such a motion; `warnings` names
+    those that do not. The motion after the impact is not planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective; a leg with loops,
-            which tie joints together that a plan chooses one by one; a leg with stiff joints, whose
-            effective mass the plan does not know (`strike`, `collide` and sweeps know both).
+            which tie joints together that a plan chooses one by one; a standing robot for which no
+            backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
+            plan does not know (`strike`, `collide` and sweeps know both).
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
@@ -456,7 +473,8 @@ def _solve_with_backswing(
         stance = Stance(standing, impulse, lift=lift)
         return KickProgram(chain.leg, target, ball_position, stance=stance)
 
-    impulses, known = (target.impulse, None), list[KickSolution]()
+    impulses: list[Array | None] = [target.impulse, None]
+    known: list[KickSolution] = []
     while impulses and not known:
         plain = program(impulses[0], None)
         known = plain.solve_all(plain.cost(objective))

@@ -36,6 +36,10 @@ who leans over the ball.
 UPRIGHT = 1.0 - math.cos(TILT)
 """Scale of the height of the trunk's axis over that at the largest tilt."""
 
+LEFT = 0.02
+"""Share of the trunk's tilt, and of the range of each joint, that remains at the impact where there
+must be a backswing: what is at its end and moves away from it came from beyond."""
+
 CLEARANCE = 3e-3
 """Height of the corners of the kicking foot that remains for the rest of it where there must be a
 backswing [m]: a foot of rounded shape is up to 1 mm lower than these corners."""
@@ -94,24 +98,25 @@ class Stance:
 
         The joint velocity of the leg counts where there is a `lift`.
         """
-        rise = 0.0 if self.lift is None else self._rise(posture, v)[0]
+        rise: Array | float = 0.0
+        left = 0.0
+        if self.lift is not None:
+            rise, left = self._rise(posture, v)[0], LEFT
         centre = self.centre_of_mass(posture)[:2]  # it brings the joints' placements up to date
         known = {
             Condition.BALANCE: (self.offsets - self.normals @ centre) / LENGTH,
             Condition.CLEARANCE: (self._points(posture)[:, 2] - self._radii - rise) / LENGTH,
-            Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT,
+            Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT - left,
         }
         parts = [rows for name, rows in known.items() if name != self.without]
         if self.impulse is not None:
             parts.append(self._impulse_margins(posture))
         return np.concatenate(parts)
 
-    def slopes(
-        self, posture: Posture, v: Array, vs: NDArray[np.int64]
-    ) -> tuple[Array, Array]:
+    def slopes(self, posture: Posture, v: Array, vs: NDArray[np.int64]) -> tuple[Array, Array]:
         """Return derivatives of the margins by q and v of joints at `vs`, shape `(k, n)` each."""
         leg = posture.leg
-        by_q = by_v = 0.0
+        by_q, by_v = np.zeros(leg.nv), np.zeros(leg.nv)
         if self.lift is not None:
             _, by_q, by_v = self._rise(posture, v)
         model, data = leg.workspace.model, leg.workspace.data
@@ -192,10 +197,10 @@ class Stance:
         return np.concatenate(parts) / self._size
 
     def _rise(self, posture: Posture, v: Array) -> tuple[Array, Array, Array]:
-        """Return by how much each corner of the foot must be above the ground to rise as it does.
+        r"""Return how high each corner of the foot must be to rise as it does, `(k,)` [m].
 
-        That is :math:`\\dot z^2 / (2 a)` where it rises, and `CLEARANCE`, shape `(k,)` [m], with its
-        derivatives by q and v, `(k, nv)`.
+        That is :math:`\dot z^2 / (2 a)` where it rises, and `CLEARANCE`; with its derivatives by q
+        and v, shape `(k, nv)`.
         """
         assert self.lift is not None
         leg, lift = posture.leg, self.lift

@@ -29,7 +29,9 @@ def test_both_ends_are_met_exactly(sign):
 
 def test_the_torque_is_looked_for_between_the_nodes():
     w = np.array([9.0, -15.0, 0.0])
-    one = make_phase(CHAIN, 1, Q, w, np.tile(-w / TIME, (2, 1)), np.array([0.0, TIME]), Q + w * TIME / 2)
+    one = make_phase(
+        CHAIN, 1, Q, w, np.tile(-w / TIME, (2, 1)), np.array([0.0, TIME]), Q + w * TIME / 2
+    )
     model, data = CHAIN.model, CHAIN.model.createData()
     torques = [
         np.abs(pin.rnea(model, data, *row) / CHAIN.effort_limit).max()

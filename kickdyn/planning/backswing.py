@@ -154,11 +154,13 @@ class Backswing(ReprMixin):
         if over:
             lines.append(f"the backswing takes more than the torque limits: {', '.join(over)}")
         counts = Counter(self._footing(motion))
-        off = [f"{s} for {counts[s] / counts.total():.0%}" for s in Footing if counts[s]]
-        if set(counts) != {Footing.STANDS}:
+        total = counts.total()
+        del counts[Footing.STANDS]
+        if counts:
+            off = [f"{state} for {counts[state] / total:.0%}" for state in counts]
             lines.append(
-                f"in the backswing, {self.standing.support.frame} {', '.join(off)} of the time: "
-                "the motion takes forces that ground cannot supply"
+                f"in the backswing, {self.standing.support.frame} {' and '.join(off)} of the "
+                "time: the motion takes forces that ground cannot supply"
             )
         return tuple(lines)
 

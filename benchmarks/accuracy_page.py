@@ -1,4 +1,4 @@
-"""Measure everything and write docs/accuracy.md, its pictures, and the README's share of it.
+"""Measure everything; write docs/explanation/accuracy.md, its pictures, and rows of README.md.
 
     python benchmarks/accuracy_page.py
 
@@ -146,7 +146,7 @@ def main() -> None:
     ):
         figure.savefig(DOCS / "images" / file, dpi=80)
     write(
-        DOCS / "accuracy.md",
+        DOCS / "explanation" / "accuracy.md",
         {
             "impact": impact_table(impacts),
             "flight": flight_table(flights),

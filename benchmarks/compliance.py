@@ -1,4 +1,6 @@
-"""Compare `strike` with `collide`, and contact models with measurements: docs/compliance.md.
+"""Compare `strike` with `collide`, and contact models with measurements.
+
+The tables of docs/explanation/compliance.md.
 
     python benchmarks/compliance.py
 

@@ -3,9 +3,9 @@
     python benchmarks/mujoco_tuning.py --plot docs/images/mujoco_tuning.png
 
 The human leg kicks a size 5 ball at 14 m/s, in a posture and with joint velocities of
-docs/compliance.md: frictionless along the swing, and with friction 0.4 off it, where the ball
-slides over the foot first. The ball is that of `collide` with a contact of 10 ms. Errors are the
-largest of eight kicks that reach the ball at different moments within a time step.
+docs/explanation/compliance.md: frictionless along the swing, and with friction 0.4 off it, where
+the ball slides over the foot first. The ball is that of `collide` with a contact of 10 ms. Errors
+are the largest of eight kicks that reach the ball at different moments within a time step.
 
 Joint impulses are compared with those of `strike`, because `collide` has none: the sum over the
 steps of the force in each joint, less what it would be without the ball. The leg turns within

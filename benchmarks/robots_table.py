@@ -1,4 +1,6 @@
-"""Compare the same kick of every robot: the tables of docs/robots.md, and a 3-D page of each row.
+"""Compare the same kick of every robot, with a 3-D page of each row.
+
+The tables of docs/explanation/robots.md.
 
     python benchmarks/robots_table.py [--pages FOLDER]
     python benchmarks/robots_table.py --rotors ROBOT FRAME

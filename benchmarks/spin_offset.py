@@ -2,9 +2,10 @@
 
     python benchmarks/spin_offset.py
 
-prints the table of "Spin without friction" in docs/impact.md. A foot of 1.95 kg (Peacock, Ball &
-Taylor 2017, by momentum) moves along x at 17 m/s, which gives the ball the 24 m/s of measured free
-kicks (Passmore et al. 2012); the offset is that of its path from the ball's centre.
+prints the table of "Spin without friction" in docs/explanation/impact.md. A foot of 1.95 kg
+(Peacock, Ball & Taylor 2017, by momentum) moves along x at 17 m/s, which gives the ball the 24 m/s
+of measured free kicks (Passmore et al. 2012); the offset is that of its path from the ball's
+centre.
 """
 
 import math

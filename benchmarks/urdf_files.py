@@ -2,8 +2,8 @@
 
     python benchmarks/urdf_files.py [--all]
 
-Prints how many load, and the table of docs/robots.md of those that do not; with --all, a table of
-all files.
+Prints how many load, and the table of docs/explanation/robots.md of those that do not; with --all,
+a table of all files.
 """
 
 import sys

@@ -1,9 +1,9 @@
 """Compare kickdyn with published measurements: `python benchmarks/validation.py`.
 
-It prints the table of docs/validation.md and, after it, that of README.md. A value is `inside` if
-it is within the range or scatter that the source states, or within 10 % where the source states
-neither; 10 % is the agreement that the ICRA 2005 paper claims for its own test bed. A value that a
-fit to the same data determines is `fitted`.
+It prints the table of docs/explanation/validation.md and, after it, that of README.md. A value is
+`inside` if it is within the range or scatter that the source states, or within 10 % where the
+source states neither; 10 % is the agreement that the ICRA 2005 paper claims for its own test bed.
+A value that a fit to the same data determines is `fitted`.
 """
 
 import math
@@ -244,7 +244,7 @@ def curves() -> Iterator[Row]:
     why = (
         "the normal force on a rigid ball, with or without a spring, points to its centre, so that "
         "friction alone turns it; in finite elements the deformed ball is turned by pressure "
-        "(docs/impact.md says what was tried)"
+        "(docs/explanation/impact.md says what was tried)"
     )
     yield Row(
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
@@ -398,7 +398,7 @@ def tracked() -> Iterator[Row]:
         f"{len(drags)})",
         within(0.125, 0.183, drag.BEYOND_CRISIS),
         "ball and wind are unknown, and flights differ more than the models do "
-        "(docs/identification.md): "
+        "(docs/how-to/identification.md): "
         "no default can be inside all of them",
         "C_D in flights of a match",
     )  # fmt: skip
@@ -411,7 +411,7 @@ PARTS: tuple[Callable[[], Iterator[Row]], ...] = (
 
 
 def lines(rows: "list[Row]") -> list[str]:
-    """Return the table of docs/validation.md."""
+    """Return the table of docs/explanation/validation.md."""
     head = ["| | quantity | measured | kickdyn | verdict | remark |", "|---|---|---|---|---|---|"]
     return [*head, *("| " + " | ".join(row[:6]) + " |" for row in rows)]
 

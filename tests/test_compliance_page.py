@@ -1,4 +1,4 @@
-"""Tables of docs/compliance.md and docs/impact.md are the output of their scripts."""
+"""The tables of compliance.md and impact.md in docs/explanation are the output of scripts."""
 
 import contextlib
 import io
@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-SCRIPT, PAGE = ROOT / "benchmarks" / "compliance.py", ROOT / "docs" / "compliance.md"
+SCRIPT, PAGE = (
+    ROOT / "benchmarks" / "compliance.py",
+    ROOT / "docs" / "explanation" / "compliance.md",
+)
 SPIN = ROOT / "benchmarks" / "spin_offset.py"
 
 
@@ -30,5 +33,5 @@ def test_every_row_is_the_output_of_the_script():
 
 @pytest.mark.skipif(not SPIN.exists(), reason="benchmarks come with the checkout only")
 def test_the_spin_without_friction_is_the_output_of_its_script():
-    page = (ROOT / "docs" / "impact.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "explanation" / "impact.md").read_text(encoding="utf-8")
     assert printed_by(SPIN).strip() in page

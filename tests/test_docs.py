@@ -17,7 +17,7 @@ from kickdyn.view.screenshot import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-SNIPPETS = [page for page in sorted(DOCS.glob("*.md")) if "```python" in page.read_text("utf-8")]
+SNIPPETS = [page for page in sorted(DOCS.rglob("*.md")) if "```python" in page.read_text("utf-8")]
 
 
 def comparable(text):
@@ -49,7 +49,7 @@ def test_snippets_print_the_outputs_shown(page, tmp_path):
 
 
 def test_every_public_name_is_in_the_api():
-    api = (DOCS / "api.md").read_text("utf-8")
+    api = (DOCS / "reference" / "api.md").read_text("utf-8")
     listed = re.findall(r"auto\w+:: kickdyn\.(\w+)$", api, re.MULTILINE)
     assert sorted(listed) == sorted(kickdyn.__all__)
 
@@ -72,7 +72,7 @@ def imported():
 
 
 def test_imports_of_snippets_and_notebooks_are_in_the_api():
-    api = (DOCS / "api.md").read_text("utf-8")
+    api = (DOCS / "reference" / "api.md").read_text("utf-8")
     listed = set(re.findall(r"auto\w+:: (kickdyn\.\S+)$", api, re.MULTILINE))
     names = imported()
     assert "kickdyn.view.wall_and_goal.wall_boxes" in names
@@ -87,7 +87,9 @@ def test_the_site_builds_without_a_warning(tmp_path):
     options = ["-D", "nb_execution_mode=off", "-d", tmp_path / "trees", DOCS, tmp_path / "site"]
     ended = subprocess.run([*command, *options], capture_output=True, text=True)
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert 'id="kickdyn.Leg.posture"' in (tmp_path / "site" / "api.html").read_text("utf-8")
+    assert 'id="kickdyn.Leg.posture"' in (tmp_path / "site" / "reference" / "api.html").read_text(
+        "utf-8"
+    )
     pages = {page.stem: page.read_text("utf-8") for page in (tmp_path / "site").rglob("*.html")}
     for name, html in pages.items():
         assert not re.search(r"<(script|img|link)[^>]*(src|href)=\"(https?:)?//", html), name

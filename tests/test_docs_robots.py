@@ -1,4 +1,4 @@
-"""The tables of docs/robots.md are the outputs of their scripts."""
+"""The tables of docs/explanation/robots.md are the outputs of their scripts."""
 
 import runpy
 from pathlib import Path
@@ -9,7 +9,7 @@ import kickdyn as kd
 from kickdyn.robot.catalog import robots_folder
 
 ROOT = Path(__file__).resolve().parent.parent
-TEXT = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "explanation" / "robots.md").read_text(encoding="utf-8")
 
 
 def test_table_is_the_output_of_the_script():

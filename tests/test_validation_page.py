@@ -1,4 +1,4 @@
-"""The tables of docs/validation.md and of README.md are the output of benchmarks/validation.py."""
+"""The tables of validation.md and README.md are the output of benchmarks/validation.py."""
 
 import re
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE, README = ROOT / "docs" / "validation.md", ROOT / "README.md"
+PAGE, README = ROOT / "docs" / "explanation" / "validation.md", ROOT / "README.md"
 BENCHMARKS = ROOT / "benchmarks"
 
 

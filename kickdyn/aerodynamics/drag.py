@@ -4,7 +4,8 @@ r"""Drag coefficients :math:`C_D(Re, Sp)` of spheres and soccer balls.
 
 To add a model, write a function `(reynolds, spin_parameter) -> float` with floats and `math` only,
 and give it an entry in `MODELS` at the end of this file, with its range and its source.
-Tests require its row in `docs/theory.md` and its formula in `tests/extremes/exact_coefficients.py`.
+Tests require its row in `docs/explanation/theory.md` and its formula in
+`tests/extremes/exact_coefficients.py`.
 """
 
 import math
@@ -178,8 +179,8 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
 
     Goff & Carre 2009 found it in trajectories without spin, Am. J. Phys. 77:1020. Tunnels see the
     crisis of new balls that do not spin between 10 and 19 m/s; the ball of `data/match_ball.csv`
-    has none down to 8 m/s (docs/identification.md). Below Re 7e4 it is joined (C3) to the sphere's,
-    which it reaches at Re 2e4.
+    has none down to 8 m/s (docs/how-to/identification.md). Below Re 7e4 it is joined (C3)
+    to the sphere's, which it reaches at Re 2e4.
     """
     weight = smoothstep(reynolds, 2e4, FAST)
     if weight == 1.0:

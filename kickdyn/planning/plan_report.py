@@ -19,6 +19,7 @@ from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
+from kickdyn.restitution import describe_restitution
 
 OVER = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
@@ -193,13 +194,15 @@ class PlanReport:
         up, left = plan.impact_target.contact_offset
         heading = _aside(math.degrees(plan.heading), 2, "deg")
         turned = [f"base    turned {heading.replace(' deg', ' deg to the')}"]
+        given = impact.contact.restitution
+        used = describe_restitution(given, impact.restitution, impact.approach_speed)
         return [
             f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg up, "
             f"{_aside(math.degrees(launch.azimuth), 3, 'deg')}; {launch.iterations} Newton steps",
             f"impact  {_rounded(1e3 * abs(up), 1)} mm {'above' if up >= 0.0 else 'below'} and "
             f"{_aside(1e3 * left, 1, 'mm')} of the ball's centre, "
             f"impulse {math.hypot(*impact.impulse):.4f} N s, "
-            f"foot {math.hypot(*impact.foot_velocity):.4f} m/s",
+            f"foot {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
             f"leg     {plan.objective} {f'{plan.value:.4g} {plan.objective.unit}'.strip()}; speed "
             f"{plan.speed_use:.0%} and torque {plan.torque_use:.0%} of their limits; worst joint "
             f"impulse {impact.worst_joint[1]:.3g} N s at {impact.worst_joint[0]}",

@@ -12,7 +12,10 @@ from kickdyn.scene.envelope import EXACT, Envelope, LaunchError
 from kickdyn.scene.scene import Scene
 
 UNBOUNDED = "what it moves has no known bound in this scene"
-"""Why an effect with a bound of inf is modelled: `docs/howto.md` says where that happens."""
+"""Why an effect with a bound of inf is modelled.
+
+`docs/how-to/recipes.md` says where that happens.
+"""
 
 
 @dataclass(frozen=True)
@@ -163,8 +166,8 @@ def _of_air(
 EFFECTS = (
     Effect(
         "compliance",
-        lambda scene: scene.contact_time is not None,
-        lambda scene, _: scene.replace(contact_time=None),
+        lambda scene: scene.is_compliant,
+        lambda scene, _: scene.as_instant(),
         lambda envelope: (0.0, envelope.launch_error),
         "twice what the strike changes while the foot moves on",
     ),

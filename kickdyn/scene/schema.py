@@ -11,9 +11,11 @@ from functools import partial
 from typing import Any
 
 from kickdyn.aerodynamics import coefficient_model, drag, lift, spin_decay
+from kickdyn.ball import Ball
 from kickdyn.core import validation
 from kickdyn.errors import InvalidInput, SceneError
 from kickdyn.ground import SURFACES
+from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.plane import ReachedBy
 from kickdyn.restitution import Restitution, checked_restitution
@@ -122,6 +124,14 @@ _robot = _valid(
 )
 
 
+def _pressure(name: str, value: Any) -> float:
+    """Return a gauge pressure [Pa] that a ball can have."""
+    try:
+        return float(Ball(pressure=value).pressure or 0.0)
+    except InvalidInput as error:
+        raise InvalidInput(str(error).replace("ball pressure", name, 1)) from None
+
+
 def _restitution(name: str, value: Any) -> Restitution:
     """Return a number, a table of rows (speed, e) or the name of a model."""
     try:
@@ -173,6 +183,7 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "mass_kg": _number("kg", above=0.0),
         "radius_m": _number("m", above=0.0),
         "inertia_factor": _number(above=0.0, at_most=2.0 / 3.0),
+        "pressure_pa": _pressure,
         "velocity_m_s": _vector("m/s"),
         "spin_rad_s": _vector("rad/s"),
     },
@@ -185,6 +196,8 @@ SECTIONS: dict[str, dict[str, Check]] = {
         "law": _choice(*ImpactLaw),
         "offset_m": _vector("m"),
         "contact_time_s": _number("s", above=0.0, at_most=0.1),
+        "stiffness": _choice("pressure"),
+        "dissipation": _choice(*Dissipation),
     },
     "air": {
         "model": _choice("standard", "paper"),
@@ -274,9 +287,15 @@ def _check_section(section: str, content: dict[str, Any]) -> list[str]:
 
 def _clashes(section: str, valid: dict[str, Any]) -> list[str]:
     """Return a line for each valid value that does not go with another."""
-    if section == "contact" and "contact_time_s" in valid:
+    if section == "contact":
+        named = [key for key in ("contact_time_s", "stiffness") if key in valid]
+        if not named:
+            alone = "is named without contact_time_s or stiffness: it goes with one of them"
+            return [f"dissipation {alone}"] if "dissipation" in valid else []
         law = ImpactLaw(valid.get("law", "newton"))
-        return compliant_contact_faults(law, valid.get("restitution", 1.0))
+        lines = compliant_contact_faults(law, valid.get("restitution", 1.0))
+        both = "stiffness is named beside contact_time_s: leave one of them out"
+        return lines + [both] * (len(named) > 1)
     if section == "air" and valid.get("model") == "paper":
         weather = (key for key in ("altitude_m", "temperature_c", "pressure_pa") if key in valid)
         why = "is named with model 'paper', whose air is known: leave it out"

@@ -14,7 +14,7 @@ from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.sweeps.dataset import provenance, variables_of
+from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
 from kickdyn.sweeps.summary import Summary
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
@@ -235,6 +235,7 @@ def as_json(
     counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
+        "warnings": list(sweep_warnings(leg, kick)),
         "restitution_given": kick.contact.restitution,
         "postures": summary.postures,
         "status": counts,

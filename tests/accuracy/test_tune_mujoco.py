@@ -82,7 +82,7 @@ def test_wishes_that_common_time_steps_meet(tuned):
 
 
 def test_an_impedance_that_grows_makes_the_moment_of_contact_matter_less(monkeypatch):
-    """docs/mujoco.md: up to 5 % at 2 ms and e = 0.5 without it."""
+    """docs/how-to/mujoco.md: up to 5 % at 2 ms and e = 0.5 without it."""
     growing = tune(0.5, contact_time=0.010).errors[0].speed
     monkeypatch.setattr(tuning, "WIDTHS", (0.0,))
     constant = tune(0.5, contact_time=0.010, tolerance=0.1).errors[0].speed

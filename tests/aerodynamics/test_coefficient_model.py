@@ -96,7 +96,9 @@ def test_three_derivatives_of_smoothstep_vanish_at_both_ends():
 
 
 def test_the_page_has_every_model_with_its_range_and_source():
-    text = (Path(__file__).resolve().parents[2] / "docs" / "theory.md").read_text("utf-8")
+    text = (Path(__file__).resolve().parents[2] / "docs" / "explanation" / "theory.md").read_text(
+        "utf-8"
+    )
     number = r"([0-9.e+]+|inf)"
     rows = re.findall(
         rf"^\| (\w+) `(.*)` \| {number} to {number} \| {number} to {number} \| (.*) \|$",

@@ -17,7 +17,7 @@ from kickdyn.cli import commands
 from kickdyn.cli.commands import kickdyn_command
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "commands.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "reference" / "commands.md").read_text("utf-8")
 COMMANDS = list(commands.COMMANDS)
 SCRIPT = [
     sys.executable,

@@ -106,8 +106,11 @@ def test_a_restitution_over_speed_is_taken_at_the_foots_speed():
     assert [report["restitution"] for report in reports] == pytest.approx([0.7, 0.7])
     assert [report["restitution_given"] for report in reports] == [0.7, [[1, 0.8], [3, 0.6]]]
     assert reports[0]["best"] == reports[1]["best"]
+    assert reports[0]["warnings"] == []
     ended = door(*SMALL, "--speed", "2", "--restitution", "peacock-ball", "--json", "-")
     assert "9.1 to 21.2 m/s, and the foot approaches at 2 m/s" in ended.stderr
+    (line,) = json.loads(ended.stdout)["warnings"]
+    assert "9.1 to 21.2 m/s" in line
 
 
 def test_the_tolerance_of_carries_counts(tmp_path):

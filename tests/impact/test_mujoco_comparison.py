@@ -52,7 +52,7 @@ def test_sliding_it_approaches_its_own_limit(friction, restitution):
 
 
 def test_the_page_has_the_scripts_table():
-    lines = (ROOT / "docs" / "impact.md").read_text().splitlines()
+    lines = (ROOT / "docs" / "explanation" / "impact.md").read_text().splitlines()
     start = lines.index("| kick | 1e5 N/m | 1e6 N/m | 1e7 N/m |")
     said = {}
     for line in lines[start + 2 :]:

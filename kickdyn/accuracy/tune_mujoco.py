@@ -28,6 +28,7 @@ from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
+from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import CONTACT_TIME
@@ -97,6 +98,7 @@ class MujocoTuning(ReprMixin):
         seconds: that one simulated kick takes on this machine.
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
+        ball_position: of its centre at first contact, shape `(3,)` [m, world frame].
     """
 
     solref: tuple[float, float]
@@ -115,6 +117,7 @@ class MujocoTuning(ReprMixin):
     seconds: float
     scene: str
     ball: Ball
+    ball_position: Array
 
     @property
     def within_tolerance(self) -> bool:
@@ -173,38 +176,49 @@ class MujocoTuning(ReprMixin):
             f"{limit} is accepted: {best}"
         )
 
-    def mjcf(self, foot: str = "foot") -> str:
+    def mjcf(self, *feet: str) -> str:
         """Return a model with the ball and its contact, for an `<include>` in a robot's MJCF.
 
+        The ball is where the kick strikes it, in the world frame of the leg. The options are those
+        on which the fit depends; they replace those of the robot's file.
+
         Args:
-            foot: name of the geom that strikes the ball; only a contact with friction names it.
+            feet: names of the geoms that strike the ball, `foot` by default; only a contact with
+                friction names them.
 
         Raises:
-            InvalidInput: `foot` is no name that MJCF can have.
+            InvalidInput: a name that MJCF cannot have.
         """
-        validation.check_type(str, foot=foot)
-        if not foot.isprintable() or set(foot) & set("<>&\"'") or not foot:
-            raise InvalidInput(f"foot is {foot[:40]!r}: it must be the name of a geom")
-        contact, ball = self._contact, self.ball
-        surface = pairs = ""
-        if self.margin:
-            surface = (
-                f'\n      <geom name="ball_surface" type="sphere" size="{ball.radius!r}" '
-                'contype="0" conaffinity="0" rgba="1 1 1 0.4"/>'
+        for foot in feet:
+            validation.check_type(str, foot=foot)
+            if not foot.isprintable() or set(foot) & set("<>&\"'") or not foot:
+                raise InvalidInput(f"foot is {foot[:40]!r}: it must be the name of a geom")
+        contact, ball, margin = self._contact, self.ball, self.margin
+        inertia = row([ball.inertia] * 3)
+        # for robots whose <compiler> takes inertias from geoms; kickdyn's balls are shells
+        mass = f'mass="{ball.mass!r}" shellinertia="true"'
+        inner, surface, pairs = mass, "", ""
+        if margin:
+            inner, surface = (
+                'mass="0"',
+                f"""
+      <geom name="ball_surface" type="sphere" size="{ball.radius!r}" {mass}
+        contype="0" conaffinity="0" rgba="1 1 1 0.4"/>""",
             )
         if self.friction:
-            pairs = f"\n  <contact>\n    {pair(contact, foot)}\n  </contact>"
+            elements = "\n    ".join(pair(contact, foot) for foot in feet or ("foot",))
+            pairs = f"\n  <contact>\n    {elements}\n  </contact>"
         return f"""<mujoco>
   <option timestep="{self.timestep!r}" integrator="{self.integrator}" cone="elliptic" \
-impratio="100"/>
+impratio="100" solver="Newton" tolerance="1e-10" iterations="100"/>
   <worldbody>
-    <body name="ball">
+    <body name="ball" pos="{row(self.ball_position)}">
       <freejoint/>
-      <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
-      <geom name="ball" type="sphere" size="{ball.radius - self.margin!r}" \
-margin="{self.margin!r}" priority="1"
-        condim="{self.condim}" friction="{float(self.friction)!r} 0 0" \
-solref="{row(self.solref)}" solimp="{row(self.solimp)}"/>{surface}
+      <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{inertia}"/>
+      <geom name="ball" type="sphere" size="{ball.radius - margin!r}" margin="{margin!r}" {inner}
+        contype="1" conaffinity="1" priority="1" condim="{self.condim}" \
+friction="{float(self.friction)!r} 0 0"
+        solref="{row(self.solref)}" solimp="{row(self.solimp)}"/>{surface}
     </body>
   </worldbody>{pairs}
 </mujoco>
@@ -347,6 +361,7 @@ def tune_mujoco(
         seconds=seconds,
         scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
+        ball_position=approach.ball_before.position,
     )
 
 

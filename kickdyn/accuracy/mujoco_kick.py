@@ -109,9 +109,9 @@ class SimulatedBall(NamedTuple):
         velocity: of the ball when the foot stops pushing it, shape `(3,)` [m/s, world frame].
         spin: then, shape `(3,)` [rad/s, world frame].
         contact_time: time steps in which foot and ball push each other [s].
-        joint_impulses: until then, shape `(njoints, 3)` [N s, world frame], of the force on the
-            body that each joint moves, less what the force would be without the ball; empty unless
-            asked for.
+        joint_impulses: until then, shape `(njoints, 3)` [N s, in the frame of each joint], of the
+            force on the body that the joint moves, less what the force would be without the ball;
+            empty unless asked for.
         second_push: what pushes after that add to the velocity, length [m/s].
     """
 
@@ -206,13 +206,14 @@ class MujocoKick:
         return first >= 0 and bool(data.efc_force[first] > 0.0)
 
     def _joint_forces(self, disabled: int) -> Array:
-        """Return the force on each body at its joint [N, world frame], some effects disabled."""
+        """Return the force on each body at its joint [N, its axes], some effects disabled."""
         mujoco, model, data = self.mujoco, self.model, self.data
         model.opt.disableflags = disabled
         mujoco.mj_forward(model, data)
         mujoco.mj_rnePostConstraint(model, data)
         model.opt.disableflags = 0
-        return np.array(data.cfrc_int[:, 3:])
+        axes = data.xmat.reshape(-1, 3, 3)  # of each body, in the world's
+        return np.einsum("bij,bi->bj", axes, data.cfrc_int[:, 3:])
 
     def _start(self, before: float) -> None:
         """Set the state at a time [s] before the first contact."""

@@ -1,7 +1,6 @@
 """Measure the error of kicks in MuJoCo against the time step, with tuned contacts and its defaults.
 
-    python benchmarks/mujoco_tuning.py --csv benchmarks/mujoco_tuning.csv \\
-        --plot docs/images/mujoco_tuning.png
+    python benchmarks/mujoco_tuning.py --csv FILE.csv --plot FILE.png
 
 The human leg kicks a size 5 ball at 14 m/s, in a posture and with joint velocities of
 docs/explanation/compliance.md: frictionless along the swing, and with friction 0.4 off it, where

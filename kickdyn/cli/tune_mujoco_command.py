@@ -139,7 +139,7 @@ def tune_mujoco(
             "contact_time_s"
         )
     if scene.contact.friction and not feet:
-        feet = _find_foot(scene.leg)
+        feet = find_foot(scene.leg)
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=timestep,
@@ -180,8 +180,8 @@ def _check_source(scene_file: str | None) -> None:
     of_kick = sorted(given - ours - {"scene_file"})
     if of_kick:
         raise InvalidInput(
-            f"{' and '.join(of_kick)} is named beside the scene {scene_file}, which has the whole "
-            "kick: name one of the two"
+            f"{' and '.join(of_kick)} cannot be named beside the scene {scene_file}, which has "
+            "the whole kick"
         )
 
 
@@ -194,7 +194,7 @@ def _angles(leg: Leg, joints: Sequence[str]) -> dict[str, float]:
     return {name: float(several[0]) for name, several in values.items()}
 
 
-def _find_foot(leg: Leg) -> tuple[str, ...]:
+def find_foot(leg: Leg) -> tuple[str, ...]:
     """Return the geom of a leg's contact frame in its MJCF; none where the leg has no such file.
 
     Raises `InvalidInput` if the frame is a body or a site of a body that has several geoms, or one

@@ -20,12 +20,20 @@ from itertools import product
 from typing import NamedTuple
 
 import click
+import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_fit import SPEEDS, find_best, find_error, kick_cases
-from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick
+from kickdyn.accuracy.mujoco_fit import (
+    SPEEDS,
+    WIDTHS,
+    find_best,
+    find_error,
+    fit_contact,
+    kick_cases,
+)
+from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick, pair, row
 from kickdyn.core.plot_style import save_figure, styled
 from kickdyn.core.validation import Array
 
@@ -37,6 +45,13 @@ RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s
 INTEGRATORS = ("implicitfast", "Euler", "RK4")
 TUNED, DEFAULTS = "tuned", "defaults"
+CONES: dict[str, dict[str, int]] = {
+    "elliptic cone": {},
+    "elliptic cone, impratio 1": {"impratio": 1},
+    "elliptic cone, 20 iterations of noslip": {"noslip_iterations": 20},
+    "pyramidal cone": {"cone": 0},
+}
+"""Options of MuJoCo beside the elliptic cone and impratio 100, which `tune_mujoco` takes."""
 
 
 class Row(NamedTuple):
@@ -44,7 +59,7 @@ class Row(NamedTuple):
 
     `around` is of kicks at 0.5 to 1.5 times all velocities; `joints` and `joints_strike` are the
     largest error of a joint's linear impulse, relative to the largest impulse, against `collide`
-    and `strike`.
+    and `strike`. `floor` is the restitution of the same ball on a floor, at 5 m/s.
     """
 
     friction: float
@@ -59,6 +74,7 @@ class Row(NamedTuple):
     direction_around: float
     joints: float
     joints_strike: float
+    floor: float
 
 
 def measure(friction: float, restitution: float, integrator: str, step: float) -> list[Row]:
@@ -82,6 +98,7 @@ def measure(friction: float, restitution: float, integrator: str, step: float) -
                 100 * max(error.speed for error in errors),
                 float(np.degrees(max(error.direction for error in errors))),
                 joint_error(found, hit.joint_impulses), joint_error(found, impact.joint_impulses),
+                bounce(one, integrator, step),
             )
         )  # fmt: skip
     return rows
@@ -93,6 +110,57 @@ def joint_error(found: Array, wanted: Array) -> float:
     return float(
         100 * np.linalg.norm(found - own, axis=1).max() / np.linalg.norm(own, axis=1).max()
     )
+
+
+def bounce(contact: MujocoContact, integrator: str, step: float, speed: float = 5.0) -> float:
+    """Return the restitution of the ball that falls on a floor."""
+    ball, margin = kd.Ball(), contact.margin
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+  <option timestep="{step!r}" integrator="{integrator}" cone="elliptic" gravity="0 0 0"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body pos="0 0 {ball.radius + 0.5 * step * speed!r}"><freejoint/>
+      <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
+      <geom name="ball" type="sphere" size="{ball.radius - margin!r}"/>
+    </body>
+  </worldbody>
+  <contact>{pair(contact, "floor")}</contact>
+</mujoco>""")
+    data = mujoco.MjData(model)
+    data.qvel[2] = -speed
+    while data.ncon == 0 or data.qvel[2] < 0.0:
+        mujoco.mj_step(model, data)
+    while data.ncon:
+        mujoco.mj_step(model, data)
+    return float(data.qvel[2]) / speed
+
+
+def direction_errors(e: float, margin: bool, options: dict[str, int], step: float) -> float:
+    """Return the error of the direction with friction, with or without a margin [deg]."""
+    friction = 0.4
+    contact = kd.Contact(NORMALS[friction], e, friction)
+    approach = kd.strike(POSTURE, V, kd.Ball(), contact).approach
+    cases = kick_cases(approach, CONTACT_TIME)
+    plain = MujocoContact(friction=friction, margin=cases[0].deflection if margin else 0.0)
+    kicks = [MujocoKick(case.approach, step, plain, INTEGRATORS[0], True) for case in cases]
+    for kick in kicks:
+        for name, value in options.items():
+            setattr(kick.model.opt, name, value)
+    fits = [fit_contact(cases, kicks, CONTACT_TIME, width, INTEGRATORS[0]) for width in WIDTHS]
+    best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.score)
+    return float(np.degrees(best.errors[0].direction))
+
+
+def friction_table() -> str:
+    """Return a table of the error of the direction with friction, by MuJoCo's options."""
+    lines = ["| e = 0.7, mu = 0.4 | 0.5 ms | 2 ms |", "|---|---|---|"]
+    for name, options in CONES.items():
+        for margin in (True, False):
+            cells = [
+                f"{direction_errors(0.7, margin, options, step):.1f}°" for step in (5e-4, 2e-3)
+            ]
+            lines.append(f"| {name}, {'with' if margin else 'no'} margin | {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def select(rows: Iterable[Row], **wanted: object) -> list[Row]:
@@ -187,7 +255,7 @@ def main(file: str | None, plot: str | None) -> None:
             writer.writerows(
                 [f"{x:.4g}" if isinstance(x, float) else x for x in row] for row in rows
             )
-    print(tables(rows))
+    print(tables(rows), friction_table(), sep="\n\n")
     if plot is not None:
         save_figure(figure(rows), plot)
 

@@ -36,7 +36,7 @@ SPEEDS = (0.5, 1.5, 0.75, 1.25)
 TURNED = 0.1
 """Largest change of a joint between neighbouring postures [rad; m]."""
 
-SPEED_ERROR, DIRECTION_ERROR = 0.03, math.radians(1.0)
+SPEED_ERROR, DIRECTION_ERROR = 0.02, math.radians(1.0)
 """Errors of the kick of equal weight where contacts are compared: of the ball's speed, relative,
 and of its direction [rad]. Twice that of the speed weighs the same in other kicks."""
 

@@ -236,7 +236,7 @@ friction="{float(self.friction)!r} 0 0"
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
         yield "solref", digits(self.solref), ""
         if self.solref_time is not None:
-            yield "the same", digits(self.solref_time), ""
+            yield "or solref", digits(self.solref_time), "(time constant, damping ratio)"
         yield "solimp", digits(self.solimp), ""
         yield "condim", self.condim, ""
         if self.friction:
@@ -248,7 +248,7 @@ friction="{float(self.friction)!r} 0 0"
             text = f"speed {error.speed:.2%}, direction {math.degrees(error.direction):.2f} deg"
             if self.friction:
                 text += f", spin {error.spin:.2g} rad/s"
-            yield f"error, {error.change}" if error.change else "error", text, ""
+            yield f"error, {error.change or 'this kick'}", text, ""
         yield "cost of a kick", 1e3 * self.seconds, "ms"
         yield from warned(self.warnings)
 

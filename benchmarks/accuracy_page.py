@@ -1,4 +1,4 @@
-"""Measure everything; write docs/explanation/accuracy.md, its pictures, and rows of README.md.
+"""Measure everything; write docs/explanation/accuracy.md, and its pictures.
 
     python benchmarks/accuracy_page.py
 
@@ -92,7 +92,7 @@ def gains_table(found: Sequence[Gain], first: str, second: str) -> str:
 
 
 def kick_table(found: Sequence[Measurement]) -> str:
-    """Return the paper's kick for the README: kickdyn, MuJoCo as usual and at its most exact."""
+    """Return the paper's kick in short: kickdyn, MuJoCo as usual and at its most exact."""
     smooth = [row for row in found if row.scene == "frictionless"]
     ours = next(row for row in smooth if row.method == "closed form, float64")
     engine = [row for row in smooth if row.method == "MuJoCo"]
@@ -137,7 +137,7 @@ def write(page: Path, filled: dict[str, str]) -> None:
 
 
 def main() -> None:
-    """Write the page, and what the README says of it."""
+    """Write the page."""
     began = time.process_time()
     impacts, flights, found = measure_impacts(), measure_flights(), list(extreme_cases())
     for file, figure in (
@@ -148,6 +148,7 @@ def main() -> None:
     write(
         DOCS / "explanation" / "accuracy.md",
         {
+            "kick": kick_table(impacts),
             "impact": impact_table(impacts),
             "flight": flight_table(flights),
             "extremes": extremes_table(found),
@@ -156,7 +157,6 @@ def main() -> None:
             "machine": machine(began),
         },
     )
-    write(ROOT / "README.md", {"kick": kick_table(impacts)})
 
 
 if __name__ == "__main__":

@@ -121,9 +121,10 @@ class Ball(ReprMixin):
         air is compressed by the missing cap of the volume :math:`\Delta V = \pi d^2 (R - d/3)`:
         adiabatically its absolute pressure :math:`p + p_0` grows by
         :math:`(1 - \Delta V / V)^{-1.4}`. At 80 kPa they change F by less than 3 % up
-        to a deflection of 0.3 R, by 10 % at 0.4 R and by 21 % at 0.5 R. Neglected too are bending
-        and stretching of the shell, its inertia, and its bulging beside the circle
-        (`docs/explanation/compliance.md` compares with measurements).
+        to a deflection of 0.3 R, and increase it by 10 % at 0.4 R and by 21 % at 0.5 R; measured
+        forces are smaller, not larger. Neglected too are bending and stretching of the shell, its
+        inertia, and its bulging beside the circle (`docs/explanation/compliance.md` compares with
+        measurements).
 
         Raises:
             InvalidInput: the ball's pressure is unknown.

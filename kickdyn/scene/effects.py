@@ -14,7 +14,7 @@ from kickdyn.scene.scene import Scene
 UNBOUNDED = "what it moves has no known bound in this scene"
 """Why an effect with a bound of inf is modelled.
 
-`docs/how-to/recipes.md` says where that happens.
+`docs/how-to/tolerance.md` says where that happens.
 """
 
 

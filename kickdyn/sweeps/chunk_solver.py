@@ -20,7 +20,7 @@ from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_
 KERNEL_FROM = 2000
 """Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""
 
-CHUNK = 131_072
+CHUNK = 262_144
 """Postures per chunk, roughly."""
 
 SLOW_CHUNK = 2048

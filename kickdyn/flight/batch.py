@@ -20,7 +20,7 @@ from kickdyn.flight.equations import MAX_SPEED, tolerances
 from kickdyn.flight.flight_result import ROUNDING, FlightStatus, outside_ranges, refinements
 from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, march
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march
 from kickdyn.ground import Ground
 
 
@@ -92,6 +92,12 @@ def fly_many(
         "tol": tol,
     }
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+
+
+def compile_flights(ball: Ball, air: Air) -> None:
+    """Compile what `fly_many` calls, or read it from the disk."""
+    compiled_march()
+    compiled_rates(ball, air)
 
 
 class _Flown(NamedTuple):

@@ -213,7 +213,7 @@ class MujocoKick:
         mujoco.mj_rnePostConstraint(model, data)
         model.opt.disableflags = 0
         axes = data.xmat.reshape(-1, 3, 3)  # of each body, in the world's
-        return np.einsum("bij,bi->bj", axes, data.cfrc_int[:, 3:])
+        return np.asarray(np.einsum("bij,bi->bj", axes, data.cfrc_int[:, 3:]))
 
     def _start(self, before: float) -> None:
         """Set the state at a time [s] before the first contact."""

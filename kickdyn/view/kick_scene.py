@@ -13,6 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.swing import Swing
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view.camera import Camera, camera_for, set_camera
@@ -38,18 +39,19 @@ def draw_kick(
     impact: Impact,
     path: Flight | Course,
     scenery: Sequence[Box] = (),
-    swing: Swing | None = None,
+    swing: Swing | Backswing | None = None,
 ) -> tuple[Pace, float]:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a swing from rest to rest through this impact the joints move as `leg_configuration`
-    says.
+    says; after a backswing alone, too.
 
     Returns:
         The pace of the animation, and the width of a stripe of the ground [m].
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
-    pace = kick_pace(impact, path.duration, None if swing is None else swing.backswing.duration)
+    backswing = swing.backswing if isinstance(swing, Swing) else swing
+    pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
     curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
     forward = _forward(impact, curve)
     floor = _floor(impact, path)
@@ -59,7 +61,7 @@ def draw_kick(
     figure = draw_leg(viewer["leg"], leg, impact.posture.q)
     far = [box_corners(curve, ball.radius), figure, *(box.corners() for box in scenery)]
     if swing is not None:
-        far.append(box_corners(_swing_points(swing, pace), ball.radius))
+        far.append(box_corners(_swing_points(impact, swing, pace), ball.radius))
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
@@ -88,17 +90,14 @@ def draw_kick(
 
 
 def describe_buried(
-    impact: Impact, path: Flight | Course, pace: Pace, swing: Swing | None = None
+    impact: Impact, path: Flight | Course, pace: Pace, swing: Swing | Backswing | None = None
 ) -> str:
     """Return which bodies the animation of a kick shows under the ground, as a sentence, or none.
 
     The deepest one with its depth and time; the ground is the lawn that `draw_kick` draws.
     """
     leg = impact.posture.leg
-    shown = [
-        swing.configuration(time) if swing else leg_configuration(impact, time)
-        for time in pace.times
-    ]
+    shown = [_configuration(impact, swing, time) for time in pace.times]
     found = find_depths(leg, shown, _floor(impact, path))
     if not found:
         return ""
@@ -141,12 +140,19 @@ def box_corners(points: Array, radius: float) -> Array:
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
 
 
-def _swing_points(swing: Swing, pace: Pace) -> Array:
+def _configuration(impact: Impact, swing: Swing | Backswing | None, time: float) -> Array:
+    """Return q of the leg at a time from the impact [s], shape `(nq,)`."""
+    if swing is None or (isinstance(swing, Backswing) and time > 0.0):
+        return leg_configuration(impact, time)
+    return swing.configuration(time)
+
+
+def _swing_points(impact: Impact, swing: Swing | Backswing, pace: Pace) -> Array:
     """Return positions of joints and contact point during a swing, shape `(n, 3)` [m]."""
-    leg = swing.plan.leg
+    leg = impact.posture.leg
     points = []
     for time in pace.times[::8]:  # enough to set the camera
-        q = swing.configuration(time)
+        q = _configuration(impact, swing, time)
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)
     return np.array(points)
@@ -168,7 +174,7 @@ def _animation(
     path: Flight | Course,
     pace: Pace,
     floor: float,
-    swing: Swing | None,
+    swing: Swing | Backswing | None,
     arrows: Sequence[Arrow],
 ) -> Animation:
     """Return the motion of leg, ball and shadow, and of the arrows that grow at the impact."""
@@ -181,7 +187,7 @@ def _animation(
                 pose = ball_pose(impact.ball_before, path, time)
                 frame["ball"].set_transform(pose)
                 frame["shadow"].set_property("position", "vector3", [*pose[:2, 3], floor])
-                q = swing.configuration(time) if swing else leg_configuration(impact, time)
+                q = _configuration(impact, swing, time)
                 for joint, pose in list(enumerate(joint_poses(leg, q)))[1:]:
                     frame[f"leg/{joint}"].set_transform(pose)
     grown = pace.impact + GROWING

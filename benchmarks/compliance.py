@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import kickdyn as kd
@@ -145,9 +145,11 @@ def sliding_foot(mass: float) -> kd.Leg:
 INFLATED = kd.Ball(pressure=80e3)
 """Of a pressure in the middle of what Law 2 allows, 0.6 to 1.1 atmospheres."""
 
-FOOT = sliding_foot(22.7 / 5.0 * INFLATED.mass)
-"""Its effective mass follows from what foot and ball lose and gain [m/s] (Peacock, Ball & Taylor,
-J. Sports Sci. 35, 2017), by momentum."""
+FOOT_MASS = 22.7 / 5.0 * INFLATED.mass
+"""Effective mass of a foot [kg], from what foot and ball lose and gain [m/s] (Peacock, Ball &
+Taylor, J. Sports Sci. 35, 2017), by momentum."""
+
+FOOT = sliding_foot(FOOT_MASS)
 
 RESTITUTION = 0.7
 """Of a mechanical limb 0.66 to 0.79 (Peacock & Ball, ISBS 2016)."""
@@ -162,12 +164,6 @@ def head_on(foot_speed: float, restitution: float = RESTITUTION, **options: obje
     return kd.collide(FOOT.posture([0.0]), [foot_speed], INFLATED, contact, **options)  # type: ignore[arg-type]
 
 
-def visible_time(hit: kd.Collision) -> float:
-    """Return the time until the ball has its shape again [s], at the speed of separation."""
-    left = float(hit.sample(hit.contact_time).deflection)
-    return hit.contact_time + left / float(hit.ball_after.velocity[0] - hit.v_after[0])
-
-
 def peak_over_mean(hit: kd.Collision) -> float:
     """Return the peak of the force over its mean while it acts."""
     return hit.peak_force * hit.contact_time / math.hypot(*hit.impulse)
@@ -176,21 +172,44 @@ def peak_over_mean(hit: kd.Collision) -> float:
 def by_pressure(foot_speed: float) -> dict[str, float]:
     """Return what the stiffness from pressure gives at a foot speed [m/s], in SI units."""
     hit = head_on(foot_speed, stiffness="pressure")
-    after = visible_time(hit) - hit.contact_time
+    after = hit.visible_contact_time - hit.contact_time
     return {
         "ball speed": float(hit.ball_after.speed),
         "contact time": hit.contact_time,
-        "visible contact time": visible_time(hit),
+        "visible contact time": hit.visible_contact_time,
         "peak force": hit.peak_force,
         "deflection": hit.deflection,
         "contact distance": float(hit.foot_displacement[0] + after * hit.v_after[0]),
+        "next terms": peak_with_next_terms(foot_speed),
     }
+
+
+def peak_with_next_terms(foot_speed: float) -> float:
+    """Return the peak force of two masses [N] without the approximations of `Ball.stiffness`.
+
+    The circle has the area of the cut through the sphere, and the air is compressed adiabatically
+    by the volume of the missing cap, at sea level.
+    """
+    radius, outside = INFLATED.radius, 101_325.0
+    assert INFLATED.pressure is not None
+    absolute = INFLATED.pressure + outside
+
+    def force(d: float) -> float:
+        """Return the force at a deflection [N]."""
+        missing = math.pi * d * d * (radius - d / 3.0) / INFLATED.volume
+        circle = math.pi * (2.0 * radius * d - d * d)
+        return circle * (absolute * (1.0 - missing) ** -1.4 - outside)
+
+    mass = 1.0 / (1.0 / INFLATED.mass + 1.0 / FOOT_MASS)
+    energy = 0.5 * mass * foot_speed**2
+    return force(brentq(lambda d: quad(force, 0.0, d)[0] - energy, 0.0, radius, xtol=1e-9))
 
 
 def pressures() -> None:
     """Print contact time, force and deflection of the stiffness from pressure over foot speed."""
     heading = ("foot [m/s]", "ball [m/s]", "force acts [ms]", "visible contact [ms]")
-    heading += ("peak force [N]", "deflection [mm]", "of the radius", "contact distance [cm]")
+    heading += ("peak force [N]", "with the next terms [N]", "deflection [mm]", "of the radius")
+    heading += ("contact distance [cm]",)
     print("| " + " | ".join(heading) + " |\n|" + " ---: |" * len(heading))
     for speed in (5.0, 10.0, 15.0, 20.0, 25.0, 30.0):
         row = by_pressure(speed)
@@ -200,6 +219,7 @@ def pressures() -> None:
             f"{1e3 * row['contact time']:.1f}",
             f"{1e3 * row['visible contact time']:.1f}",
             f"{row['peak force']:.0f}",
+            f"{row['next terms']:.0f} ({row['next terms'] / row['peak force'] - 1:+.0%})",
             f"{1e3 * row['deflection']:.0f}",
             f"{row['deflection'] / INFLATED.radius:.0%}",
             f"{1e2 * row['contact distance']:.1f}",
@@ -225,18 +245,18 @@ def against_measurements() -> None:
         peaks = [head_on(speed / gain, **options).peak_force for speed in MAXIMAL]
         found = {
             ("change of visible contact time, foot at 9.1 to 21.2 m/s", "-20 % (M1)"):
-                f"{visible_time(fast) / visible_time(slow) - 1:.0%}",
+                f"{fast.visible_contact_time / slow.visible_contact_time - 1:.0%}",
             ("change of contact distance, likewise", "+89 % (M1)"):
                 f"{distance(fast) / distance(slow) - 1:+.0%}",
             ("visible contact time at 15 m/s [ms]", "9 to 14 (review in M3)"):
-                f"{1e3 * visible_time(head_on(15.0, **options)):.1f}",
+                f"{1e3 * head_on(15.0, **options).visible_contact_time:.1f}",
             ("peak over mean force, while it acts", "1.97 (M3)"): f"{peak_over_mean(fast):.2f}",
             ("peak over mean force, of the visible contact", "1.97 (M3)"):
-                f"{peak_over_mean(fast) * visible_time(fast) / fast.contact_time:.2f}",
+                f"{peak_over_mean(fast) * fast.visible_contact_time / fast.contact_time:.2f}",
             ("peak force, ball at 25.6 to 34.5 m/s [N]", "1610 to 2926 (M4)"):
                 f"{peaks[0]:.0f} to {peaks[1]:.0f}",
             ("time of acceleration over visible contact", "about 0.75 (M5)"):
-                f"{fast.contact_time / visible_time(fast):.2f}",
+                f"{fast.contact_time / fast.visible_contact_time:.2f}",
         }  # fmt: skip
         for key, value in found.items():
             rows.setdefault(key, []).append(value)
@@ -246,7 +266,9 @@ def against_measurements() -> None:
 
 def distance(hit: kd.Collision) -> float:
     """Return how far the foot moves while the contact is visible [m]."""
-    return float(hit.foot_displacement[0] + (visible_time(hit) - hit.contact_time) * hit.v_after[0])
+    return float(
+        hit.foot_displacement[0] + (hit.visible_contact_time - hit.contact_time) * hit.v_after[0]
+    )
 
 
 def two_masses(force: object, end: object) -> tuple[float, float, float]:
@@ -312,7 +334,7 @@ def pulses() -> None:
             cells = []
             for e in restitutions:
                 hit = head_on(15.0, e, stiffness=stiffness, dissipation=kind)
-                share = hit.contact_time / visible_time(hit)
+                share = hit.contact_time / hit.visible_contact_time
                 cells.append(f"{peak_over_mean(hit):.2f}, {share:.2f}")
             print(f"| {spring}, `{kind}` | " + " | ".join(cells) + " |")
     for name, model in (("Hertz, viscoelastic", viscoelastic), ("linear, dashpot", dashpot)):

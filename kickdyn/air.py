@@ -60,7 +60,8 @@ class Air(ValueEquality, ReprMixin):
             coefficient that is the same everywhere; or a function of `(reynolds, spin_parameter)`.
             None leaves drag out.
         lift: likewise from `kickdyn.aerodynamics.lift.MODELS`, a number of any sign; None leaves
-            lift out.
+            lift out. Below 15 m/s the default falls with the drag crisis of a Brazuca, which the
+            default drag does not have; "Flight" in `docs/explanation/theory.md` says why.
         torque: likewise from `kickdyn.aerodynamics.spin_decay.MODELS`, what brakes the spin; None
             leaves the spin as it is.
         buoyancy: whether the air carries the ball's volume (1.5 % of a soccer ball's weight).

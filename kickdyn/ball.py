@@ -15,6 +15,10 @@ from kickdyn.errors import InvalidInput
 SMALLEST = float(np.finfo(float).tiny)
 """Below it a float64 has fewer digits."""
 
+PRESSURES = 2e3, 1e6
+"""Least and largest gauge pressure of a ball [Pa]: a thirtieth of the least, and nine times the
+largest, that Law 2 of football allows."""
+
 
 @dataclass(frozen=True)
 class Ball(ReprMixin):
@@ -30,8 +34,10 @@ class Ball(ReprMixin):
         inertia_factor: moment of inertia over mass times radius squared, above 0: 2/3 of a thin
             shell, which is the most a ball can have; 2/5 of a solid ball; inf, a particle: it has a
             size in the air and at the contact, but nothing turns it.
-        pressure: of the air inside above that outside (gauge) [Pa], 1000 or more; None, the
-            default, is unknown. Law 2 allows 0.6 to 1.1 atmospheres, about 60e3 to 110e3 Pa.
+        pressure: of the air inside above that outside (gauge) [Pa], 2e3 to 1e6; None, the
+            default, is unknown. Law 2 allows 0.6 to 1.1 atmospheres, about 60e3 to 110e3 Pa. The
+            limits are far beyond those of balls, and exclude Law 2's range in bar, kPa, psi and
+            g/cm2: 0.8, 80, 12 and 800 are refused.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -51,7 +57,11 @@ class Ball(ReprMixin):
         radius = validation.number("ball radius", self.radius, above=0, unit="m")
         object.__setattr__(self, "radius", radius)
         if self.pressure is not None:
-            pressure = validation.number("ball pressure", self.pressure, at_least=1e3, unit="Pa")
+            low, high = PRESSURES
+            pressure = validation.number(
+                "ball pressure", self.pressure, at_least=low, at_most=high,
+                unit="Pa above the air outside; 0.8 bar, or 80 kPa, is 80e3 Pa",
+            )  # fmt: skip
             object.__setattr__(self, "pressure", pressure)
         if isinstance(self.inertia_factor, float) and self.inertia_factor == math.inf:
             return
@@ -111,9 +121,10 @@ class Ball(ReprMixin):
         air is compressed by the missing cap of the volume :math:`\Delta V = \pi d^2 (R - d/3)`:
         adiabatically its absolute pressure :math:`p + p_0` grows by
         :math:`(1 - \Delta V / V)^{-1.4}`. At 80 kPa they change F by less than 3 % up
-        to a deflection of 0.3 R, by 10 % at 0.4 R and by 21 % at 0.5 R. Neglected too are bending
-        and stretching of the shell, its inertia, and its bulging beside the circle
-        (`docs/explanation/compliance.md` compares with measurements).
+        to a deflection of 0.3 R, and increase it by 10 % at 0.4 R and by 21 % at 0.5 R; measured
+        forces are smaller, not larger. Neglected too are bending and stretching of the shell, its
+        inertia, and its bulging beside the circle (`docs/explanation/compliance.md` compares with
+        measurements).
 
         Raises:
             InvalidInput: the ball's pressure is unknown.
@@ -188,15 +199,17 @@ class BallState(ValueEquality):
             object.__setattr__(self, name, value if value.ndim else float(value))
 
     @classmethod
-    def computed(cls, position: Array, velocity: Array, spin: Array) -> "BallState":
-        """Return the state at time 0 of finite arrays of shape `(3,)`, which it owns from then on.
+    def computed(
+        cls, position: Array, velocity: Array, spin: Array, time: float = 0.0
+    ) -> "BallState":
+        """Return the state of finite arrays of shape `(3,)`, which it owns from then on.
 
         It skips the checks, which take as long as an impact: for values computed from checked ones.
         """
         state = cls.__new__(cls)
         for array in (position, velocity, spin):
             array.setflags(write=False)
-        state.__dict__.update(position=position, velocity=velocity, spin=spin, time=0.0)
+        state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 
     def __repr__(self) -> str:

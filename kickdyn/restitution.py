@@ -61,6 +61,11 @@ def checked_restitution(value: float | str | ArrayLike) -> Restitution:
             f"at most 1, a table of rows (speed [m/s], e), or a model's name: {known}"
         )
     if not hasattr(value, "__len__") or getattr(value, "ndim", 1) == 0:
+        if hasattr(value, "table"):
+            raise InvalidInput(
+                f"restitution is a {type(value).__name__}: it must be a number, a model's name or "
+                "a table of rows (speed [m/s], e), such as its attribute `table`"
+            )
         return validation.number("restitution", value, at_least=0, at_most=1)
     table = validation.floats("restitution", value)
     if table.ndim != 2 or table.shape[1] != 2 or not len(table):
@@ -147,6 +152,13 @@ def range_warnings(restitution: Restitution, speed: float) -> tuple[str, ...]:
         f"restitution{name} is known from {low:g} to {high:g} m/s, and the foot approaches at "
         f"{speed:.4g} m/s: e is {e:.4g}, that of the nearer end",
     )
+
+
+def describe_restitution(restitution: Restitution, e: float, speed: float) -> str:
+    """Return e and what it is from, at a speed of approach [m/s]; of a number nothing."""
+    if isinstance(restitution, float):
+        return ""
+    return f"restitution {e:.4g}, that of {format_restitution(restitution)} at {speed:.4g} m/s"
 
 
 def format_restitution(restitution: Restitution) -> str:

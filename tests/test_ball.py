@@ -25,10 +25,14 @@ def test_ball_refuses_an_inertia_beyond_double_precision(mass, radius):
         kd.Ball(mass, radius)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -80e3, 0.0, 0.8, 999.0, "1 bar", True])
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, -80e3, 0.0, 0.8, 12.0, 1100.0, 2e6, "1 bar", True]
+)
 def test_ball_refuses_a_pressure_that_is_none_of_an_inflated_ball(value):
-    """0.8 is in bar, not in Pa."""
-    with pytest.raises(kd.InvalidInput, match=r"ball pressure is"):
+    """0.8 is in bar, 12 in psi and 1100 in g/cm2, not in Pa."""
+    with pytest.raises(
+        kd.InvalidInput, match=r"ball pressure is .* 0\.8 bar, or 80 kPa, is 80e3 Pa"
+    ):
         kd.Ball(pressure=value)
 
 

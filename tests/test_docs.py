@@ -1,18 +1,23 @@
-"""The snippets of the pages print the outputs that they show; the API has every public name."""
+"""The pages show what snippets and commands print, and have every name, key and variable."""
 
 import ast
 import contextlib
 import io
 import json
 import re
+import runpy
+import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import kickdyn
+from kickdyn.cli.commands import kickdyn_command
 from kickdyn.view.screenshot import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -46,6 +51,46 @@ def test_snippets_print_the_outputs_shown(page, tmp_path):
             assert comparable(printed) == comparable(text)
             printed = None
     assert not (printed or "").strip(), f"no output block shows: {printed}"
+
+
+COMMANDS = [
+    (page.stem, block)
+    for page in sorted(DOCS.rglob("*.md"))
+    for block in re.findall(r"```text\n\$ kickdyn (.*?)```", page.read_text("utf-8"), re.DOTALL)
+]
+
+
+@pytest.mark.parametrize(("page", "block"), COMMANDS, ids=[page for page, _ in COMMANDS])
+def test_commands_print_the_outputs_shown(page, block):
+    arguments, expected = block.split("\n", 1)
+    result = CliRunner().invoke(kickdyn_command, shlex.split(arguments))
+    assert comparable(result.output) == comparable(expected)
+
+
+def test_the_sweep_page_shows_a_command():
+    assert "sweeps" in {page for page, _ in COMMANDS}
+
+
+@pytest.mark.parametrize("page", ["scene-file.md", "dataset.md"])
+def test_tables_made_from_the_code_are_current(page):
+    """`python docs/reference_tables.py` writes them."""
+    made = runpy.run_path(str(DOCS / "reference_tables.py"))["current"](page)
+    current = (DOCS / "reference" / page).read_text("utf-8")
+    assert made == current, "run python docs/reference_tables.py"
+
+
+def test_the_scene_of_the_reference_is_valid(tmp_path):
+    page = (DOCS / "reference" / "scene-file.md").read_text("utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "volley.toml").write_text(text, "utf-8")
+    assert kickdyn.load_scene(tmp_path / "volley.toml").name == "volley"
+
+
+def test_every_extra_is_in_the_installation_page():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    page = (DOCS / "install.md").read_text("utf-8")
+    for extra in settings["project"]["optional-dependencies"]:
+        assert f"`{extra}`" in page, extra
 
 
 def test_every_public_name_is_in_the_api():
@@ -87,9 +132,14 @@ def test_the_site_builds_without_a_warning(tmp_path):
     options = ["-D", "nb_execution_mode=off", "-d", tmp_path / "trees", DOCS, tmp_path / "site"]
     ended = subprocess.run([*command, *options], capture_output=True, text=True)
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert 'id="kickdyn.Leg.posture"' in (tmp_path / "site" / "reference" / "api.html").read_text(
-        "utf-8"
-    )
+    api = (tmp_path / "site" / "reference" / "api.html").read_text("utf-8")
+    assert 'id="kickdyn.Leg.posture"' in api
+    assert "ArrayLike" in api
+    assert "_SupportsArray" not in api
+    index = (tmp_path / "site" / "searchindex.js").read_text("utf-8")
+    index = json.loads(index[index.index("{") : index.rindex("}") + 1])
+    for word in ("mimic", "restitut", "mujoco"):  # the stems that the search looks for
+        assert word in index["titleterms"], word
     pages = {page.stem: page.read_text("utf-8") for page in (tmp_path / "site").rglob("*.html")}
     for name, html in pages.items():
         assert not re.search(r"<(script|img|link)[^>]*(src|href)=\"(https?:)?//", html), name

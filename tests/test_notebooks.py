@@ -56,8 +56,8 @@ def test_is_clean(file):
 
 
 @by_name
-def test_the_readme_names_it(file):
-    assert f"notebooks/{file.name}" in (ROOT / "README.md").read_text("utf-8")
+def test_a_page_names_it(file):
+    assert f"notebooks/{file.name}" in (ROOT / "docs" / "examples.md").read_text("utf-8")
 
 
 NO_ROBOTS = """

@@ -1,6 +1,7 @@
 """Restitution over the speed of approach: tables, models, and every function that strikes."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -58,6 +59,7 @@ def test_a_table_is_linear_between_its_rows_and_constant_beyond(speed, e, slope)
         ([[1, math.nan]], "finite"),
         ([[1, 0.5], [2]], "array of numbers"),
         ({1: 2}, "real numbers"),
+        (SimpleNamespace(table=[[1, 0.5]]), "is a SimpleNamespace: .* its attribute `table`$"),
         ("leather", "'leather': .* peacock-ball"),
     ],
 )
@@ -158,6 +160,24 @@ def test_a_constant_table_gives_the_bits_of_the_number(seed):
         if law == "newton":
             for name, rows in one.sensitivity().v_after.items():
                 assert rows.tobytes() == other.sensitivity().v_after[name].tobytes(), name
+
+
+def test_a_constant_table_gives_the_bits_of_the_number_everywhere():
+    """A contact that takes time, a scene and a sweep; plans are in `planning/test_kick.py`."""
+    v, flat = POSTURE.joint_velocity(8 * ATTACK), [[1.0, 0.7], [5.0, 0.7], [20.0, 0.7]]
+    for friction in (0.0, 0.4):
+        contacts = contact(0.7, friction), contact(flat, friction)
+        one, other = (kd.collide(POSTURE, v, BALL, c, tol=1e-6) for c in contacts)
+        assert one.impulse.tobytes() == other.impulse.tobytes()
+        assert (one.contact_time, one.peak_force) == (other.contact_time, other.peak_force)
+        budgets = [kd.strike(POSTURE, v, BALL, c).uncertainty(restitution=0.02) for c in contacts]
+        assert str(budgets[0]) == str(budgets[1])
+        ends = [kd.simulate(kd.Scene(LEG, POSTURE.q, v, BALL, c)).end for c in contacts]
+        assert ends[0].position.tobytes() == ends[1].position.tobytes()
+    axes = {"hip": np.array([0.1, 0.35]), "knee": np.array([0.5, 0.6])}
+    tables = [kd.sweep(LEG, axes, kd.Kick(speed=8.0, restitution=e)) for e in (0.7, flat)]
+    for name in tables[0].data_vars:
+        assert tables[0][name].values.tobytes() == tables[1][name].values.tobytes(), name
 
 
 @pytest.mark.parametrize("speed", [3.0, 7.0, 15.0])

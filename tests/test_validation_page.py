@@ -1,10 +1,16 @@
 """The tables of validation.md and README.md are the output of benchmarks/validation.py."""
 
+import math
 import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+import kickdyn as kd
+from kickdyn.paper import tables_4_5
+from kickdyn.paper.reproduce import SECTIONS
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, README = ROOT / "docs" / "explanation" / "validation.md", ROOT / "README.md"
@@ -13,7 +19,7 @@ BENCHMARKS = ROOT / "benchmarks"
 
 def rows(path):
     lines = path.read_text(encoding="utf-8").splitlines()
-    row = re.compile(r"\| ([MA]\d+|Table [45]) \|( .* \|){3}")
+    row = re.compile(r"\| ([MAPV]\d+|Table [45]) \|( .* \|){3}")
     return [line for line in lines if row.match(line)]
 
 
@@ -28,19 +34,50 @@ def test_the_rows_are_those_of_the_script(monkeypatch):
     finally:
         for name in ("validation", "compliance", "spin_offset"):
             sys.modules.pop(name, None)
-    page = [line for line in rows(PAGE) if not line.startswith("| A1 |")]
+    page = [line for line in rows(PAGE) if not re.match(r"\| (A1|[PV]\d) \|", line)]
     assert validation.lines(found)[2:] == page
-    readme = [line for line in rows(README) if not line.startswith("| A1 |")]
-    assert validation.short_lines(found)[2:] == readme
+    readme = [line for line in rows(README) if not re.match(r"\| (A1|[PV]\d) \|", line)]
+    assert validation.short_lines(found) == readme
+
+
+@pytest.mark.skipif(not BENCHMARKS.exists(), reason="benchmarks come with the checkout only")
+def test_the_rules_of_the_verdicts(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import validation
+
+    try:
+        found = [validation.within(1, 3, *values) for values in ((1, 3), (0.9, 2), (0.9, 3.1))] + [
+            validation.range_within(1, 3, *ends)
+            for ends in ((1, 3), (0.5, 1), (2, 4), (0.5, 4), (0.1, 0.9), (3.1, 4))
+        ]
+        assert validation.close((1.09, 1.0), (0.91, 1.0)) == "inside"
+        assert validation.close((1.11, 1.0), (0.91, 1.0)) == "**partly**"
+        assert validation.sign(-0.1, 1) == "**outside**, not this sign"
+    finally:
+        for name in ("validation", "compliance", "spin_offset"):
+            sys.modules.pop(name, None)
+    partly, outside = "**partly**", "**outside**"
+    assert found == ["inside", partly, outside, "inside", *[partly] * 3, outside, outside]
 
 
 def test_the_page_has_every_measurement_and_explains_what_is_outside():
     cells = [line.strip("| ").split(" | ") for line in rows(PAGE)]
     names = {row[0] for row in cells}
     expected = {f"M{k}" for k in range(1, 12)} | {f"A{k}" for k in range(1, 5)}
-    assert names == expected | {"Table 4", "Table 5"}
+    assert names == expected | {
+        "P1",
+        "P2",
+        "P3",
+        "P4",
+        "V1",
+        "V2",
+        "V3",
+        "V4",
+        "Table 4",
+        "Table 5",
+    }
     for row in cells:
-        if "outside" in row[4] or "not comparable" in row[4]:
+        if any(word in row[4] for word in ("outside", "partly", "not comparable")):
             assert len(row) == 6, row
             assert row[5], row
 
@@ -51,3 +88,36 @@ def test_the_readme_repeats_rows_of_the_page():
     for line in rows(README):
         number, _, *values = line.strip("| ").split(" | ")
         assert (number, *values) in given
+
+
+def row_of(number):
+    (row,) = [line for line in rows(PAGE) if line.startswith(f"| {number} |")]
+    return [cell.strip() for cell in row.strip("|").split("|")]
+
+
+def test_the_row_on_table_2():
+    attack = [math.cos(math.radians(30)), 0, math.sin(math.radians(30))]
+    postures = [kd.Leg.human().posture(np.radians([5, 10, ankle])) for ankle in (-5, 15, 40)]
+    ours = [kd.normal_impulse(1.0, 0.8, posture.effective_mass(attack)) for posture in postures]
+    _, _, reference, shown, difference = row_of("P1")
+    assert shown == ", ".join(f"{value:.3f}" for value in ours) + " N s"
+    printed = [float(value) for value in reference.removesuffix(" N s").split(", ")]
+    worst = max(abs(value / paper - 1) for value, paper in zip(ours, printed, strict=True))
+    assert difference.startswith(f"≤ {100 * worst:.2f} %,")
+
+
+def test_the_rows_on_figures_and_tables_4_and_5():
+    ours = {item.item: item for section in SECTIONS for item in section.items()}
+    spins = [ours[f"Fig. 9 case {case} spin"] for case in (1, 2, 3)]
+    assert ", ".join(f"{item.ours:.2f}" for item in spins) in row_of("P2")[3]
+    worst = max(abs(item.relative_error) for item in spins)
+    assert row_of("P2")[4].startswith(f"≤ {100 * worst:.2f} %,")
+    goal = "Fig. 13-15 100 m, 3 s"
+    learned, steps = ours[f"{goal} learning loop rounds"].ours, ours[f"{goal} planner steps"].ours
+    assert row_of("P3")[3].startswith(f"{learned} with the paper's learning loop; {steps} with")
+    predicted = [ours[f"{row.name} distance"] for row in tables_4_5.PREDICTED]
+    assert ", ".join(f"{item.ours:.2f}" for item in predicted) in row_of("P4")[3]
+    worst = max(abs(item.relative_error) for item in predicted)
+    assert row_of("P4")[4].startswith(f"≤ {100 * worst:.2f} %,")
+    least, most = tables_4_5.fit(tables_4_5.DEFAULT).middle
+    assert f"{least:.1f} to {most:.1f} m for the first distance" in PAGE.read_text("utf-8")

@@ -130,7 +130,8 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the kick.")
 @click.option("--swing", is_flag=True, help="Plan the way from rest to the impact and to rest "
-              "again, within all limits, and show it in the page.")  # fmt: skip
+              "again, within all limits, and show it in the page; of a robot on a support, the way "
+              "from rest to the impact, with its foot above the ground.")  # fmt: skip
 @click.option("--plot", metavar="FILE", help="Draw torques and powers of the swing: png, svg, pdf.")
 def plan(
     distance: float,
@@ -198,6 +199,8 @@ def plan(
     )
     air_of_flight = _windy(with_drag(AIRS[air], drag), wind)
     leg = leg_options.load()
+    if plot is not None and is_floating(leg):
+        raise InvalidInput(f"plot is {plot!r}: swings are drawn for robots on a fixed base")
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
@@ -225,9 +228,10 @@ def plan(
                 surface=surface,
                 swing=swing,
             )
-            if swing:
+            swung = None
+            if swing and planned.backswing is None:
                 show("planning the swing")
-            swung = plan_swing(leg, planned) if swing else None
+                swung = plan_swing(leg, planned)
     except OutOfReach as error:
         if json_file is not None:
             write_json(json_file, unreachable_json(goal, error))

@@ -1,5 +1,6 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
+import logging
 import math
 import sys
 import threading
@@ -20,7 +21,7 @@ from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.named_legs import SHIPPED
 from kickdyn.cli.restitution_option import restitution_option
-from kickdyn.core import validation
+from kickdyn.core import compilation, validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
@@ -218,8 +219,16 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         """Return what stands beside the progress bar."""
         return f"best {speed:.4g} m/s" if speed else None
 
-    label = "postures (the first sweep compiles)"
-    with click.progressbar(length=size, label=label, file=sys.stderr, item_show_func=text) as bar:
+    notice = logging.Handler(logging.INFO)
+    notice.emit = lambda record: click.echo(  # type: ignore[method-assign]
+        f"\r{record.getMessage() + '; later runs read it from disk':79}", err=True
+    )
+    level = compilation.log.level
+    compilation.log.addHandler(notice)
+    compilation.log.setLevel(logging.INFO)
+    with click.progressbar(
+        length=size, label="postures", file=sys.stderr, item_show_func=text
+    ) as bar:
 
         def progress(count: int, speed: float) -> None:
             """Move the bar on by a number of postures, and keep the best speed [m/s]."""
@@ -227,7 +236,11 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
             best = float(np.fmax(best, speed))
             bar.update(count, best)
 
-        yield progress
+        try:
+            yield progress
+        finally:
+            compilation.log.removeHandler(notice)
+            compilation.log.setLevel(level)
 
 
 def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":

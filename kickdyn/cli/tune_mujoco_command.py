@@ -73,6 +73,11 @@ def tune_mujoco(
             f"law is {scene.law.value!r}: a contact of MuJoCo is tuned for 'newton', or for a "
             "contact time"
         )
+    if scene.stiffness is not None:
+        raise InvalidInput(
+            f"stiffness is {scene.stiffness!r}: a contact of MuJoCo is tuned for a contact time, "
+            "contact_time_s"
+        )
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=timestep,

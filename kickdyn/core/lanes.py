@@ -23,7 +23,6 @@ stops none; a product and a sum may be one instruction."""
 WITHIN: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options for what machine code calls, and Python must not: a tenth less to compile."""
 
-njit: Any = numba.njit(**HOW, **WITHIN)
 inlined: Any = numba.njit(**HOW, **WITHIN, forceinline=True)  # a call would break up vectors
 _intrinsic: Any = intrinsic
 

@@ -211,7 +211,8 @@ def direction(name: str, value: ArrayLike) -> Array:
 
 def length(vectors: Array) -> Array:
     """Return the length of vectors along the last axis; squares neither overflow nor vanish."""
-    largest = np.abs(vectors).max(axis=-1, keepdims=True)
+    parts = [vectors[..., k] for k in range(vectors.shape[-1])]  # numpy is slow along short axes
+    largest = functools.reduce(np.maximum, (np.abs(part) for part in parts))
     safe = np.where(largest > 0, largest, 1.0)
-    scaled = vectors / safe
-    return np.asarray(safe[..., 0] * np.sqrt((scaled * scaled).sum(axis=-1)))
+    squares = ((part / safe) ** 2 for part in parts)
+    return np.asarray(safe * np.sqrt(functools.reduce(np.add, squares)))

@@ -1,6 +1,7 @@
 """Thousands of flights at once: the answers of `fly`, in machine code."""
 
 import math
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from kickdyn._version import __version__
+from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -15,10 +17,16 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.equations import MAX_SPEED, tolerances
-from kickdyn.flight.flight_result import ROUNDING, FlightStatus, outside_ranges, refinements
+from kickdyn.flight.flight_result import (
+    ROUNDING,
+    FlightStatus,
+    least_error,
+    outside_ranges,
+    refinements,
+)
 from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march
 from kickdyn.ground import Ground
 
 
@@ -75,8 +83,8 @@ def fly_many(
     data = _variables(states, *flown, outside)
     if validation.flag("error", error):
         others = [
-            _flown(states, ball, air, drop, time_limit, *finer).nodes
-            for finer in refinements(tol, flown.nodes[:, 0], air)
+            (_flown(states, ball, air, drop, time_limit, *other).nodes, factor)
+            for *other, factor in refinements(tol, flown.nodes[:, 0], air)
         ]
         meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
         data["error"] = ("flight", _errors(states, flown, others, tol), meaning)
@@ -90,6 +98,12 @@ def fly_many(
         "tol": tol,
     }
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+
+
+def compile_flights(ball: Ball, air: Air) -> None:
+    """Compile what `fly_many` calls, or read it from the disk."""
+    compiled_march()
+    compiled_rates(ball, air)
 
 
 class _Flown(NamedTuple):
@@ -113,6 +127,9 @@ def _flown(
     closed = _have_closed_form(states, ball, air)
     too_fast = ~closed & (validation.length(states.velocity) > MAX_SPEED)  # what `fly` refuses
     integrated = np.flatnonzero(~closed & ~too_fast)
+    if air is not None and len(integrated) == len(drop):
+        scenes = _scenes(states, ball, air, drop, tol, longest)
+        return _Flown(*_integrate(scenes, states.velocity, ball, air, tol, time_limit))
     nodes, evaluations = np.full((len(drop), 16), np.nan), np.zeros(len(drop), np.int64)
     status = np.full(len(drop), FAILED, np.int8)
     fall = _closed_forms(states.velocity[closed], downward(ball, air), drop[closed], time_limit)
@@ -124,23 +141,31 @@ def _flown(
     return _Flown(nodes, status, evaluations)
 
 
-def _errors(states: BallState, flown: _Flown, others: list[Array], tol: float) -> Array:
+def _errors(
+    states: BallState, flown: _Flown, others: list[tuple[Array, float]], tol: float
+) -> Array:
     """Return the estimate of `Flight.error` for each flight [m], nan where it failed."""
     nodes = flown.nodes
     length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
-    speed, error = validation.length(nodes[:, 4:7]), np.maximum(1e-3 * tol, 1e-12) * length
-    for other in others:
+    speed, error = validation.length(nodes[:, 4:7]), least_error(tol) * length
+    for other, factor in others:
         late = speed * np.abs(other[:, 0] - nodes[:, 0])
         moved = np.maximum(validation.length(other[:, 1:4] - nodes[:, 1:4]), late)
-        error = np.maximum(error, np.where(np.isnan(moved), math.inf, 2.0 * moved))
+        error = np.maximum(error, np.where(np.isnan(moved), math.inf, factor * moved))
     error = np.where(flown.evaluations > 0, error, ROUNDING * length)
     error += ROUNDING * np.abs(states.position).max(axis=1, initial=0.0)
     return np.where(flown.status == FAILED, math.nan, error)
 
 
+def _spins(states: BallState) -> NDArray[np.bool_]:
+    """Return which balls spin; numpy's `any` is slow along a short axis."""
+    x, y, z = (states.spin[:, axis] for axis in range(3))
+    return np.asarray((x != 0.0) | (y != 0.0) | (z != 0.0))
+
+
 def _have_closed_form(states: BallState, ball: Ball, air: Air | None) -> NDArray[np.bool_]:
     """Return which flights a closed form answers, those with spin or those without, or both."""
-    spins = states.spin.any(axis=1)
+    spins = _spins(states)
     if downward(ball, air) <= 0.0:
         return np.zeros_like(spins)
     return np.where(spins, is_ballistic(air, np.ones(3)), is_ballistic(air, np.zeros(3)))
@@ -170,27 +195,25 @@ def _integrate(
     scenes: Array, velocities: Array, ball: Ball, air: Air, tol: float, time_limit: float
 ) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
     """Return nodes, status and evaluations of flights through the air."""
-    n = len(scenes)
-    march, rates = compiled_march(), compiled_rates(ball, air)
-    limits = (max(tol, 100 * float(np.finfo(float).eps)), tol, time_limit)
-    flown = np.empty((n, 16)), np.zeros(n, np.int8), np.zeros(n, np.int64)
+    rates, velocities = compiled_rates(ball, air), np.array(velocities)  # which can be written to
+    limits = max(tol, 100 * float(np.finfo(float).eps)), tol, time_limit
     try:
-        march(rates, scenes, velocities, *limits, *flown)
+        return march(rates, scenes, velocities, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail
+        n = len(scenes)
+        flown = np.full((n, 16), np.nan), np.full(n, FAILED, np.int8), np.zeros(n, np.int64)
         for i in range(n):
-            one = tuple(part[i : i + 1] for part in flown)
-            try:
-                march(rates, scenes[i : i + 1], velocities[i : i + 1], *limits, *one)
-            except Exception:
-                one[0][:], one[1][:], one[2][:] = np.nan, FAILED, 0
-    return flown
+            with suppress(Exception):
+                one = march(rates, scenes[i : i + 1], velocities[i : i + 1], *limits)
+                flown[0][i], flown[1][i], flown[2][i] = (part[0] for part in one)
+        return flown
 
 
 def _scenes(
     states: BallState, ball: Ball, air: Air, drop: Array, tol: float, longest: Array | None
 ) -> Array:
     """Return what `march` needs of each flight, with the tolerances of `fly`, shape `(n, 9)`."""
-    decays = states.spin.any(axis=1) & brakes(air, np.ones(3))
+    decays = _spins(states) & brakes(air, np.ones(3))
     if callable(air.wind):
         wind = np.array([_speed(air, height) for height in states.position[:, 2].tolist()])
     else:
@@ -207,18 +230,20 @@ def _outside(
 ) -> NDArray[np.bool_]:
     """Return which flights have a node outside the range of a coefficient."""
     outside = np.zeros(len(nodes), bool)
-    if air is None:
+    models = () if air is None else (air.drag, air.lift)
+    if air is None or not any(isinstance(model, CoefficientModel) for model in models):
         return outside
-    launch, flown = states.position[rows, 2], nodes[rows]
-    spin, one = states.spin[rows], np.ones((len(rows), 1))
+    every = slice(None) if len(rows) == len(nodes) else rows
+    launch, spin, flown = states.position[every, 2], states.spin[every], nodes[every]
+    found = np.zeros(len(flown), bool)
     for height, velocity, share in (
-        (launch, states.velocity[rows], one),
+        (launch, states.velocity[every], 1.0),
         (launch + flown[:, 3], flown[:, 4:7], flown[:, 7:8]),
         (launch + flown[:, 11], flown[:, 12:15], flown[:, 15:]),
     ):
         for _, out in outside_ranges(height, velocity, share * spin, ball, air):
-            outside[rows] |= out
-    outside[~(nodes[:, 0] > 0.0)] = False  # it failed, or never flew
+            found |= out
+    outside[every] = found & (flown[:, 0] > 0.0)  # else it failed, or never flew
     return outside
 
 

@@ -1,10 +1,11 @@
 """Many flights in machine code: scipy's DOP853 without its Python.
 
 Coefficients and error estimate are scipy's. The next step is 0.7 of what the estimate
-allows, not 0.9: fewer are rejected, and as many evaluations give half the error. Events are not
-read off an interpolant: the step that crosses one is taken anew with the length that ends there, so
-that a node is as accurate as the steps are. Every flight has a lane, with its own time and step;
-whichever ends makes room for the next.
+allows, not 0.9: fewer are rejected, and as many evaluations give half the error. Apex and landing
+are not read off an interpolant within a long step: the step that crosses one is taken anew with the
+length that ends there, within a small fraction of a step, which a polynomial covers. A node is then
+as accurate as the steps are. Every flight has a lane, with its own time and step; whichever ends
+makes room for the next.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -17,11 +18,13 @@ from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from kickdyn.core import lanes
 from kickdyn.core.compilation import compiled, named
-from kickdyn.core.lanes import HOW, LANES, inlined, njit
+from kickdyn.core.lanes import HOW, LANES, WITHIN
+from kickdyn.core.validation import Array
 from kickdyn.flight import compiling
 from kickdyn.flight.compiling import LEFT, SIGNATURE, SIZE, U, W, X, Z
 from kickdyn.flight.integrate import MAX_EVALUATIONS
@@ -36,7 +39,6 @@ STAGES = DOP853.n_stages
 # Weights of the rates before stage i, then of the step itself, then of both estimates of its error:
 # without zeros, in fours, each of which is one pass through memory.
 _TABLE = np.vstack([DOP853.A, DOP853.B, DOP853.E5[:-1], DOP853.E3[:-1]])
-_FIFTH, _THIRD = STAGES + 1, STAGES + 2
 _COUNT = np.count_nonzero(_TABLE, axis=1)
 _WHICH = np.zeros((len(_TABLE), STAGES + 4), np.int64)
 _WEIGHT = np.zeros(_WHICH.shape)
@@ -45,17 +47,52 @@ for _k, _row in enumerate(_TABLE):
     _WHICH[_k, : len(_used)] = _used
     _WEIGHT[_k, : len(_used)] = _row[_used]
 
-T, H, LONGEST, DROP, ERROR, GROWTH, TAKEN, NEXT, SPAN, LOW, HIGH = range(11)
+(
+    T, H, LONGEST, DROP, ERROR, GROWTH, TAKEN, NEXT, LOW, HIGH, ROW, PHASE, PLACE, REJECTED, CALLS
+) = range(15)  # fmt: skip
 """Rows of a lane's numbers: time, step and its limit; drop to the landing; the step's error over
-what is tolerated, the factor that allows for the next one, whether it is taken; the next step, the
-whole step that an event lies in, and bounds of the event within it."""
+what is tolerated, the factor that allows for the next one, whether it is taken; the step after one
+to an event, and bounds of that event, from the beginning of the step; which flight it is, what its
+step is for, where it begins, whether the step before was rejected; evaluations."""
 
-_LANE_ROWS = 11
+_ROWS = 15
+
+_FLYING, _TO_APEX, _TO_LANDING, _IDLE = 0.0, 1.0, 2.0, 3.0  # phases: what a step is for
+_NOT_YET_UP, _ANYWHERE, _AT_APEX = 0.0, 1.0, 2.0  # places, which say what events a step can have
 
 _EPS = float(np.finfo(float).eps)
 
-_FLYING, _TO_APEX, _TO_LANDING, _IDLE = range(4)  # what a lane's step is for
-_ROW, _PHASE, _REJECTED, _RISES, _CALLS = range(5)  # rows of a lane's integers
+_OPTIONS: dict[str, Any] = {**HOW, "_nrt": False}
+"""No counting of references by numba, which costs time in every call: Python owns all arrays."""
+
+njit: Any = numba.njit(**_OPTIONS, **WITHIN)
+inlined: Any = numba.njit(**_OPTIONS, **WITHIN, forceinline=True)
+
+
+def march(
+    rates_of: Any, scenes: Array, velocities: Array, rtol: float, tol: float, limit: float
+) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
+    """Return nodes, status and evaluations of n flights.
+
+    Args:
+        rates_of: the equations of motion, as `compiled_rates` returns them.
+        scenes: a row for each flight: height, spin (3), whether it decays, drop, absolute
+            tolerances of displacement and of velocity, longest step; shape `(n, 9)`.
+        velocities: at the launch, shape `(n, 3)` [m/s].
+        rtol: relative tolerance.
+        tol: absolute tolerance of the spin over that of the launch.
+        limit: of time [s].
+
+    Returns:
+        Time and 7 states at the end, then at the apex, shape `(n, 16)`; `LANDED`, `ALOFT` or
+        `FAILED`, and the number of evaluations, shape `(n,)`.
+    """
+    n = len(scenes)
+    flown = np.empty((n, 16)), np.zeros(n, np.int8), np.zeros(n, np.int64)
+    limits = float(rtol), float(tol), float(limit)
+    memory = [np.zeros(shape) for shape in ((n, 8), (STAGES + 1, SIZE), (8, SIZE), (_ROWS, LANES))]
+    compiled_march()(rates_of, scenes, velocities, *limits, *flown, *memory)
+    return flown
 
 
 @cache
@@ -64,120 +101,102 @@ def compiled_march() -> Any:
     matrix = numba.float64[:, ::1]
     signature = numba.void(
         numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
-        matrix, numba.int8[::1], numba.int64[::1],
+        matrix, numba.int8[::1], numba.int64[::1], *(matrix,) * 4,
     )  # fmt: skip
     # numba looks for changes in this file only; the others are part of the name
     sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
     name = f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}"
-    return compiled(named(_march, name), signature, **HOW)
+    return compiled(named(_march, name), signature, "the integration of flights", **_OPTIONS)
 
 
-def _march(rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations):
-    """Fly every row: load flights into lanes, step all lanes at once, see where each one stands.
+def _march(
+    rates_of, scenes, velocities, rtol, tol, limit, out, status, evaluations,
+    begin, rates, work, lane,
+):  # fmt: skip
+    """Fill in what `march` returns: load flights into lanes, step all at once, see where each is.
 
-    A scene is height, spin (3), whether it decays, drop, absolute tolerances of displacement and of
-    velocity, longest step; the velocity at the launch [m/s] has shape `(3,)`. The relative
-    tolerance is `rtol`, the absolute one of the spin `tol`, the limit of time `limit` [s]. Rows of
-    `out` are filled with time and 7 states at the end, then at the apex; `status` with `LANDED`,
-    `ALOFT` or `FAILED`.
+    The last four arguments are memory to work in.
     """
-    n = len(out)
-    rates, begin = np.zeros((STAGES + 1, SIZE)), np.empty((n, 8))
-    _start(rates_of, scenes, velocities, rtol, tol, limit, rates, begin, status, evaluations)
-    scene, scale = np.zeros(5 * LANES), np.ones(SIZE)
-    y, new, far, far_rates = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE)
-    five, three = np.zeros(SIZE), np.zeros(SIZE)
-    lane, counts = np.zeros((_LANE_ROWS, LANES)), np.zeros((5, LANES), np.int64)
-    counts[_PHASE] = _IDLE
-    waiting, flying = 0, 0
+    y, new, scale, scene = work[0], work[1], work[2], work[3]
+    _start(rates_of, scenes, velocities, rtol, tol, limit, rates, begin, status, evaluations,
+           scene, scale, y, lane)  # fmt: skip
+    for i in range(LANES):
+        lane[PHASE, i] = _IDLE
+    n, waiting, flying = len(out), 0, 0
     while True:
         for i in range(LANES):
-            while counts[_PHASE, i] == _IDLE and waiting < n:
+            while lane[PHASE, i] == _IDLE and waiting < n:
                 row = waiting
                 waiting += 1
                 _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane)
-                _write_node(i, 0.0, y, out[row])
-                _write_node(i, 0.0, y, out[row, 8:])
+                for k in range(0, 16, 8):
+                    _write_node(i, 0.0, y, out, row, k)
                 if status[row] != ALOFT:
                     continue
-                lane[T, i] = 0.0
                 for c in range(7):
                     rates[0, c * LANES + i] = begin[row, c]
                 climb, lifted = begin[row, 2], begin[row, 5]
-                counts[_ROW, i], counts[_CALLS, i], counts[_REJECTED, i] = row, 1, 0
-                counts[_RISES, i] = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
-                _set_step(i, begin[row, 7], limit, lane, counts)
+                rises = climb > 0.0 or (climb == 0.0 and lifted > 0.0)
+                lane[PLACE, i] = _NOT_YET_UP if rises else _ANYWHERE
+                lane[T, i], lane[ROW, i], lane[CALLS, i], lane[REJECTED, i] = 0.0, row, 1.0, 0.0
+                _set_step(i, begin[row, 7], limit, lane)
                 flying += 1
         if flying == 0:
             break
-        _step(rates_of, scene, y, lane, rates, five, three, new)
-        _estimate_error(y, new, rates, rtol, scale, lane, five, three)
+        _step(rates_of, scene, y, lane, rates, work[4:], new)
+        _estimate_error(y, new, rates, rtol, scale, lane, work[5], work[6])
+        _take_ordinary_steps(y, new, limit, lane)
         for i in range(LANES):
-            if counts[_PHASE, i] == _IDLE:
+            if lane[TAKEN, i] != 0.0 or lane[PHASE, i] == _IDLE:
                 continue
-            row = counts[_ROW, i]
-            counts[_CALLS, i] += STAGES
-            lane[TAKEN, i] = 0.0
-            here = (i, y, rates, new, lane, counts)
-            if counts[_PHASE, i] == _FLYING:
-                done = _after_step(*here, limit, far, far_rates, out[row])
+            row = int(lane[ROW, i])
+            if lane[PHASE, i] == _FLYING:
+                done = _handle_step(i, y, rates, new, lane, limit, out, row)
             else:
-                done = _after_event_step(*here, tol, limit, far, far_rates, out[row])
+                done = _handle_event_step(i, y, rates, new, lane, tol, limit, out, row)
             if done >= 0:
-                status[row], evaluations[row] = done, counts[_CALLS, i]
-                counts[_PHASE, i], lane[H, i] = _IDLE, 0.0
+                status[row], evaluations[row] = done, int(lane[CALLS, i])
+                lane[PHASE, i], lane[H, i] = _IDLE, 0.0
                 flying -= 1
         _accept(y, rates, new, lane)
     for row in range(n):
         if status[row] == FAILED:
-            out[row] = math.nan
+            for c in range(16):
+                out[row, c] = math.nan
 
 
-@njit
-def _weighted_sum(k, rates, total):
-    """Put the sum of the rates, weighted by row k of the table, into `total`."""
-    for n in range(0, _COUNT[k], 4):
-        i, j, p, q = _WHICH[k, n], _WHICH[k, n + 1], _WHICH[k, n + 2], _WHICH[k, n + 3]
-        a, b, c, d = _WEIGHT[k, n], _WEIGHT[k, n + 1], _WEIGHT[k, n + 2], _WEIGHT[k, n + 3]
-        for m in range(SIZE):
-            sum_of_four = (a * rates[i, m] + b * rates[j, m]) + (c * rates[p, m] + d * rates[q, m])
-            total[m] = sum_of_four if n == 0 else total[m] + sum_of_four
+@inlined
+def _step(rates_of, scene, y, lane, rates, sums, new):
+    """Take a step in every lane, from `y` with its rates to `new` with its rates.
 
-
-@njit
-def _add_scaled(y, h, slope, new):
-    """Put `y` plus `h` times `slope` into `new`."""
-    for m in range(SIZE):
-        new[m] = y[m] + h[m] * slope[m]
-
-
-@njit
-def _broadcast(row, whole):
-    """Put the number of each lane into the places of all of its states."""
+    Three rows of `sums` become the weighted sum of the rates before the last stage, and those of
+    both estimates of the error; the fourth is memory to work in.
+    """
+    h = sums[3]
     for c in range(0, SIZE, LANES):
         for i in range(LANES):
-            whole[c + i] = row[i]
+            h[c + i] = lane[H, i]
+    for k in range(1, STAGES + 3):
+        total = sums[max(k - STAGES, 0)]
+        for n in range(0, _COUNT[k], 4):
+            i, j, p, q = _WHICH[k, n], _WHICH[k, n + 1], _WHICH[k, n + 2], _WHICH[k, n + 3]
+            a, b, c, d = _WEIGHT[k, n], _WEIGHT[k, n + 1], _WEIGHT[k, n + 2], _WEIGHT[k, n + 3]
+            for m in range(SIZE):
+                four = (a * rates[i, m] + b * rates[j, m]) + (c * rates[p, m] + d * rates[q, m])
+                total[m] = four if n == 0 else total[m] + four
+        if k <= STAGES:
+            for m in range(SIZE):
+                new[m] = y[m] + h[m] * total[m]
+            rates_of(scene, new, rates[k])
 
 
-@njit
-def _step(rates_of, scene, y, lane, rates, slope, h, new):
-    """Take a step in every lane, from `y` with its rates to `new` with its rates."""
-    _broadcast(lane[H], h)
-    for k in range(1, STAGES + 1):
-        _weighted_sum(k, rates, slope)
-        _add_scaled(y, h, slope, new)
-        rates_of(scene, new, rates[k])
-
-
-@njit
+@inlined
 def _estimate_error(y, new, rates, rtol, scale, lane, five, three):
     r"""Estimate the error of a step over what is tolerated, and the next step, as scipy does.
 
     :math:`h e_5^2 / \sqrt{(e_5^2 + 0.01 e_3^2) n}`, with both estimates scaled by the tolerances.
     """
     last = rates[STAGES]
-    _weighted_sum(_FIFTH, rates, five)
-    _weighted_sum(_THIRD, rates, three)
     for m in range(SIZE):
         per = 1.0 / (scale[m] + rtol * max(abs(y[m]), abs(new[m])))
         five[m] = (five[m] * per) ** 2
@@ -193,7 +212,7 @@ def _estimate_error(y, new, rates, rtol, scale, lane, five, three):
         lane[GROWTH, i] = 0.7 / math.sqrt(math.sqrt(math.sqrt(lane[ERROR, i])))
 
 
-@njit
+@inlined
 def _accept(y, rates, new, lane):
     """Take the step in the lanes where row `TAKEN` says so."""
     for c in range(0, SIZE, LANES):
@@ -217,24 +236,16 @@ def _load_flight(i, row, scenes, velocities, tol, scene, y, scale, lane):
     lane[DROP, i], lane[LONGEST, i] = scenes[row, 5], scenes[row, 8]
 
 
-@njit
-def _scaled_norm(i, a, y, rtol, scale):
-    """Return the root mean square of a lane's numbers over what is tolerated."""
-    total = 0.0
-    for c in range(0, SIZE, LANES):
-        total += (a[c + i] / (scale[c + i] + rtol * abs(y[c + i]))) ** 2
-    return math.sqrt(total / STATES)
-
-
-@njit
-def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations):
+@inlined
+def _start(
+    rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status, evaluations,
+    scene, scale, y, lane,
+):  # fmt: skip
     """Find the first rates of every flight and its first step, as Hairer, Norsett & Wanner do.
 
     The steps are relative to the flight's own times, as in `integrate`. A flight that cannot begin,
     or ends at once, is given a status.
     """
-    scene, scale, y = np.zeros(5 * LANES), np.ones(SIZE), np.zeros(SIZE)
-    lane = np.zeros((_LANE_ROWS, LANES))
     n = len(starts)
     for first in range(0, n, LANES):
         for i in range(LANES):
@@ -242,8 +253,12 @@ def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status
         rates_of(scene, y, rates[0])
         for i in range(min(LANES, n - first)):
             row = first + i
-            d0 = max(_scaled_norm(i, y, y, rtol, scale), 1.0)
-            d1 = _scaled_norm(i, rates[0], y, rtol, scale)
+            d0, d1 = 0.0, 0.0
+            for c in range(i, SIZE, LANES):
+                per = 1.0 / (scale[c] + rtol * abs(y[c]))
+                d0 += (y[c] * per) ** 2
+                d1 += (rates[0, c] * per) ** 2
+            d0, d1 = max(math.sqrt(d0 / STATES), 1.0), math.sqrt(d1 / STATES)
             h = d0 / d1 * (0.01 / d0) ** 0.125 if d1 > 0.0 else limit
             starts[row, 7] = min(h, limit)
             evaluations[row], status[row] = 1, ALOFT
@@ -256,30 +271,69 @@ def _start(rates_of, scenes, velocities, rtol, tol, limit, rates, starts, status
                 status[row] = LANDED
 
 
-@njit
-def _guess_event(i, y, new, h, rates, new_rates, drop, apex, low):
-    """Return about where in a step the event falls through 0, as a fraction, or -1 for nowhere.
+@inlined
+def _take_ordinary_steps(y, new, limit, lane):
+    """Take the steps that are not rejected, cross no event and end before the limit of time.
 
-    The height is the quintic through height, speed and acceleration at both ends.
+    Row `TAKEN` says in which lanes.
     """
-    c1, c2 = h * y[W + i], 0.5 * h * h * rates[W + i]
-    d = new[Z + i] - y[Z + i] - c1 - c2
-    e = h * new[W + i] - c1 - 2.0 * c2
-    f = h * h * new_rates[W + i] - 2.0 * c2
-    p0, p1, p2 = y[Z + i] + drop, c1, c2
+    for i in range(LANES):
+        h, t = lane[H, i], lane[T, i] + lane[H, i]
+        no_apex = (y[W + i] < 0.0) | (new[W + i] > 0.0)
+        no_landing = (y[Z + i] + lane[DROP, i] < 0.0) | (new[Z + i] + lane[DROP, i] > 0.0)
+        good = (lane[ERROR, i] < 1.0) & (h < limit - lane[T, i]) & (lane[PHASE, i] == _FLYING)
+        taken = good & no_apex & no_landing & (lane[CALLS, i] < MAX_EVALUATIONS)
+        most = 10.0 - 9.0 * lane[REJECTED, i]
+        longer = lane[GROWTH, i] if lane[GROWTH, i] < most else most
+        further = h * longer if h * longer < lane[LONGEST, i] else lane[LONGEST, i]
+        smallest = 10.0 * _EPS * t + 1e-300
+        further = further if further > smallest else smallest
+        further = further if further < limit - t else limit - t
+        lane[TAKEN, i] = 1.0 if taken else 0.0
+        lane[T, i] = t if taken else lane[T, i]
+        lane[H, i] = further if taken else h
+        lane[CALLS, i] += STAGES
+        lane[REJECTED, i] = 0.0 if taken else lane[REJECTED, i]
+        lane[PLACE, i] = _ANYWHERE if taken & (lane[PLACE, i] == _AT_APEX) else lane[PLACE, i]
+
+
+@inlined
+def _path(c, h, y, rates, new, new_rates):
+    """Return the quintic through place, velocity and acceleration at both ends of a step of h [s].
+
+    Six coefficients of the powers of the fraction of the step, of the state in place c.
+    """
+    c1, c2 = h * y[U + c], 0.5 * h * h * rates[U + c]
+    d = new[c] - y[c] - c1 - c2
+    e = h * new[U + c] - c1 - 2.0 * c2
+    f = h * h * new_rates[U + c] - 2.0 * c2
     p3, p4, p5 = 10.0 * d - 4.0 * e + 0.5 * f, -15.0 * d + 7.0 * e - f, 6.0 * d - 3.0 * e + 0.5 * f
+    return y[c], c1, c2, p3, p4, p5
+
+
+@inlined
+def _event_path(i, apex, drop, h, y, rates, new, new_rates):
+    """Return six coefficients of what falls through 0 at an event, in the fraction of a step."""
+    p0, p1, p2, p3, p4, p5 = _path(Z + i, h, y, rates, new, new_rates)
     if apex:
-        p0, p1, p2, p3, p4, p5 = p1, 2.0 * p2, 3.0 * p3, 4.0 * p4, 5.0 * p5, 0.0
+        return p1, 2.0 * p2, 3.0 * p3, 4.0 * p4, 5.0 * p5, 0.0
+    return p0 + drop, p1, p2, p3, p4, p5
+
+
+@inlined
+def _guess_event(i, y, new, h, rates, apex, drop):
+    """Return about where in a step the event falls through 0, as a fraction, or -1 for nowhere."""
+    p0, p1, p2, p3, p4, p5 = _event_path(i, apex, drop, h, y, rates[0], new, rates[STAGES])
     # An event that is zero at the start, as a level launch that lift carries up, must rise first.
-    begin, part = low, 1.0
-    for _ in range(60):
-        if p0 + begin * (p1 + begin * (p2 + begin * (p3 + begin * (p4 + begin * p5)))) > 0.0:
-            break
-        part *= 0.5
-        begin = low + (1.0 - low) * part
-    else:
+    begin, end, first = 0.0, 1.0, p0
+    while first <= 0.0 and end > 1e-18:
+        end *= 0.5
+        begin = end
+        first = p0 + begin * (p1 + begin * (p2 + begin * (p3 + begin * (p4 + begin * p5))))
+    if not first > 0.0:
         return -1.0
-    end, s = 1.0, 0.5 * (begin + 1.0)
+    end, last = 1.0, p0 + (p1 + (p2 + (p3 + (p4 + p5))))
+    s = begin + (1.0 - begin) * first / (first - last)
     for _ in range(60):
         value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
@@ -291,136 +345,130 @@ def _guess_event(i, y, new, h, rates, new_rates, drop, apex, low):
         if not begin < further < end:
             further = 0.5 * (begin + end)
         moved, s = abs(further - s), further
-        if moved < 1e-9:
+        if moved < 1e-5:
             break
     return s
 
 
-@njit
-def _refine_event(i, apex, new, rates, tol, lane):
-    """Move a lane's step towards an event by Newton's method; return whether it ends there.
+@inlined
+def _write_event(i, apex, y, rates, new, tol, lane, out, row):
+    """Write the states at the event if a step ends close to it, else correct the step's length.
 
-    Once the time left is so short that its third order is far below the tolerance, a parabola
-    covers it: the states are then those of the event.
+    Return whether they are written. They are those of the quintics through both ends of the step:
+    of a fraction e of the step, they are wrong by e cubed times their error within the step.
     """
-    h, span, drop = lane[H, i], lane[SPAN, i], lane[DROP, i]
-    speed, slope = new[W + i], rates[W + i]
-    if apex:
-        value, more = speed, -speed / slope
-    else:
-        value = new[Z + i] + drop
-        more = -2.0 * value / (speed - math.sqrt(max(speed * speed - 2.0 * slope * value, 0.0)))
-    if abs(more) <= 0.03 * math.sqrt(tol) * span:
-        more = min(max(more, -h), span - h)
-        for c in (X, X + LANES, Z):
-            new[c + i] += more * (new[U + c + i] + 0.5 * more * rates[U + c + i])
-        for c in (U, U + LANES, W, LEFT):
-            new[c + i] += more * rates[c + i]
-        lane[H, i] += more
+    h, drop = lane[H, i], lane[DROP, i]
+    last = rates[STAGES]
+    p0, p1, p2, p3, p4, p5 = _event_path(i, apex, drop, -h, new, last, y, rates[0])
+    s = 0.0
+    for _ in range(6):
+        value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        moved = value / slope if slope != 0.0 else 0.0
+        s -= moved
+        if not abs(moved) > 1e-9:
+            break
+    exact = p0 == 0.0 or lane[HIGH, i] - lane[LOW, i] <= 1e-15 * lane[HIGH, i]
+    if exact:
+        s = 0.0
+    elif not abs(s) ** 3 <= 1e-3 * tol:
+        if p0 > 0.0:
+            lane[LOW, i] = h
+        else:
+            lane[HIGH, i] = h
+        h -= s * h
+        if not lane[LOW, i] < h < lane[HIGH, i]:
+            h = 0.5 * (lane[LOW, i] + lane[HIGH, i])
+        lane[H, i] = h
+        return False
+    k = 8 if apex else 0
+    if apex and new[Z + i] <= out[row, 11]:
+        return True  # an earlier crest is higher
+    if s == 0.0:
+        _write_node(i, lane[T, i] + h, new, out, row, k)
         return True
-    if value == 0.0 or lane[HIGH, i] - lane[LOW, i] <= 1e-15 * span:
-        return True
-    if value > 0.0:
-        lane[LOW, i] = h
-    else:
-        lane[HIGH, i] = h
-    h += more
-    if not lane[LOW, i] < h < lane[HIGH, i]:
-        h = 0.5 * (lane[LOW, i] + lane[HIGH, i])
-    lane[H, i] = h
-    return False
+    out[row, k] = lane[T, i] + (1.0 - s) * h
+    for c in range(3):
+        p0, p1, p2, p3, p4, p5 = _path(c * LANES + i, -h, new, last, y, rates[0])
+        out[row, k + 1 + c] = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
+        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        out[row, k + 4 + c] = -slope / h
+    out[row, k + 7] = new[LEFT + i] - s * h * last[LEFT + i]
+    return True
 
 
 @njit
-def _write_node(i, t, y, out):
-    """Put a time and the states there into 8 numbers."""
-    out[0] = t
+def _write_node(i, t, y, out, row, k):
+    """Put a time and the states there into 8 numbers of a row, from k on."""
+    out[row, k] = t
     for c in range(7):
-        out[1 + c] = y[c * LANES + i]
+        out[row, k + 1 + c] = y[c * LANES + i]
 
 
 @inlined
-def _set_step(i, h, limit, lane, counts):
+def _set_step(i, h, limit, lane):
     """Set the length of a lane's next step; return -1, or `FAILED` where no step helps."""
     t = lane[T, i]
     smallest = max(10.0 * _EPS * t, 1e-300)
     lane[H, i] = min(max(min(h, lane[LONGEST, i]), smallest), limit - t)
-    counts[_PHASE, i] = _FLYING
-    vain = counts[_CALLS, i] > MAX_EVALUATIONS or (counts[_REJECTED, i] == 1 and h < smallest)
+    lane[PHASE, i] = _FLYING
+    vain = lane[CALLS, i] > MAX_EVALUATIONS or (lane[REJECTED, i] == 1.0 and h < smallest)
     return FAILED if vain else -1
 
 
 @inlined
-def _advance_clock(i, end, lane, counts, limit, out):
-    """Move a lane's clock to the `end` of its step; return status, -1 while the flight lasts."""
-    last = lane[SPAN, i] == limit - lane[T, i]
-    lane[T, i] = limit if last else lane[T, i] + lane[SPAN, i]
-    counts[_REJECTED, i] = 0
+def _handle_step(i, y, rates, new, lane, limit, out, row):
+    """Handle a step that is rejected, crosses an event or reaches the limit of time.
+
+    Return the flight's status, -1 while it lasts.
+    """
+    h, error, growth, drop = lane[H, i], lane[ERROR, i], lane[GROWTH, i], lane[DROP, i]
+    place, climb, sink = lane[PLACE, i], y[W + i], new[W + i]
+    above, below = y[Z + i] + drop, new[Z + i] + drop
+    if not error < 1.0:  # or not a number
+        lane[REJECTED, i] = 1.0
+        return _set_step(i, h * max(0.2, growth) if error < math.inf else 0.2 * h, limit, lane)
+    further = h * min(growth, 1.0 if lane[REJECTED, i] == 1.0 else 10.0)
+    apex = place != _AT_APEX and climb >= 0.0 >= sink and climb > sink
+    if apex or (place != _NOT_YET_UP and above >= 0.0 >= below and above > below):
+        part = _guess_event(i, y, new, h, rates, apex, drop)
+        if part < 0.0 and apex:  # it is level, and sinks from the start
+            lane[PLACE, i] = _AT_APEX
+            return -1
+        lane[NEXT, i], lane[LOW, i], lane[HIGH, i], lane[H, i] = further, 0.0, h, max(part, 0.0) * h
+        lane[PHASE, i] = _TO_APEX if apex else _TO_LANDING
+        return -1
+    if place == _NOT_YET_UP and below < 0.0:  # it rose and fell unseen
+        lane[REJECTED, i] = 1.0
+        return _set_step(i, 0.5 * h, limit, lane)
+    last = h == limit - lane[T, i]
+    lane[TAKEN, i] = 1.0
+    lane[T, i] = limit if last else lane[T, i] + h
+    lane[REJECTED, i] = 0.0
+    lane[PLACE, i] = place if place == _NOT_YET_UP else _ANYWHERE
     if not last:
-        return _set_step(i, lane[NEXT, i], limit, lane, counts)
-    if end[Z + i] > out[11]:
-        _write_node(i, limit, end, out[8:])
-    _write_node(i, limit, end, out)
+        return _set_step(i, further, limit, lane)
+    if new[Z + i] > out[row, 11]:
+        _write_node(i, limit, new, out, row, 8)
+    _write_node(i, limit, new, out, row, 0)
     return ALOFT
 
 
 @inlined
-def _turn_to_event(i, y, rates, lane, counts, far, far_rates):
-    """Set a step to the apex or landing that lies before `far`; return whether there is one."""
-    drop, span, first = lane[DROP, i], lane[SPAN, i], rates[0]
-    passed = counts[_PHASE, i] == _TO_APEX
-    if not passed and y[W + i] >= 0.0 >= far[W + i] and y[W + i] > far[W + i]:
-        counts[_RISES, i] = 0
-        part = _guess_event(i, y, far, span, first, far_rates, drop, True, 0.0)
-        if part >= 0.0:
-            lane[LOW, i], lane[HIGH, i], lane[H, i] = 0.0, span, part * span
-            counts[_PHASE, i] = _TO_APEX
-            return True
-    low = lane[H, i] if passed else 0.0
-    above, below = y[Z + i] + drop, far[Z + i] + drop
-    if counts[_RISES, i] == 0 and above >= 0.0 >= below and above > below:
-        part = _guess_event(i, y, far, span, first, far_rates, drop, False, low / span)
-        lane[LOW, i], lane[HIGH, i], lane[H, i] = low, span, max(part * span, low)
-        counts[_PHASE, i] = _TO_LANDING
-        return True
-    return False
-
-
-@inlined
-def _after_event_step(i, y, rates, new, lane, counts, tol, limit, far, far_rates, out):
+def _handle_event_step(i, y, rates, new, lane, tol, limit, out, row):
     """Handle a step towards an event; return the flight's status, -1 while it lasts."""
-    apex = counts[_PHASE, i] == _TO_APEX
-    if not _refine_event(i, apex, new, rates[STAGES], tol, lane):
+    if not lane[ERROR, i] < math.inf:
+        return FAILED
+    apex = lane[PHASE, i] == _TO_APEX
+    if not _write_event(i, apex, y, rates, new, tol, lane, out, row):
         return -1
-    t = lane[T, i] + lane[H, i]
     if not apex:
-        _write_node(i, t, new, out)
-        out[3] = -lane[DROP, i]  # by definition; the event's root says so but for rounding
+        out[row, 3] = -lane[DROP, i]  # by definition; the event's root says so but for rounding
         return LANDED
-    if new[Z + i] > out[11]:
-        _write_node(i, t, new, out[8:])
-    if _turn_to_event(i, y, rates, lane, counts, far, far_rates):
-        return -1
-    for m in range(i, SIZE, LANES):
-        y[m], rates[0, m] = far[m], far_rates[m]
-    return _advance_clock(i, far, lane, counts, limit, out)
-
-
-@inlined
-def _after_step(i, y, rates, new, lane, counts, limit, far, far_rates, out):
-    """Handle an ordinary step; return the flight's status, -1 while it lasts."""
-    h, error, growth = lane[H, i], lane[ERROR, i], lane[GROWTH, i]
-    if not error < 1.0:  # or not a number
-        counts[_REJECTED, i] = 1
-        h *= max(0.2, growth) if error < math.inf else 0.2
-        return _set_step(i, h, limit, lane, counts)
-    lane[SPAN, i] = h
-    lane[NEXT, i] = h * min(growth, 1.0 if counts[_REJECTED, i] == 1 else 10.0)
-    drop = lane[DROP, i]
-    if y[W + i] >= 0.0 >= new[W + i] or y[Z + i] + drop >= 0.0 >= new[Z + i] + drop:
-        for m in range(i, SIZE, LANES):
-            far[m], far_rates[m] = new[m], rates[STAGES, m]
-        if _turn_to_event(i, y, rates, lane, counts, far, far_rates):
-            return -1
+    if new[Z + i] + lane[DROP, i] < 0.0:  # it is a later crest: the ball landed before
+        lane[REJECTED, i] = 1.0
+        return _set_step(i, 0.5 * lane[H, i], limit, lane)
     lane[TAKEN, i] = 1.0
-    return _advance_clock(i, new, lane, counts, limit, out)
+    lane[T, i] += lane[H, i]
+    lane[PLACE, i], lane[REJECTED, i] = _AT_APEX, 0.0
+    return _set_step(i, lane[NEXT, i], limit, lane)

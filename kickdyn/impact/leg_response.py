@@ -92,20 +92,22 @@ def joint_impulses(
     unbalanced = pin.rnea(
         space.model, space.data, posture.q, space.zero_velocity, jump, space.external
     )
-    return space.forces.copy(), unbalanced - _along_axes(posture, constraint_impulses)
+    return space.forces.copy(), _without_axes(posture, unbalanced, constraint_impulses)
 
 
-def _along_axes(posture: Posture, constraint_impulses: Array) -> Array:
-    """Return the joint-space impulse of mimic joints' gears and of stiff joints, `(nv,)`.
+def _without_axes(posture: Posture, unbalanced: Array, constraint_impulses: Array) -> Array:
+    """Return joint-space impulses without those of mimic and stiff joints, shape `(nv,)`.
 
     Both act between parent and child of a joint, along the joint's axis, so that `pin.rnea` already
     counts them in what the joints transmit.
     """
     projector = posture.constraint_projector
     if projector is None or not len(constraint_impulses):
-        return np.zeros(posture.leg.nv)
+        return unbalanced.copy()
     start = projector.blocks[-1].rows.stop if projector.blocks else 0
-    return np.asarray(constraint_impulses[start:] @ projector.rows[start:])
+    if start == len(constraint_impulses):
+        return unbalanced.copy()
+    return np.asarray(unbalanced - constraint_impulses[start:] @ projector.rows[start:])
 
 
 def free_response(posture: Posture, impulse: Array) -> tuple[Array, Array, Array]:

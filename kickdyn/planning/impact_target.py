@@ -70,15 +70,9 @@ class ImpactTarget(ReadOnlyArrays):
     def foot_velocity_for(self, change: Array, share: float = 1.0) -> Array:
         """Return the foot's velocity for a `velocity_change`, both of shape `(3,)` [m/s]."""
         contact = self.contact
-        if isinstance(contact.restitution, float):
-            return np.asarray(share * (self.foot_gain(change) @ change))
-        change = share * change
-        along = float(contact.normal @ change)
-        speed = approach_speed(contact.restitution, along)
-        velocity: Array = speed * contact.normal
-        if contact.friction > 0.0:
-            velocity = velocity + (change - along * contact.normal)
-        return velocity
+        speed = approach_speed(contact.restitution, share * float(contact.normal @ change))
+        gain = self._gain(1.0 + restitution_at(contact.restitution, speed))
+        return np.asarray(share * (gain @ change))
 
     def foot_gain(self, change: Array) -> Array:
         r"""Return :math:`G = n n^T / (1 + e + u\, de/du) + (I - n n^T)`, shape `(3, 3)`.
@@ -87,14 +81,15 @@ class ImpactTarget(ReadOnlyArrays):
         velocity, shape `(3,)` [m/s]; without friction its second term is left out.
         """
         contact = self.contact
-        along = np.outer(contact.normal, contact.normal)
-        if isinstance(contact.restitution, float):
-            gain = along / (1.0 + contact.restitution)
-        else:
-            speed = approach_speed(contact.restitution, float(contact.normal @ change))
-            slope = restitution_slope(contact.restitution, speed)
-            gain = along / (1.0 + restitution_at(contact.restitution, speed) + speed * slope)
-        return gain if contact.friction == 0.0 else gain + np.eye(3) - along
+        speed = approach_speed(contact.restitution, float(contact.normal @ change))
+        slope = restitution_slope(contact.restitution, speed)
+        return self._gain(1.0 + restitution_at(contact.restitution, speed) + speed * slope)
+
+    def _gain(self, divisor: float) -> Array:
+        """Return the foot's velocity per change of velocity, `(3, 3)`; the divisor is along n."""
+        along = np.outer(self.contact.normal, self.contact.normal)
+        gain = along / divisor
+        return gain if self.contact.friction == 0.0 else gain + np.eye(3) - along
 
 
 def impact_target_for(

@@ -14,11 +14,13 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
+from kickdyn.restitution import describe_restitution
 
 OVER = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
@@ -182,6 +184,8 @@ class PlanReport:
             found.append(str(score(self.plan)))
         if self.swing is not None:
             found.append(_describe_swing(self.swing))
+        if self.plan.backswing is not None:
+            found.append(_describe_backswing(self.plan.backswing))
         found += [_describe_stance(name, self.plan) for name in self.plan.impact.footing]
         found += _after_impact(self.plan, limits=self.limits)
         return found + [f"Warning: {line}." for line in self.plan.warnings]
@@ -193,13 +197,15 @@ class PlanReport:
         up, left = plan.impact_target.contact_offset
         heading = _aside(math.degrees(plan.heading), 2, "deg")
         turned = [f"base    turned {heading.replace(' deg', ' deg to the')}"]
+        given = impact.contact.restitution
+        used = describe_restitution(given, impact.restitution, impact.approach_speed)
         return [
             f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg up, "
             f"{_aside(math.degrees(launch.azimuth), 3, 'deg')}; {launch.iterations} Newton steps",
             f"impact  {_rounded(1e3 * abs(up), 1)} mm {'above' if up >= 0.0 else 'below'} and "
             f"{_aside(1e3 * left, 1, 'mm')} of the ball's centre, "
             f"impulse {math.hypot(*impact.impulse):.4f} N s, "
-            f"foot {math.hypot(*impact.foot_velocity):.4f} m/s",
+            f"foot {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
             f"leg     {plan.objective} {f'{plan.value:.4g} {plan.objective.unit}'.strip()}; speed "
             f"{plan.speed_use:.0%} and torque {plan.torque_use:.0%} of their limits; worst joint "
             f"impulse {impact.worst_joint[1]:.3g} N s at {impact.worst_joint[0]}",
@@ -267,6 +273,8 @@ class PlanReport:
                 "impulse": {name: p.tolist() for name, p in impact.support_impulses.items()},
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
+        if plan.backswing is not None:
+            report["backswing"] = _backswing_json(plan.backswing)
         if self.swing is not None:
             report["swing"] = _swing_json(self.swing)
         return report
@@ -370,6 +378,26 @@ def _describe_swing(swing: Swing) -> str:
         f"{swing.follow_through.duration:.3g} s to rest, at up to {swing.torque_use:.0%} of the "
         f"torque and {swing.speed_use:.0%} of the speed limits."
     )
+
+
+def _describe_backswing(backswing: Backswing) -> str:
+    """Return the backswing of a standing robot in a line."""
+    phase = backswing.phase
+    return (
+        f"The backswing takes {phase.duration:.3g} s from rest; the kicking foot stays "
+        f"{1e3 * backswing.clearance:.1f} mm or more above the ground. It takes up to "
+        f"{phase.torque_use:.0%} of the torque and {phase.speed_use:.0%} of the speed limits."
+    )
+
+
+def _backswing_json(backswing: Backswing) -> dict[str, Any]:
+    """Return the backswing of a standing robot with its motion at the nodes."""
+    phase = backswing.phase
+    report = _attributes(backswing, "joints clearance") | _attributes(
+        phase, "duration torque_use speed_use range_left"
+    )
+    motion = phase.sample(phase.nodes)
+    return report | _attributes(motion, " ".join(motion._fields))
 
 
 def _swing_json(swing: Swing) -> dict[str, Any]:

@@ -204,6 +204,8 @@ def _restitution(target: ImpactTarget, foot: Any) -> Any:
     if isinstance(restitution, float):
         return restitution
     rows = rows_of(restitution)
+    if len({e for _, e in rows}) == 1:
+        return rows[0][1]
     speed, e = ca.dot(ca.DM(target.contact.normal), foot), rows[0][1]
     for (low, before), (high, after) in pairwise(rows):
         e += (after - before) / (high - low) * (ca.fmin(ca.fmax(speed, low), high) - low)

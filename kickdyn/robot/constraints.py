@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -124,7 +124,9 @@ class Constraints:
         stiff_joints: indices in v of the stiff joints.
         sizes: number of rows of each, 6 for a flat foot, 3 for a point foot or a loop, 1 for a
             mimic joint or a stiff joint, in this order.
-        size: number of all rows.
+        starts: first row of each, and the number of all rows, `size`, at the end.
+        triples: first row and the row after the last of what is judged together: the three parts of
+            a velocity, of which one alone may be rounding, or one row.
         names: what each of them is called in messages.
 
     Raises:
@@ -158,7 +160,13 @@ class Constraints:
         mimics = () if gears is None else gears.mimics
         self.sizes = [support.size for support in supports] + [3] * len(loops) + [1] * len(mimics)
         self.sizes += [1] * len(stiff)
-        self.size = sum(self.sizes)
+        self.starts = [0, *accumulate(self.sizes)]
+        self.size = self.starts[-1]
+        self.triples = [
+            (k, min(k + 3, end))
+            for start, end in pairwise(self.starts)
+            for k in range(start, end, 3)
+        ]
         self.names = [s.frame for s in supports] + [f"{a} - {b}" for a, b in loops]
         self.names += [f"{mimic.joint}, which mimics {mimic.driver}" for mimic in mimics]
         self.names += [f"{joint}, which is stiff" for joint in stiff]
@@ -198,8 +206,9 @@ class Constraints:
             start = at.stop
         if self.gears is not None:
             matrix[start : self.stiff_rows.start] = self.gears.rows
-        matrix[self.stiff_rows] = 0.0
-        matrix[range(self.size - len(self.stiff_joints), self.size), self.stiff_joints] = 1.0
+        if self.stiff_joints:
+            matrix[self.stiff_rows] = 0.0
+            matrix[range(self.stiff_rows.start, self.size), self.stiff_joints] = 1.0
         return matrix, blocks
 
     @property
@@ -413,15 +422,12 @@ class ConstraintProjector(ReadOnlyArrays):
         speeds = abs(self.rows.dot(v)).tolist()
         fastest = max(map(abs, v.tolist()))
         reaches = abs(self.rows).sum(axis=1).tolist()
-        starts = np.cumsum([0, *self.constraints.sizes]).tolist()
-        # a velocity's three parts are judged together: one alone may be rounding
-        parts = [(k, min(k + 3, b)) for a, b in pairwise(starts) for k in range(a, b, 3)]
-        for k, end in parts:
+        for k, end in self.constraints.triples:
             if max(speeds[k:end]) > 1e-9 * max(reaches[k:end]) * fastest:
                 break
         else:
             return None
-        worst = speeds.index(max(speeds))
+        worst, starts = speeds.index(max(speeds)), self.constraints.starts
         at = next(i for i, end in enumerate(starts[1:]) if worst < end)
         unit = "m/s" if worst - starts[at] < 3 else "rad/s"
         if self.constraints.sizes[at] == 1:

@@ -567,7 +567,7 @@ class Posture(ReprMixin):
         moved = copy.copy(self)
         moved._whitened_jacobian = moved._delassus_factor = None
         moved._contact_offset = offset
-        moved.__dict__.pop("without_stiff_joints", None)
+        moved.__dict__.pop("_with_stiff_joints_free", None)
         moved.__dict__.pop("rounding_gain", None)
         moved.contact_point = self._frame_origin + rotation @ arm
         moved.contact_lever = self.leg.contact_lever + self.rotation_world_joint.T @ (
@@ -578,14 +578,18 @@ class Posture(ReprMixin):
             array.setflags(write=False)
         return moved
 
-    @cached_property
+    @property
     def without_stiff_joints(self) -> "Posture":
         """This posture of the leg whose stiff joints are free; itself where there are none.
 
         It has all velocities that are possible before an impact.
         """
-        if not self.leg.stiff_joints:
-            return self
+        # itself is not kept: a posture that refers to itself waits for the garbage collector
+        return self._with_stiff_joints_free if self.leg.stiff_joints else self
+
+    @cached_property
+    def _with_stiff_joints_free(self) -> "Posture":
+        """This posture of the leg without stiff joints."""
         free = self.leg.with_stiff_joints().posture(self.q)
         return free.with_contact_offset(self._contact_offset)
 

@@ -8,6 +8,8 @@ import pinocchio as pin
 from kickdyn.contact import Contact
 from kickdyn.core.gravity import GRAVITY
 from kickdyn.errors import KickdynError
+from kickdyn.impact.collide import duration
+from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.scene.envelope import LaunchError
@@ -34,13 +36,14 @@ def contact_drift(scene: Scene, impact: Impact) -> LaunchError:
     that is no strike, nothing is known: inf. However brief, a contact that sticks does not tend to
     the law `newton` but to `stronge` (see `collide`): the difference of these laws is added. With
     supports, loops and mimic joints, which the leg would leave on a straight way, nothing is known
-    either.
+    either, nor with the dissipation `hunt-crossley` and friction, which tends to no law.
     """
-    assert scene.contact_time is not None
-    if scene.leg.constraints is not None:
+    damped = scene.dissipation is Dissipation.HUNT_CROSSLEY and scene.contact.friction > 0.0
+    if scene.leg.constraints is not None or damped:
         return UNKNOWN
-    # it lasts up to half longer than asked for, while the leg's inertia changes
-    time, leg, contact = 1.5 * scene.contact_time, scene.leg, scene.contact
+    # it lasts up to half longer than of two masses, while the leg's inertia changes
+    time = 1.5 * duration(impact.approach, scene.contact_time, scene.stiffness, scene.dissipation)
+    leg, contact = scene.leg, scene.contact
     space, posture, launch = leg.workspace, impact.posture, impact.ball_after
     bias = pin.nonLinearEffects(space.model, space.data, scene.q, scene.v).copy()
     acceleration = posture.solve(-bias)

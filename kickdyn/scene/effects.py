@@ -14,7 +14,7 @@ from kickdyn.scene.scene import Scene
 UNBOUNDED = "what it moves has no known bound in this scene"
 """Why an effect with a bound of inf is modelled.
 
-`docs/how-to/recipes.md` says where that happens.
+`docs/how-to/tolerance.md` says where that happens.
 """
 
 
@@ -166,8 +166,8 @@ def _of_air(
 EFFECTS = (
     Effect(
         "compliance",
-        lambda scene: scene.contact_time is not None,
-        lambda scene, _: scene.replace(contact_time=None),
+        lambda scene: scene.is_compliant,
+        lambda scene, _: scene.as_instant(),
         lambda envelope: (0.0, envelope.launch_error),
         "twice what the strike changes while the foot moves on",
     ),

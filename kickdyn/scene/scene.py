@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,8 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.ground import Ground
+from kickdyn.impact.collide import checked_stiffness
+from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
@@ -54,8 +56,12 @@ class Scene(ReprMixin):
         contact: normal, restitution (a number, a table over the speed of approach or a model),
             friction and offset of the contact.
         law: impact law, as for `strike`: `newton`, `stronge` or `paper`.
-        contact_time: duration of a compliant contact, as for `collide` [s]; None is an instant. A
-            compliant contact has no law, and a restitution of at least 0.01.
+        contact_time: duration of a compliant contact, as for `collide` [s]. Without it and without
+            `stiffness`, the contact is an instant. A compliant contact has no law, and a
+            restitution of at least 0.01.
+        stiffness: of a compliant contact, instead of `contact_time`: `"pressure"` or a number
+            [N/m^1.5], as for `collide`.
+        dissipation: of a compliant contact, as for `collide`.
         ball_velocity: of the ball's centre before the contact, shape `(3,)` [m/s, world frame].
         ball_spin: before the contact, shape `(3,)` [rad/s, world frame].
         air: None is the vacuum.
@@ -77,6 +83,8 @@ class Scene(ReprMixin):
     contact: Contact
     law: ImpactLaw
     contact_time: float | None
+    stiffness: float | str | None
+    dissipation: Dissipation
     ball_velocity: Array
     ball_spin: Array
     air: Air | None
@@ -97,6 +105,8 @@ class Scene(ReprMixin):
         *,
         law: str = "newton",
         contact_time: float | None = None,
+        stiffness: float | Literal["pressure"] | None = None,
+        dissipation: str = Dissipation.WALTON_BRAUN,
         ball_velocity: ArrayLike = (0.0, 0.0, 0.0),
         ball_spin: ArrayLike = (0.0, 0.0, 0.0),
         air: Air | None = None,
@@ -107,8 +117,10 @@ class Scene(ReprMixin):
     ) -> None:
         ball.check_movable("a scene")
         impact_law = validation.choice("law", law, ImpactLaw)
+        given = checked_stiffness(ball, contact_time, stiffness)
         if contact_time is not None:
             contact_time = validation.number("contact time", contact_time, above=0, unit="s")
+        if contact_time is not None or given is not None:
             faults = compliant_contact_faults(impact_law, contact.restitution)
             if faults:
                 raise InvalidInput(faults[0])
@@ -127,6 +139,8 @@ class Scene(ReprMixin):
             contact=contact,
             law=impact_law,
             contact_time=contact_time,
+            stiffness=given,
+            dissipation=validation.choice("dissipation", dissipation, Dissipation),
             air=air,
             ground=ground,
             plane=plane,
@@ -144,6 +158,15 @@ class Scene(ReprMixin):
         """
         arguments = {name: value for name, value in self.__dict__.items() if name != "posture"}
         return Scene(**{**arguments, **changes})
+
+    @property
+    def is_compliant(self) -> bool:
+        """Whether the contact takes time."""
+        return self.contact_time is not None or self.stiffness is not None
+
+    def as_instant(self) -> "Scene":
+        """Return the scene with an instantaneous contact."""
+        return self.replace(contact_time=None, stiffness=None)
 
     @property
     def ball_position(self) -> Array:
@@ -182,10 +205,14 @@ class Scene(ReprMixin):
         if self.ball_spin.any():
             yield "ball's spin", self.ball_spin, "rad/s"
         yield "contact", repr(self.contact).removeprefix("Contact(").removesuffix(")"), ""
-        if self.contact_time is None:
+        if not self.is_compliant:
             yield "law", self.law, ""
-        else:
+        elif self.contact_time is not None:
             yield "contact time", 1e3 * self.contact_time, "ms"
+        elif isinstance(self.stiffness, str):
+            yield "stiffness", f"from the pressure, {self.ball.stiffness:.4g}", "N/m"
+        else:
+            yield "stiffness", self.stiffness, "N/m^1.5"
         if self.air is not None:
             acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
             yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""

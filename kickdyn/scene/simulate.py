@@ -60,11 +60,11 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     tolerance = validation.number("tolerance", tolerance, above=0, unit="m")
 
     instant = strike_scene(scene)
-    launch_error = EXACT if scene.contact_time is None else contact_drift(scene, instant)
+    launch_error = contact_drift(scene, instant) if scene.is_compliant else EXACT
     envelope = Envelope(instant.ball_after, scene.environment, launch_error)
     verdicts = judge_effects(effects, envelope, MODEL_SHARE * tolerance)
     contact = _ComputedContact(instant, 0.0, envelope.evaluations)
-    if scene.contact_time is not None and verdicts[0].modelled:  # the first effect: compliance
+    if scene.is_compliant and verdicts[0].modelled:  # the first effect: compliance
         speed = float(instant.ball_after.speed)
         contact = _collide_to(scene, speed, CONTACT_SHARE * tolerance)
         evaluations = envelope.evaluations + contact.evaluations
@@ -85,8 +85,8 @@ def simulate_as_instant(scene: Scene) -> Simulation:
     Only an instantaneous impact has joint impulses. The bound on `compliance` is measured: how far
     the end lies from that of the whole scene, and inf where that cannot be computed.
     """
-    answer = simulate(scene.replace(contact_time=None), None)
-    if scene.contact_time is None:
+    answer = simulate(scene.as_instant(), None)
+    if not scene.is_compliant:
         return answer
     moved, evaluations = math.inf, answer.evaluations
     try:
@@ -112,7 +112,7 @@ class _ComputedContact(NamedTuple):
 
 def _simulate_everything(scene: Scene, effects: Sequence[Effect]) -> Simulation:
     """Return the simulation with every effect modelled, as exactly as the integrators can."""
-    impact = strike_scene(scene) if scene.contact_time is None else _collide(scene, FINEST)
+    impact = _collide(scene, FINEST) if scene.is_compliant else strike_scene(scene)
     launch, environment = impact.ball_after, scene.environment
     end = exact_end(launch, environment, FINEST)
 
@@ -168,6 +168,8 @@ def _collide(scene: Scene, tol: float) -> Collision:
         scene.ball,
         scene.contact,
         contact_time=scene.contact_time,
+        stiffness=scene.stiffness,  # type: ignore[arg-type]
+        dissipation=scene.dissipation,
         ball_velocity=scene.ball_velocity,
         ball_spin=scene.ball_spin,
         tol=tol,

@@ -13,7 +13,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
-from kickdyn.restitution import range_warnings
+from kickdyn.restitution import describe_restitution, range_warnings
 from kickdyn.scene.effects import EffectVerdict
 from kickdyn.scene.flight_end import ENDS
 from kickdyn.scene.scene import Scene
@@ -123,6 +123,10 @@ class Simulation(Printed):
             f"error {self.error:.2g} m, {asked}; {self.method}",
             f"{'effect':20}{'':12}{'bound m':>9}  why",
         ]
+        impact = self.impact
+        given, speed = impact.contact.restitution, impact.approach_speed
+        if used := describe_restitution(given, impact.restitution, speed):
+            lines.insert(1, used)
         for effect, modelled, bound, why in self.verdicts:
             size = "" if math.isnan(bound) else f"{bound:.2g}"
             lines.append(f"{effect:20}{'modelled' if modelled else 'neglected':12}{size:>9}  {why}")

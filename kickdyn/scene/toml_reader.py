@@ -18,6 +18,7 @@ from kickdyn.core.files import read_text, shipped
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, SceneError, printable
 from kickdyn.ground import Ground
+from kickdyn.impact.force_model import Dissipation
 from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.leg_file import read_leg, read_robot
@@ -114,6 +115,8 @@ def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
             contact,
             law=at_contact.get("law", "newton"),
             contact_time=at_contact.get("contact_time_s"),
+            stiffness=at_contact.get("stiffness"),
+            dissipation=at_contact.get("dissipation", Dissipation.WALTON_BRAUN),
             ball_velocity=at_ball.get("velocity_m_s", (0.0, 0.0, 0.0)),
             ball_spin=at_ball.get("spin_rad_s", (0.0, 0.0, 0.0)),
             air=_air(document["air"]) if "air" in document else None,
@@ -194,6 +197,7 @@ def _ball(section: dict[str, Any]) -> Ball:
         section.get("mass_kg", usual.mass),
         section.get("radius_m", usual.radius),
         section.get("inertia_factor", usual.inertia_factor),
+        section.get("pressure_pa"),
     )
 
 

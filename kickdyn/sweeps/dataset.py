@@ -162,9 +162,7 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
         "leg_sha256": hashlib.sha256(text.encode()).hexdigest() if text else "",
         "model_sha256": hashlib.sha256(_model_text(leg).encode()).hexdigest(),
         "frame": leg.frame,
-        "warnings": "; ".join(
-            (*leg.warnings, *range_warnings(kick.contact.restitution, kick.speed))
-        ),
+        "warnings": "; ".join(sweep_warnings(leg, kick)),
         "foot_speed_m_s": kick.speed,
         "attack_deg": round(float(np.degrees(kick.attack)), 10),
         "attack_rad": kick.attack,
@@ -180,10 +178,17 @@ def provenance(leg: Leg, kick: Kick) -> dict[str, str | float]:
     }
 
 
+def sweep_warnings(leg: Leg, kick: Kick) -> tuple[str, ...]:
+    """Return a line for each thing to know about the leg, and about the restitution's range."""
+    return (*leg.warnings, *range_warnings(kick.contact.restitution, kick.speed))
+
+
 def _given_restitution(kick: Kick) -> dict[str, str]:
     """Return the table or the model of which a sweep uses one value; nothing for a number."""
     given = kick.contact.restitution
-    return {} if isinstance(given, float) else {"restitution_given": format_restitution(given)}
+    if isinstance(given, float):
+        return {}
+    return {"restitution_given": given if isinstance(given, str) else format_restitution(given)}
 
 
 def difference(

@@ -1,8 +1,8 @@
 """From the joint-space inertia and the Jacobian to the impulse, many postures at once.
 
-`LANES` postures are computed side by side, so that each loop over them becomes vector instructions;
-a row of a matrix is `LANES` numbers, see `kickdyn.core.lanes`. What cannot be computed to 1e-12
-is marked in `doubt`, and is left to `kick_from`. Joints count from 1, as Pinocchio's do.
+`BATCH` postures are computed side by side, with vector instructions: every number below is a batch
+of them, see `kickdyn.core.simd`. What cannot be computed to 1e-12 is marked in `doubt`, and is left
+to `kick_from`. Joints count from 1, as Pinocchio's do.
 
 The functions of all kernels have these arguments in common, of n joints:
 
@@ -11,15 +11,16 @@ The functions of all kernels have these arguments in common, of n joints:
     carries: whether the foot moves with each joint.
     constants: constants of each joint, columns as in `kernel_model`.
     foot, lever: the joint that carries the contact point, and from its origin to that, in its axes.
-    x: rows of each joint, shape `(n + 1, ROWS * LANES)`; COS and SIN are given.
-    inertia: M, shape `(n + 1, n + 1, LANES)`, lower triangle.
-    rows: columns of J, one row per joint, `LANES` numbers for each of tangent(s) and normal.
+    x: rows of each joint, shape `(n + 1, ROWS)`; COS and SIN are given.
+    inertia: M, shape `(n + 1, n + 1)`, lower triangle.
+    rows: columns of J, one row per joint, shape `(n + 1, 3)`, for tangents and normal; in a plane
+        `(n + 1, 2)`.
     point: rows of the contact point.
     delassus: Delassus matrix of the foot, six rows.
     across, along: the ball's mobility along the tangents and along the normal [1/kg].
     speed, e, mu: foot speed [m/s], restitution, friction.
     impulse: impulse on the ball, three rows: first and second tangent, normal [N s].
-    doubt: set to 1 where digits are lost.
+    doubt: one batch, set to 1 where digits are lost.
 
 Kernels must give the same bits whether they were compiled now or are read from the disk, or a
 resumed sweep would differ from one that ran at once. So `njit` allows no fused multiply-adds: which
@@ -32,12 +33,14 @@ from typing import Any
 import numba
 import numpy as np
 
-from kickdyn.core.lanes import LANES, WITHIN
+from kickdyn.core.lanes import WITHIN
+from kickdyn.core.simd import BATCH, choose, spread
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy"}
-"""How the kernels are compiled."""
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+"""How the kernels are compiled: without memory management, since all arrays are the caller's."""
 
 njit: Any = numba.njit(**OPTIONS, **WITHIN)
+_allocating: Any = numba.njit(**{**OPTIONS, "_nrt": True}, **WITHIN)
 
 LOSS = 300.0
 """Amplification of the rounding of M in the energy of a joint velocity up to which 1e-12 is kept;
@@ -55,27 +58,21 @@ def factorize(parent, inertia, doubt):  # type: ignore[no-untyped-def]
     """
     diagonal = inertia[0]  # of no joint: free to keep M's diagonal
     for k in range(1, len(parent)):
-        kept, entry = diagonal[k], inertia[k, k]
-        for i in range(LANES):
-            kept[i] = entry[i]
+        diagonal[k] = inertia[k, k]
     for k in range(len(parent) - 1, 0, -1):
-        pivot, kept = inertia[k, k], diagonal[k]
-        for i in range(LANES):  # a pivot that keeps less of its diagonal has lost its digits
-            doubt[i] = doubt[i] if pivot[i] > 1e-9 * kept[i] else 1.0
-            pivot[i] = 1.0 / math.sqrt(pivot[i])
+        pivot = inertia[k, k]  # one that keeps less of its diagonal has lost its digits
+        doubt[0] = choose(pivot > 1e-9 * diagonal[k], doubt[0], 1.0)
+        pivot = 1.0 / math.sqrt(pivot)
+        inertia[k, k] = pivot
         a = parent[k]
         while a > 0:
-            entry = inertia[k, a]
-            for i in range(LANES):
-                entry[i] *= pivot[i]
+            inertia[k, a] *= pivot
             a = parent[a]
         a = parent[k]
         while a > 0:
             left, b = inertia[k, a], a
             while b > 0:
-                right, entry = inertia[k, b], inertia[a, b]
-                for i in range(LANES):
-                    entry[i] -= left[i] * right[i]
+                inertia[a, b] -= left * inertia[k, b]
                 b = parent[b]
             a = parent[a]
 
@@ -86,21 +83,16 @@ def whiten(parent, carries, lower, rows):  # type: ignore[no-untyped-def]
 
     Its product :math:`W^T W = J M^{-1} J^T` is the Delassus matrix; `lower` is L of `factorize`.
     """
-    width = rows.shape[1]
     for k in range(len(parent) - 1, 0, -1):
         if not carries[k]:
             continue
-        own, pivot = rows[k], lower[k, k]
-        for c in range(0, width, LANES):
-            for i in range(LANES):
-                own[c + i] *= pivot[i]
-        a = parent[k]
-        while a > 0:
-            entry, above = lower[k, a], rows[a]
-            for c in range(0, width, LANES):
-                for i in range(LANES):
-                    above[c + i] -= entry[i] * own[c + i]
-            a = parent[a]
+        for c in range(rows.shape[1]):
+            own = rows[k, c] * lower[k, k]
+            rows[k, c] = own
+            a = parent[k]
+            while a > 0:
+                rows[a, c] -= lower[k, a] * own
+                a = parent[a]
 
 
 @njit
@@ -109,25 +101,19 @@ def solve_velocity(parent, lower, v, doubt):  # type: ignore[no-untyped-def]
 
     A relative error e of M's diagonal changes the energy :math:`v^T M v = z^T z` by about
     :math:`e \sum_i M_{ii} v_i^2`: where this is more than `LOSS` times the energy, too few digits
-    are left. `lower` is L of `factorize`; z and v have shape `(n + 1, LANES)`.
+    are left. `lower` is L of `factorize`; z and v are `n + 1` batches.
     """
-    whole, parts = v[0], lower[0, 0]  # of no joint
-    whole[:] = 0.0
-    parts[:] = 0.0
+    whole, parts = spread(0.0), spread(0.0)
     for k in range(1, len(parent)):
-        own, pivot, diagonal, a = v[k], lower[k, k], lower[0, k], parent[k]
-        for i in range(LANES):
-            whole[i] += own[i] * own[i]
+        own, a = v[k], parent[k]
+        whole += own * own
         while a > 0:
-            entry, above = lower[k, a], v[a]
-            for i in range(LANES):
-                own[i] -= entry[i] * above[i]
+            own = own - lower[k, a] * v[a]
             a = parent[a]
-        for i in range(LANES):
-            own[i] *= pivot[i]
-            parts[i] += diagonal[i] * (own[i] * own[i])
-    for i in range(LANES):
-        doubt[i] = doubt[i] if parts[i] <= LOSS * whole[i] else 1.0
+        own = own * lower[k, k]
+        parts += lower[0, k] * (own * own)
+        v[k] = own
+    doubt[0] = choose(parts <= LOSS * whole, doubt[0], 1.0)
 
 
 KEPT = 1e-3
@@ -136,7 +122,7 @@ KEPT = 1e-3
 NEAR = 1e-6
 """The same of the square of a direction that is made orthogonal to others."""
 
-D11, D12, D22, D13, D23, D33 = (row * LANES for row in range(6))
+D11, D12, D22, D13, D23, D33 = range(6)
 """Rows of the Delassus matrix: entries along first tangent (1), second tangent (2), normal (3)."""
 
 
@@ -146,26 +132,22 @@ def delassus_matrix(carries, rows, delassus):  # type: ignore[no-untyped-def]
 
     In a plane the entries of the second tangent stay 0.
     """
-    delassus[:] = 0.0
+    d11, d12, d22 = spread(0.0), spread(0.0), spread(0.0)
+    d13, d23, d33 = spread(0.0), spread(0.0), spread(0.0)
     for k in range(1, len(carries)):
         if not carries[k]:
             continue
-        row = rows[k]
-        if rows.shape[1] == 2 * LANES:
-            for i in range(LANES):
-                t, n = row[i], row[LANES + i]
-                delassus[D11 + i] += t * t
-                delassus[D13 + i] += t * n
-                delassus[D33 + i] += n * n
-        else:
-            for i in range(LANES):
-                s, t, n = row[i], row[LANES + i], row[2 * LANES + i]
-                delassus[D11 + i] += s * s
-                delassus[D12 + i] += s * t
-                delassus[D22 + i] += t * t
-                delassus[D13 + i] += s * n
-                delassus[D23 + i] += t * n
-                delassus[D33 + i] += n * n
+        s, n = rows[k, 0], rows[k, rows.shape[1] - 1]
+        d11 += s * s
+        d13 += s * n
+        d33 += n * n
+        if rows.shape[1] == 3:
+            t = rows[k, 1]
+            d12 += s * t
+            d22 += t * t
+            d23 += t * n
+    delassus[D11], delassus[D12], delassus[D22] = d11, d12, d22
+    delassus[D13], delassus[D23], delassus[D33] = d13, d23, d33
 
 
 @njit
@@ -181,43 +163,45 @@ def solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt):  
     than the ball, which moves easily along one direction.
     """
     push = (1.0 + e) * speed
-    for i in range(LANES):
-        g11, g12, g22 = delassus[D11 + i] + across, delassus[D12 + i], delassus[D22 + i] + across
-        g13, g23, g33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i] + along
-        share = g12 / g11  # Cholesky's order: Cramer's rule would lose digits twice
-        h22, h23 = g22 - share * g12, g23 - share * g13
-        t = -h23 / h22
-        s = -(g13 + g12 * t) / g11
-        sticks = s * s + t * t <= mu * mu
-        flat = g12 == 0.0 and g23 == 0.0
-        s = min(max(s, -mu), mu) if flat or mu == 0.0 else s
-        t = 0.0 if flat or mu == 0.0 else t
-        resistance = g33 + (g13 * s + g23 * t)
-        sound = resistance > KEPT * g33 and (flat or mu == 0.0 or h22 > KEPT * g22)
-        doubt[i] = doubt[i] if sound else 1.0
-        p = push / resistance
-        sliding = 0.0 if sticks else (g11 * s + g13) * p
-        impulse[i], impulse[LANES + i], impulse[2 * LANES + i] = s * p, t * p, p
-        lost[i] = 0.5 * p * (speed * (1.0 - e) - s * sliding)
+    g11, g12, g22 = delassus[D11] + across, delassus[D12], delassus[D22] + across
+    g13, g23, g33 = delassus[D13], delassus[D23], delassus[D33] + along
+    share = g12 / g11  # Cholesky's order: Cramer's rule would lose digits twice
+    h22, h23 = g22 - share * g12, g23 - share * g13
+    t = -h23 / h22
+    s = -(g13 + g12 * t) / g11
+    sticks = s * s + t * t <= mu * mu
+    flat = (g12 == 0.0) & (g23 == 0.0) | (mu == 0.0)
+    s = choose(flat, min(max(s, -mu), mu), s)
+    t = choose(flat, 0.0, t)
+    resistance = g33 + (g13 * s + g23 * t)
+    sound = (resistance > KEPT * g33) & (flat | (h22 > KEPT * g22))
+    doubt[0] = choose(sound, doubt[0], 1.0)
+    p = push / resistance
+    sliding = choose(sticks, 0.0, (g11 * s + g13) * p)
+    impulse[0], impulse[1], impulse[2] = s * p, t * p, p
+    lost[0] = 0.5 * p * (speed * (1.0 - e) - s * sliding)
 
 
 @njit
 def solve_slip(delassus, across, along, speed, e, mu, impulse, lost, doubt):  # type: ignore[no-untyped-def]
-    """Put impulses that leave the friction cone on it, out of a plane; arguments as before."""
-    for i in range(LANES):
-        g12, g23 = delassus[D12 + i], delassus[D23 + i]
-        s, t, most = impulse[i], impulse[LANES + i], mu * impulse[2 * LANES + i]
-        if s * s + t * t <= most * most or (g12 == 0.0 and g23 == 0.0) or doubt[i] > 0.0:
+    """Put impulses that leave the friction cone on it, out of a plane.
+
+    Arguments as before, but arrays of floats whose last axis has the `BATCH` postures.
+    """
+    for i in range(BATCH):
+        g12, g23 = delassus[D12, i], delassus[D23, i]
+        s, t, most = impulse[0, i], impulse[1, i], mu * impulse[2, i]
+        if s * s + t * t <= most * most or (g12 == 0.0 and g23 == 0.0) or doubt[0, i] > 0.0:
             continue
-        g11, g22 = delassus[D11 + i] + across, delassus[D22 + i] + across
-        g13, g33 = delassus[D13 + i], delassus[D33 + i] + along
+        g11, g22 = delassus[D11, i] + across, delassus[D22, i] + across
+        g13, g33 = delassus[D13, i], delassus[D33, i] + along
         found = _slip_impulse(
             g11, g12, g22, g13, g23, g33, (1.0 + e) * speed, mu, speed * (1.0 - e)
         )
-        impulse[i], impulse[LANES + i], impulse[2 * LANES + i], lost[i] = found
+        impulse[0, i], impulse[1, i], impulse[2, i], lost[0, i] = found
 
 
-@njit
+@_allocating
 def _slip_impulse(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ignore[no-untyped-def]
     r"""Return impulse on the friction cone and energy lost.
 
@@ -247,7 +231,7 @@ def _slip_impulse(g11, g12, g22, g13, g23, g33, push, mu, parting):  # type: ign
     return best
 
 
-@njit
+@_allocating
 def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
     r"""Return every angle a with :math:`c_1 \cos a + s_1 \sin a + c_2 \cos 2a + s_2 \sin 2a = 0`.
 
@@ -273,12 +257,13 @@ def _roots(cos1, sin1, cos2, sin2):  # type: ignore[no-untyped-def]
 @njit
 def doubt_singular(delassus, flat, doubt):  # type: ignore[no-untyped-def]
     """Set `doubt` to 1 where the foot can hardly move along the normal alone, or across it."""
-    for i in range(LANES):
-        d11, d12, d22 = delassus[D11 + i], delassus[D12 + i], delassus[D22 + i]
-        d13, d23, d33 = delassus[D13 + i], delassus[D23 + i], delassus[D33 + i]
-        share = d12 / d11
-        h22, h23 = d22 - share * d12, d23 - share * d13
-        square = d33 - d13 / d11 * d13 - (0.0 if flat else h23 / h22 * h23)
-        apart = flat or (d22 > NEAR * d33 and h22 > NEAR * d22)
-        sound = d11 > NEAR * d33 and apart and square > NEAR * max(max(d11, d22), d33)
-        doubt[i] = doubt[i] if sound else 1.0
+    d11, d12, d22 = delassus[D11], delassus[D12], delassus[D22]
+    d13, d23, d33 = delassus[D13], delassus[D23], delassus[D33]
+    share = d12 / d11
+    h22, h23 = d22 - share * d12, d23 - share * d13
+    square, sound = d33 - d13 / d11 * d13, d11 > NEAR * d33
+    if not flat:
+        square = square - h23 / h22 * h23
+        sound = sound & (d22 > NEAR * d33) & (h22 > NEAR * d22)
+    sound = sound & (square > NEAR * max(max(d11, d22), d33))
+    doubt[0] = choose(sound, doubt[0], 1.0)

@@ -1,6 +1,6 @@
 """The impact of many postures in machine code: the answers of `kick_from`, without the flight.
 
-`LANES` postures go side by side through kinematics, inertia, impact and joint impulses. What a
+`BATCH` postures go side by side through kinematics, inertia, impact and joint impulses. What a
 kernel cannot compute to 1e-12 (a foot that can hardly move along the normal or across it, one much
 lighter than the ball, an inertia that has lost its digits) it marks as doubtful.
 
@@ -20,9 +20,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from kickdyn.core import lanes
-from kickdyn.core.compilation import compiled, named
-from kickdyn.core.lanes import LANES
+from kickdyn.core import simd
+from kickdyn.core.compilation import compiled, is_kept, named
+from kickdyn.core.simd import BATCH, any_of, batches
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import (
@@ -67,22 +67,23 @@ class Kernel:
     """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
-        self._kernel = _compiled(model.planar)
+        self._kernel, self._motion = compiled_kernel(model.planar), _kinematics(model.planar)
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         slides = [bool(model.slides[k]) for k in joints]
         tables = [_motion(q, s) for q, s in zip(grid.axes.values(), slides, strict=True)]
         steps = np.array(grid.shape, np.int64)
-        at_zero = [_motion(np.zeros(1), bool(slide)) for slide in model.slides]
+        self._still = np.concatenate([_motion(np.zeros(1), bool(slide)) for slide in model.slides])
+        self._repeats = np.append(np.cumprod(steps[:0:-1])[::-1], 1)
         self._grid = (
-            steps, np.array(joints, np.int64), np.cumsum(steps) - steps,
+            steps, np.array(joints, np.int64), np.cumsum(steps) - steps, self._repeats,
             np.ascontiguousarray(np.concatenate(tables)),
         )  # fmt: skip
         kick, ball = model.kick, model.kick.ball
         # what the ball adds to the Delassus matrix along the tangents and along the normal
         mobility = 1.0 / ball.mass + ball.radius**2 / ball.inertia, 1.0 / ball.mass
         self._model = (
-            np.ascontiguousarray(np.concatenate(at_zero)), model.parent, model.slides,
-            model.carries_foot, model.constants, model.foot, tuple(map(float, model.lever)),
+            model.parent, model.slides, model.carries_foot, model.constants, model.foot,
+            tuple(map(float, model.lever)),
             (*mobility, kick.speed, kick.restitution_used, kick.friction),
         )  # fmt: skip
 
@@ -91,9 +92,21 @@ class Kernel:
 
         Rows are as above. Without `full`, the impulse alone is computed, the first five rows.
         """
-        answer = np.empty((ROWS, count))
-        self._kernel(*self._grid, first, *self._model, full, answer)
-        return answer
+        answer = np.empty((ROWS, -(-count // BATCH), BATCH))
+        steps, *_ = self._grid
+        digits, done = (first // self._repeats) % steps, first % self._repeats
+        at = np.ascontiguousarray(np.column_stack([digits, done]))
+        self._kernel(*self._grid, at, *self._model, full, *self._memory(), answer)
+        return answer.reshape(ROWS, -1)[:, :count]
+
+    def _memory(self) -> tuple[Array, ...]:
+        """Return the memory that a call of the kernel works in, joints at 0."""
+        motion, n = self._motion, len(self._still)
+        x = np.zeros((n, motion.ROWS, BATCH))
+        x[1:, motion.COS], x[1:, motion.SIN] = self._still[1:, :1], self._still[1:, 1:]
+        x[0, motion.UNIT] = 1.0  # the base is not rotated
+        inertia, rows = np.zeros((n, n, BATCH)), np.zeros((n, motion.AXES, BATCH))
+        return x, inertia, rows, np.zeros((n, BATCH)), np.zeros((_WORK_ROWS, BATCH))
 
 
 def fill_variables(
@@ -147,8 +160,8 @@ def _motion(values: Array, slide: bool) -> NDArray[np.float64]:
 def _deal_axis(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
     """Fill in a joint's first two rows from where axis `a` of the grid is, and move it on."""
     digit, done, i = at[a, 0], at[a, 1], 0
-    while i < LANES:
-        run = min(repeat - done, LANES - i)
+    while i < BATCH:
+        run = min(repeat - done, BATCH - i)
         x, y = table[digit, 0], table[digit, 1]
         for j in range(i, i + run):
             first[j], second[j] = x, y
@@ -161,44 +174,36 @@ def _deal_axis(first, second, table, repeat, a, at):  # type: ignore[no-untyped-
 
 
 motion: Any = spatial_kernel
-"""Kinematics of `_sweep`; `_compiled` puts `planar_kernel` in its place for motion in a plane."""
+"""Kinematics of `_sweep`; `_variant` puts `planar_kernel` in its place for motion in a plane."""
 
 WIDTH = 3
 """Columns of the Jacobian; 2 in a plane."""
 
+_WORK_ROWS = 19
 
-def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
-          foot, lever, kick, full, answer):  # fmt: skip
-    """Fill in the answers of consecutive postures, `LANES` at a time.
+
+def _sweep(steps, joints, offsets, repeats, table, at, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
+          foot, lever, kick, full, x, inertia, rows, jump, work, answer):  # fmt: skip
+    """Fill in the answers of consecutive postures, `BATCH` at a time.
 
     `steps` is the number of values of each axis of the grid, `joints` its joint, `offsets` where it
     begins in `table`, which has the first two rows of a joint for every value of every axis;
-    `still` has those of each joint at 0. The other arguments are those of `impact_kernel`.
+    `repeats` is how many postures in a row share a value of the axis. `at` has, of each axis, the
+    number of the first posture's value and how many postures before it share that. `x`, `inertia`,
+    `rows`, `jump` and `work` are memory of the caller's, because code that allocates none compiles
+    in three quarters of the time. The other arguments are those of `impact_kernel`.
     """
-    n, count = len(parent), answer.shape[1]
+    n = len(parent)
     across, along, speed, e, mu = kick
-    x, inertia = np.zeros((n, motion.ROWS * LANES)), np.zeros((n, n, LANES))
-    rows, jump = np.zeros((n, WIDTH * LANES)), np.zeros((n, LANES))
-    point, delassus = np.zeros(7 * LANES), np.zeros(6 * LANES)
-    impulse, reaction = np.zeros(3 * LANES), np.zeros(3 * LANES)
-    lost, doubt, use = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    for i in range(LANES):
-        x[0, i] = 1.0  # the base is not rotated
-        if WIDTH == 3:
-            x[0, 4 * LANES + i] = x[0, 8 * LANES + i] = 1.0
-        for k in range(1, n):
-            x[k, motion.COS + i], x[k, motion.SIN + i] = still[k, 0], still[k, 1]
-    at, repeats = np.zeros((len(steps), 2), np.int64), np.ones(len(steps), np.int64)
-    each = 1
-    for a in range(len(steps) - 1, -1, -1):
-        repeats[a] = each
-        at[a, 0], at[a, 1] = (first // each) % steps[a], first % each
-        each *= steps[a]
-    for begin in range(0, count, LANES):
+    motions, floats, inertia, rows = x, work, batches(inertia), batches(rows)
+    x, jump, work, answer = batches(x), batches(jump), batches(work), batches(answer)
+    point, delassus, impulse, reaction = work[:4], work[4:10], work[10:13], work[13:16]
+    lost, doubt, use = work[16:17], work[17:18], work[18:]
+    for c in range(answer.shape[1]):
         for a in range(len(steps)):
-            own, values = x[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
-            _deal_axis(own[motion.COS :], own[motion.SIN :], values, repeats[a], a, at)
-        doubt[:] = 0.0
+            own, values = motions[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
+            _deal_axis(own[motion.COS], own[motion.SIN], values, repeats[a], a, at)
+        doubt[0] = 0.0
         motion.place_bodies(parent, slides, constants, x)
         motion.joint_space_inertia(parent, slides, constants, x, inertia)
         motion.contact_jacobian(parent, slides, carries, constants, foot, lever, x, rows, point)
@@ -208,52 +213,64 @@ def _sweep(steps, joints, offsets, table, first, still, parent, slides, carries,
         whiten(parent, carries, inertia, rows)
         delassus_matrix(carries, rows, delassus)
         solve_impact(delassus, across, along, speed, e, mu, impulse, lost, doubt)
-        if WIDTH == 3:  # else nothing slips out of the plane
-            solve_slip(delassus, across, along, speed, e, mu, impulse, lost, doubt)
-        end = min(LANES, count - begin)
+        s, t, p = impulse[0], impulse[1], impulse[2]
+        if WIDTH == 3 and any_of(s * s + t * t > (mu * p) * (mu * p)):
+            solve_slip(
+                floats[4:10], across, along, speed, e, mu, floats[10:13], floats[16:17],
+                floats[17:18],
+            )  # fmt: skip
+            s, t, p = impulse[0], impulse[1], impulse[2]
         if full:
             doubt_singular(delassus, WIDTH == 2, doubt)
             for k in range(1, n):
-                row, dv = rows[k], jump[k]
-                for i in range(LANES):
-                    t, last = row[i] * impulse[i], row[(WIDTH - 1) * LANES + i]
-                    t += row[LANES + i] * impulse[LANES + i] if WIDTH == 3 else 0.0
-                    dv[i] = -(t + last * impulse[2 * LANES + i])
+                pushed = rows[k, 0] * s
+                if WIDTH == 3:
+                    pushed = pushed + rows[k, 1] * t
+                jump[k] = -(pushed + rows[k, WIDTH - 1] * p)
             solve_velocity(parent, inertia, jump, doubt)
             motion.joint_impulses(
                 parent, slides, constants, foot, impulse, jump, x, point, reaction
             )
-            for i in range(end):
-                c = begin + i
-                pressed = impulse[2 * LANES + i]
-                parting = pressed * along - (speed + reaction[2 * LANES + i])
-                total = math.sqrt(impulse[i] ** 2 + impulse[LANES + i] ** 2 + pressed**2)
-                answer[LOST, c], answer[USE, c] = lost[i], use[i]
-                answer[WORST, c] = math.sqrt(reaction[i])
-                answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
-                answer[MOMENTUM, c] = reaction[LANES + i] / (
-                    math.sqrt(point[motion.SIZE + i]) * total
-                )
-        for i in range(end):
-            c = begin + i
-            answer[TANGENT, c], answer[ACROSS, c] = impulse[i], impulse[LANES + i]
-            answer[NORMAL, c], answer[MOBILITY, c] = impulse[2 * LANES + i], delassus[D33 + i]
-            answer[DOUBT, c] = doubt[i]
+            parting = p * along - (speed + reaction[2])
+            total = math.sqrt(s * s + t * t + p * p)
+            answer[LOST, c], answer[USE, c] = lost[0], use[0]
+            answer[WORST, c] = math.sqrt(reaction[0])
+            answer[RESTITUTION, c] = math.fabs(parting - e * speed) / speed
+            answer[MOMENTUM, c] = reaction[1] / (math.sqrt(point[motion.SIZE]) * total)
+        answer[TANGENT, c], answer[ACROSS, c], answer[NORMAL, c] = s, t, p
+        answer[MOBILITY, c], answer[DOUBT, c] = delassus[D33], doubt[0]
+
+
+def _kinematics(in_plane: bool) -> Any:
+    """Return the module of kinematics in a plane or in space."""
+    return planar_kernel if in_plane else spatial_kernel
 
 
 @cache
-def _compiled(in_plane: bool) -> Callable[..., None]:
-    """Return a kernel, from the disk where it is kept there."""
-    kinematics = planar_kernel if in_plane else spatial_kernel
+def _variant(in_plane: bool) -> Callable[..., None]:
+    """Return `_sweep` for motion in a plane or in space, to be compiled."""
+    kinematics = _kinematics(in_plane)
     # numba looks for changes in this file only; the others are part of the name
-    modules = (lanes, kernel_model, impact_kernel, sweep_kick, speed_use_kernel, kinematics)
+    modules = (simd, kernel_model, impact_kernel, sweep_kick, speed_use_kernel, kinematics)
     content = zlib.crc32(b"".join(Path(str(each.__file__)).read_bytes() for each in modules))
-    names = {**globals(), "motion": kinematics, "WIDTH": 2 if in_plane else 3}
-    variant = named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")
+    names = {**globals(), "motion": kinematics, "WIDTH": kinematics.AXES}
+    return named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")
+
+
+def kernel_is_kept(in_plane: bool) -> bool | None:
+    """Return whether a kernel is on the disk; None where it cannot be kept."""
+    return is_kept(_variant(in_plane))
+
+
+@cache
+def compiled_kernel(in_plane: bool) -> Callable[..., None]:
+    """Return a kernel, from the disk where it is kept there."""
     integers, flags, matrix = numba.int64[::1], numba.boolean[::1], numba.float64[:, ::1]
+    cube = numba.float64[:, :, ::1]
     three, five = _tuple(numba.float64, 3), _tuple(numba.float64, 5)
     signature = numba.void(
-        integers, integers, integers, matrix, numba.int64, matrix, integers, flags, flags, matrix,
-        numba.int64, three, five, numba.boolean, matrix,
+        integers, integers, integers, integers, matrix, numba.int64[:, ::1], integers, flags, flags,
+        matrix, numba.int64, three, five, numba.boolean, cube, cube, cube, matrix, matrix, cube,
     )  # fmt: skip
-    return compiled(variant, signature, **OPTIONS)
+    what = f"the kernel of sweeps {'in a plane' if in_plane else 'in space'}"
+    return compiled(_variant(in_plane), signature, what, **OPTIONS)

@@ -6,9 +6,7 @@ along the normal, so that w y is its speed times the last entry of y.
 
 import math
 
-import numpy as np
-
-from kickdyn.core.lanes import LANES
+from kickdyn.core.simd import choose, spread
 from kickdyn.sweeps.impact_kernel import njit
 from kickdyn.sweeps.kernel_model import LIMIT
 from kickdyn.sweeps.sweep_kick import ROUNDING, UNLIMITED
@@ -21,66 +19,61 @@ product has digits enough; between them a posture is doubtful."""
 @njit
 def least_speed_use(carries, rows, constants, speed, use, doubt):  # type: ignore[no-untyped-def]
     """Fill in the least possible value of the largest joint speed over its limit."""
-    n, flat = len(carries), rows.shape[1] == 2 * LANES
-    y, movers, bound, least = np.zeros(rows.shape[1]), 0, 0, math.inf
+    n, flat = len(carries), rows.shape[1] == 2
+    movers, bound, least = 0, 0, math.inf
     for k in range(1, n):
         most = constants[k, LIMIT]
         movers += 1 if carries[k] and most > 0.0 else 0
         bound += 1 if carries[k] and most <= UNLIMITED else 0
         least = min(least, most) if carries[k] and most > 0.0 else least
-    use[:] = 0.0
+    use[0] = 0.0
     for j in range(1, n):
         if not carries[j] or bound == 0:
             continue
-        a = rows[j]
+        a1, a2, a3 = rows[j, 0], rows[j, 1], rows[j, rows.shape[1] - 1]
         if flat:
-            for i in range(LANES):
-                y[i], y[LANES + i] = -a[LANES + i], a[i]
-            _raise_to_candidate(carries, rows, constants, speed, least, y, use)
+            _raise_to_candidate(carries, rows, constants, speed, least, -a2, a1, a1, use)
             continue
         for k in range(j + 1, n):
             if not carries[k]:
                 continue
-            b = rows[k]
-            for i in range(LANES):
-                a1, a2, a3 = a[i], a[LANES + i], a[2 * LANES + i]
-                b1, b2, b3 = b[i], b[LANES + i], b[2 * LANES + i]
-                y1, y2, y3 = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
-                whole = (a1 * a1 + a2 * a2 + a3 * a3) * (b1 * b1 + b2 * b2 + b3 * b3)
-                apart = (y1 * y1 + y2 * y2 + y3 * y3) / whole
-                doubt[i] = 1.0 if PARALLEL < apart < ASKEW else doubt[i]
-                sound = 1.0 if apart >= ASKEW else 0.0
-                y[i], y[LANES + i], y[2 * LANES + i] = sound * y1, sound * y2, sound * y3
-            _raise_to_candidate(carries, rows, constants, speed, least, y, use)
-    for i in range(LANES):  # from 1e9 on, the foot can hardly move so
-        doubt[i] = doubt[i] if use[i] < 1e9 and movers >= (2 if flat else 3) else 1.0
+            b1, b2, b3 = rows[k, 0], rows[k, 1], rows[k, 2]
+            y1, y2, y3 = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
+            whole = (a1 * a1 + a2 * a2 + a3 * a3) * (b1 * b1 + b2 * b2 + b3 * b3)
+            apart = (y1 * y1 + y2 * y2 + y3 * y3) / whole
+            doubt[0] = choose((apart > PARALLEL) & (apart < ASKEW), 1.0, doubt[0])
+            sound = choose(apart >= ASKEW, 1.0, 0.0)
+            y1, y2, y3 = sound * y1, sound * y2, sound * y3
+            _raise_to_candidate(carries, rows, constants, speed, least, y1, y2, y3, use)
+    if movers < (2 if flat else 3):
+        doubt[0] = 1.0
+    doubt[0] = choose(use[0] < 1e9, doubt[0], 1.0)  # from there on, the foot can hardly move so
 
 
 @njit
-def _raise_to_candidate(carries, rows, constants, speed, least, y, use):  # type: ignore[no-untyped-def]
-    r"""Raise `use` to the value of a candidate, :math:`w \cdot y / \sum_i l_i |a_i \cdot y|`."""
-    taken, last = np.zeros(LANES), len(y) - LANES
+def _raise_to_candidate(carries, rows, constants, speed, least, y1, y2, y3, use):  # type: ignore[no-untyped-def]
+    r"""Raise `use` to the value of a candidate, :math:`w \cdot y / \sum_i l_i |a_i \cdot y|`.
+
+    In a plane, the candidate has two components, and `y3` is not read.
+    """
+    flat, taken = rows.shape[1] == 2, spread(0.0)
     for k in range(1, len(carries)):
-        most, row = constants[k, LIMIT], rows[k]
+        most = constants[k, LIMIT]
         if not carries[k] or most == 0.0:
             continue
+        a1, a2 = rows[k, 0], rows[k, 1]
+        along = a1 * y1 + a2 * y2
+        if not flat:
+            along = along + rows[k, 2] * y3
+        along = math.fabs(along)
         if most > 1e3 * least:  # its product with a rounding error may count beside other joints
+            own, other = a1 * a1 + a2 * a2, y1 * y1 + y2 * y2
+            if not flat:
+                own, other = own + rows[k, 2] * rows[k, 2], other + y3 * y3
             share = most if most <= UNLIMITED else math.inf
-            for i in range(LANES):
-                along, own, other = 0.0, 0.0, 0.0
-                for c in range(i, last + i + 1, LANES):
-                    along += row[c] * y[c]
-                    own, other = own + row[c] * row[c], other + y[c] * y[c]
-                along = math.fabs(along)
-                taken[i] += share * along if along > ROUNDING * math.sqrt(own * other) else 0.0
-        elif last == LANES:
-            for i in range(LANES):
-                along = row[i] * y[i] + row[LANES + i] * y[LANES + i]
-                taken[i] += most * math.fabs(along)
+            sound = along > ROUNDING * math.sqrt(own * other)
+            taken += choose(sound, share * along, 0.0)
         else:
-            for i in range(LANES):
-                along = row[i] * y[i] + row[LANES + i] * y[LANES + i]
-                taken[i] += most * math.fabs(along + row[2 * LANES + i] * y[2 * LANES + i])
-    for i in range(LANES):
-        gain = speed * math.fabs(y[last + i])
-        use[i] = max(use[i], gain / taken[i] if gain > 0.0 else 0.0)
+            taken += most * along
+    gain = speed * math.fabs(y2 if flat else y3)
+    use[0] = max(use[0], choose(gain > 0.0, gain / taken, 0.0))

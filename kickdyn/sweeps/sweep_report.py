@@ -14,9 +14,9 @@ from kickdyn.core.files import finite
 from kickdyn.core.validation import Array
 from kickdyn.impact.laws import ImpactLaw
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.sweeps.dataset import provenance, variables_of
+from kickdyn.sweeps.dataset import provenance, sweep_warnings, variables_of
 from kickdyn.sweeps.grid import DECIMALS, Grid
-from kickdyn.sweeps.summary import Summary
+from kickdyn.sweeps.summary import Summary, joint_values_by_unit
 from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
 
 PAPER_POSTURES = {
@@ -52,10 +52,10 @@ class ReportLine:
 
     def as_json(self) -> dict[str, object]:
         """Return plain values, with None for nan."""
-        impact = self.outcome.impact
+        impact, leg = self.outcome.impact, self.outcome.posture.leg
         return {
             "posture": self.label,
-            "angles": self.angles,
+            **joint_values_by_unit(self.angles, {name: _unit(leg, name) for name in self.angles}),
             "status": self.outcome.status.value,
             **{name: finite(value) for name, value in self.values.items()},
             "free_effective_mass": None if impact is None else finite(impact.free_effective_mass),
@@ -281,6 +281,7 @@ def as_json(
     counts = {name: n for name, n in summary.counts.items() if name != PostureStatus.NOT_COMPUTED}
     return {
         **provenance(leg, kick),
+        "warnings": list(sweep_warnings(leg, kick)),
         "restitution_given": kick.contact.restitution,
         "postures": summary.postures,
         "status": counts,

@@ -15,6 +15,7 @@ from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.swing import Swing
 from kickdyn.robot.ground_clearance import find_depths, shape_of
 from kickdyn.robot.leg import Leg
@@ -70,22 +71,20 @@ def draw_kick(
     impact: Impact,
     path: Flight | Course,
     scenery: Sequence[Box] = (),
-    swing: Swing | None = None,
+    swing: Swing | Backswing | None = None,
     *,
     lies: bool = True,
 ) -> DrawnKick:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a swing from rest to rest through this impact the joints move as `leg_configuration`
-    says. Where the ball need not lie on the ground (`lies`), the ground is where a robot stands, or
-    as low as ball and leg come.
+    says; after a backswing alone, too. Where the ball need not lie on the ground (`lies`), the
+    ground is where a robot stands, or as low as ball and leg come.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
-    pace = kick_pace(impact, path.duration, None if swing is None else swing.backswing.duration)
-    moved = [
-        swing.configuration(time) if swing else leg_configuration(impact, time)
-        for time in pace.times
-    ]
+    backswing = swing.backswing if isinstance(swing, Swing) else swing
+    pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
+    moved = [_configuration(impact, swing, time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
     forward = _forward(impact, curve)
     bottom = _bottom(impact, path)
@@ -97,7 +96,7 @@ def draw_kick(
     figure = draw_leg(viewer["leg"], leg, impact.posture.q)
     far = [box_corners(curve, ball.radius), figure, *(box.corners() for box in scenery)]
     if swing is not None:
-        far.append(box_corners(_swing_points(swing, pace), ball.radius))
+        far.append(box_corners(_swing_points(impact, swing, pace), ball.radius))
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
@@ -213,12 +212,19 @@ def box_corners(points: Array, radius: float) -> Array:
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
 
 
-def _swing_points(swing: Swing, pace: Pace) -> Array:
+def _configuration(impact: Impact, swing: Swing | Backswing | None, time: float) -> Array:
+    """Return q of the leg at a time from the impact [s], shape `(nq,)`."""
+    if swing is None or (isinstance(swing, Backswing) and time > 0.0):
+        return leg_configuration(impact, time)
+    return swing.configuration(time)
+
+
+def _swing_points(impact: Impact, swing: Swing | Backswing, pace: Pace) -> Array:
     """Return positions of joints and contact point during a swing, shape `(n, 3)` [m]."""
-    leg = swing.plan.leg
+    leg = impact.posture.leg
     points = []
     for time in pace.times[::8]:  # enough to set the camera
-        q = swing.configuration(time)
+        q = _configuration(impact, swing, time)
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)
     return np.array(points)

@@ -23,6 +23,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
@@ -206,8 +207,9 @@ def page(
 ) -> Page:
     """Return a 3-D page of a kick, or of several flights or impacts to compare.
 
-    A kick moves: an `Impact` with the ball's path, a `KickPlan`, a `Swing`, a `Scene` or the
-    `Simulation` of one. A scene is shown with its wall or goal, and its contact as an instant.
+    A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `backswing` if it has
+    one), a `Swing`, a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
+    and its contact as an instant.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flights of an `Identification` are curves with the measured positions as dots. Up to 8 impacts
     stand side by side, their impulses to one scale.
@@ -237,7 +239,7 @@ def page(
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
         )
-    swing = None
+    swing: Swing | Backswing | None = None
     if isinstance(subject, Scene):
         subject = simulate_as_instant(subject)
     if isinstance(subject, Swing):
@@ -249,6 +251,7 @@ def page(
         scenery = [*scenery, *boxes]
     elif isinstance(subject, KickPlan):
         impact, path = subject.impact, subject.path
+        swing = swing or subject.backswing
     elif isinstance(subject, Impact):
         impact = subject
     else:

@@ -18,6 +18,7 @@ from kickdyn.cli.commands import kickdyn_command
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "reference" / "commands.md").read_text("utf-8")
+KEYS = (ROOT / "docs" / "reference" / "json.md").read_text("utf-8")
 COMMANDS = list(commands.COMMANDS)
 SCRIPT = [
     sys.executable,
@@ -167,7 +168,7 @@ def keys(value, name=""):
     """Return the names of all that a JSON value holds, as the page writes them."""
     if isinstance(value, dict):
         named = {
-            **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
+            **{"angles_deg": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
             **{"neglected": "EFFECT", "values": "UNKNOWN", "deviations": "UNKNOWN"},
             **dict.fromkeys(("restitution", "friction", "rolling_deceleration"), "VALUE"),
         }.get(name.split(".")[-1])
@@ -196,7 +197,7 @@ def test_the_page_names_every_key(section, arguments, tmp_path, monkeypatch):
     Path("track.csv").write_text("\n".join([rows[0], *rows[2605:2760]]), "utf-8")
     ended = CliRunner().invoke(kickdyn_command, [section, *arguments, "--json", "-"])
     assert ended.exit_code == 0
-    text = PAGE.split(f"### {section}\n")[1].split("\n### ")[0]
+    text = KEYS.split(f"## {section}\n")[1].split("\n## ")[0]
     if "--scene" in arguments:
         text = text.split("with `--scene`")[1]
     rows = re.findall(r"^\| (`.*?) \|", text, re.MULTILINE)

@@ -94,7 +94,7 @@ def test_every_option_of_the_kick_counts():
     leg, air = load_leg("human", "foot"), AIRS["paper"]
     kick = kickdyn.Kick(speed=3.0, attack=np.radians(10), restitution=0.5, friction=0.05, air=air)
     for line in report["lines"]:
-        q = leg.configuration({k: np.radians(v) for k, v in line["angles"].items()})
+        q = leg.configuration({k: np.radians(v) for k, v in line["angles_deg"].items()})
         outcome = kick_from(leg.posture(q), kick)
         assert line["impulse_vector"] == pytest.approx(outcome.impact.impulse.tolist(), rel=1e-12)
         assert line["carry"] == pytest.approx(outcome.carry, rel=1e-9)
@@ -108,8 +108,11 @@ def test_a_restitution_over_speed_is_taken_at_the_foots_speed():
     assert [report["restitution"] for report in reports] == pytest.approx([0.7, 0.7])
     assert [report["restitution_given"] for report in reports] == [0.7, [[1, 0.8], [3, 0.6]]]
     assert reports[0]["best"] == reports[1]["best"]
+    assert reports[0]["warnings"] == []
     ended = door(*SMALL, "--speed", "2", "--restitution", "peacock-ball", "--json", "-")
     assert "9.1 to 21.2 m/s, and the foot approaches at 2 m/s" in ended.stderr
+    (line,) = json.loads(ended.stdout)["warnings"]
+    assert "9.1 to 21.2 m/s" in line
 
 
 def test_the_tolerance_of_carries_counts(tmp_path):
@@ -132,7 +135,7 @@ def test_conditions_choose_best_and_worst(tmp_path):
         assert (report["where"], report["chosen"], report["postures"]) == (asked[1], 2, 3)
         best = report["lines"][-2]
         assert best["posture"] == "best"
-        assert best["angles"]["hip"] in (0, 20)
+        assert best["angles_deg"]["hip"] in (0, 20)
     assert told[0]["lines"][-2]["ball_speed"] == pytest.approx(told[1]["lines"][-2]["ball_speed"])
 
 
@@ -156,9 +159,9 @@ def test_of_more_than_a_million_without_a_store_the_answers_are_kept(tmp_path):
     assert (ended.returncode, ended.stderr) == (0, "")
     report = json.loads((tmp_path / "j.json").read_text())
     assert report["postures"] == 101 * 101 * 101
-    assert max(report["best"]["angles"]["knee"] + report["front"]["angles"]["knee"]) < 20
+    assert max(report["best"]["angles_deg"]["knee"] + report["front"]["angles_deg"]["knee"]) < 20
     best = report["lines"][-2]
-    assert best["angles"]["hip"] == pytest.approx(report["best"]["angles"]["hip"][0])
+    assert best["angles_deg"]["hip"] == pytest.approx(report["best"]["angles_deg"]["hip"][0])
     assert best["ball_speed"] == pytest.approx(report["best"]["ball_speed"][0], rel=1e-12)
     assert {f.name for f in tmp_path.iterdir()} == {"j.json", "p.png", "v.html"}
     ended = door(*large, "--out", "s.nc", cwd=tmp_path)

@@ -81,3 +81,8 @@ def test_another_law_is_refused(tmp_path):
     ended = run(file)
     assert isinstance(ended.exception, kd.InvalidInput)
     assert str(ended.exception).startswith("law is 'stronge': a contact of MuJoCo is tuned for")
+    text = KICK.replace("contact_time_s = 0.010", 'stiffness = "pressure"')
+    file.write_text(f"{text}\n[ball]\npressure_pa = 80e3\n")
+    ended = run(file)
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert str(ended.exception).startswith("stiffness is 'pressure': a contact of MuJoCo is tuned")

@@ -246,6 +246,27 @@ def test_a_bad_row_is_flagged_and_the_others_stay(coefficient):
         assert np.isfinite(many[name].values[[0, 2]]).all()
 
 
+def test_a_coefficient_that_raises_spares_the_others_of_a_batch_that_is_all_integrated():
+    velocity = [(20, 0, 8), (60, 0, 8), (25, 1, 5)]
+    states = kd.BallState(velocity=velocity, spin=(0, -30, 0))
+    many = agree(states, BALL, kd.Air(drag=raising_above_30), rows=[0, 2])
+    assert many.status.values.tolist() == [0, 2, 0]
+
+
+def test_a_ball_that_lands_and_would_rise_again_within_one_step():
+    """Lift without a limit turns it around below the ground: the first landing counts."""
+    state = kd.BallState(
+        velocity=[(-5.40408608, 28.09163781, 4.4895844)],
+        spin=[(3.95040567, -50.4790938, 24.44674464)],
+    )
+    air = kd.Air(drag=0.2, lift=0.15, torque=0.01)
+    exact = kd.fly(of(state, 0), BALL, air)
+    for tol in (1e-3, 1e-5, 1e-7):
+        assert float(fly_many(state, BALL, air, tol=tol).duration[0]) == pytest.approx(
+            exact.duration, abs=1e-2
+        )
+
+
 def test_a_ball_in_syrup_is_given_up():
     syrup = kd.Air(density=1400, viscosity=1e6, drag="stokes", lift=None, torque=None)
     states = kd.BallState([(0, 0, 1e4)], [(1, 0, 1)], [(0, 0, 0)], [0])

@@ -1,6 +1,8 @@
 """The strike as a user calls it: the paper's numbers, energy, and bad input."""
 
+import gc
 import math
+import weakref
 
 import mpmath
 import numpy as np
@@ -27,6 +29,20 @@ def test_table_2(ankle, total):
     """The ball's term left out, e = 0.8, foot at 1 m/s."""
     ours = kd.normal_impulse(1.0, 0.8, paper_posture(ankle).effective_mass(ATTACK))
     assert ours == pytest.approx(total, rel=0.003)
+
+
+def test_an_impact_and_its_posture_are_freed_at_once():
+    """Neither refers to itself, so that no garbage collector is needed."""
+    posture = paper_posture(-5)
+    impact = kd.strike(posture, [0.1, -2, 1], kd.Ball(), kd.Contact(ATTACK, 0.8, 0.4))
+    assert len(impact.joint_impulses) == 3
+    seen = weakref.ref(posture)
+    gc.disable()
+    try:
+        del posture, impact
+        assert seen() is None
+    finally:
+        gc.enable()
 
 
 @given(q=st.tuples(*(st.floats(low, high) for low, high in zip(LEG.lower, LEG.upper, strict=True))))

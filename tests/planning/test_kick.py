@@ -499,6 +499,21 @@ def test_a_plan_knows_the_restitution_over_speed(restitution, objective):
     assert far.impact.ball_after.velocity == pytest.approx(slower, abs=1e-10)
 
 
+def test_a_plan_of_a_constant_table_has_the_bits_of_the_number():
+    flat, goal = [[1, 0.8], [9, 0.8], [30, 0.8]], kd.Goal(15, time=1)
+    for options in ({}, {"objective": "kinetic-energy", "friction": 0.0}, {"swing": True}):
+        one, other = (
+            kd.plan_kick(HUMAN, goal, BALL, AIR, restitution=e, **options) for e in (0.8, flat)
+        )
+        assert one.q.tobytes() == other.q.tobytes()
+        assert one.v.tobytes() == other.v.tobytes()
+        assert one.value == other.value
+        assert one.impact.impulse.tobytes() == other.impact.impulse.tobytes()
+        assert (
+            one.impact.ball_after.velocity.tobytes() == other.impact.ball_after.velocity.tobytes()
+        )
+
+
 def test_a_plan_warns_outside_the_table():
     plan = kd.plan_kick(HUMAN, kd.Goal(3, time=0.6), BALL, AIR, restitution="peacock-ball")
     assert any("9.1 to 21.2 m/s" in line for line in plan.warnings)

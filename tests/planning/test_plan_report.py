@@ -54,6 +54,16 @@ def test_lines_and_json():
     assert said["leg"]["v"] == pytest.approx(WEAK.v.tolist())
 
 
+def test_the_restitution_is_named_where_it_depends_on_the_speed():
+    goal, lines = kd.Goal(15, time=1), []
+    for restitution in (0.7, "peacock-ball"):
+        plan = kd.plan_kick(LEG, goal, BALL, AIR, restitution=restitution)
+        lines.append(PlanReport(plan).table()[1])
+    assert "restitution" not in lines[0]
+    used = f"restitution {plan.impact.restitution:.4g}, that of 'peacock-ball' at "
+    assert f", {used}{plan.impact.approach_speed:.4g} m/s" in lines[1]
+
+
 def test_a_torque_that_binds_is_named():
     model = LEG.model
     model.effortLimit = np.array([60.0, 40.0, 20.0])

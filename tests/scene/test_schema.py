@@ -6,9 +6,9 @@ from kickdyn.scene import schema
 
 def test_sources_are_those_of_the_uncertainty():
     assert set(schema.SECTIONS["uncertainty"]) == set(schema.UNCERTAINTY)
-    assert {name for name, _, _ in schema.UNCERTAINTY.values()} <= set(UNITS)
+    assert {name for name, *_ in schema.UNCERTAINTY.values()} <= set(UNITS)
 
 
 def test_degrees_only_where_the_name_says_so():
-    for key, (source, _, scale) in schema.UNCERTAINTY.items():
+    for key, (source, _, scale, _) in schema.UNCERTAINTY.items():
         assert (scale == 1.0) == (not key.endswith("_deg")), source

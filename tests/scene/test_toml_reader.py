@@ -253,6 +253,45 @@ def test_a_contact_that_takes_time_has_no_law_and_restitution(faults):
     assert ["has no law" in lines[0], "at least 0.01" in lines[1], len(lines)] == [True, True, 2]
 
 
+def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
+    changed = SMALL.replace("restitution = 0.8", "restitution = 0.7\nstiffness = 'pressure'")
+    changed += "dissipation = 'hunt-crossley'\n[ball]\npressure_pa = 80e3\n"
+    scene = read(changed)
+    answer = kd.simulate(scene, None)
+    ball = kd.Ball(pressure=80e3)
+    same = kd.collide(
+        scene.posture, scene.v, ball, scene.contact, stiffness="pressure",
+        dissipation="hunt-crossley", tol=answer.impact.tol,
+    )  # fmt: skip
+    assert answer.impact.impulse.tolist() == same.impulse.tolist()
+    assert answer.impact.force_model == same.force_model
+    assert "from the pressure" in str(scene)
+    instant = kd.simulate(scene.as_instant(), None)
+    assert instant.impact.impulse.tolist() != same.impulse.tolist()
+
+
+@pytest.mark.parametrize(
+    ("contact", "ball", "line"),
+    [
+        (
+            "dissipation = 'hunt-crossley'",
+            "",
+            "contact.dissipation is named without contact_time_s",
+        ),
+        ("stiffness = 'pressure'\ncontact_time_s = 0.01", "pressure_pa = 8e4", "leave one of them"),
+        ("stiffness = 'pressure'", "", "ball.pressure_pa is missing"),
+        ("stiffness = 'air'", "", "contact.stiffness is 'air': choose pressure"),
+        ("stiffness = 'pressure'\nlaw = 'paper'", "pressure_pa = 8e4", "has no law"),
+        ("dissipation = 'none'\ncontact_time_s = 0.01", "", "choose walton-braun, hunt-crossley"),
+        ("", "pressure_pa = 0.8", r"ball.pressure_pa is 0.8: it must be a finite number"),
+    ],
+)
+def test_a_compliant_contact_is_refused(faults, contact, ball, line):
+    text = SMALL.replace("restitution = 0.8", f"restitution = 0.8\n{contact}")
+    (found,) = faults(f"{text}\n[ball]\n{ball}\n")
+    assert line in found
+
+
 @pytest.mark.parametrize(
     ("text", "value", "e"),
     [
@@ -270,6 +309,7 @@ def test_a_restitution_over_speed_is_read_and_used(read, text, value, e):
         assert answer.impact.restitution == pytest.approx(e, abs=1e-6)
         outside = isinstance(value, str)
         assert any("m/s: e is 0.729" in line for line in answer.warnings) == outside
+        assert f"restitution {answer.impact.restitution:.4g}, that of " in str(answer)
 
 
 @pytest.mark.parametrize(

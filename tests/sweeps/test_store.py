@@ -402,7 +402,7 @@ def test_without_kickdyn_xarray_opens_every_file(tmp_path):
     names = [*VARIABLES, "status", *(n for j in POSTURES for n in (j, f"{j}_deg")), "CF-1.11"]
     ends = {1: "1 int8 float32 float64 -1 0 0", 0: "0 int8 float32 float64 -1 252 252"}
     assert ended.stdout.splitlines() == [f"{' '.join(names)} {ends[k]}" for k in (1, 0, 1, 0, 1)]
-    text = (Path(__file__).parents[2] / "docs" / "how-to" / "sweeps.md").read_text()
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "dataset.md").read_text()
     table = re.search(r"\| variable \|.*?\n\n", text, re.DOTALL)[0]
     assert re.findall(r"`(\w+)`(?=[^|]*\| [a-zA-Z0-9])", table) == [*VARIABLES, "status"]
 

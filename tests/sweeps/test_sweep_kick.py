@@ -199,3 +199,4 @@ def test_a_table_is_taken_at_the_foots_speed(kernel_from, monkeypatch):
     assert "restitution_given" not in flat.attrs
     slow = kd.sweep(LEG, postures, Kick(speed=1.0, restitution="peacock-ball"))
     assert "9.1 to 21.2 m/s" in slow.attrs["warnings"]
+    assert slow.attrs["restitution_given"] == "peacock-ball"

@@ -122,7 +122,7 @@ def test_the_papers_postures_meet_table_2():
 def test_json_holds_no_nan():
     line = paper_lines(LEG, KICK)[0].as_json()
     assert line["posture"] == "paper a"
-    assert line["angles"] == {"hip": 5, "knee": 10, "ankle": -5}
+    assert line["angles_deg"] == {"hip": 5, "knee": 10, "ankle": -5}
     assert np.linalg.norm(line["impulse_vector"]) == pytest.approx(line["impulse"])
 
 

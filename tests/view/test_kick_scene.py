@@ -7,6 +7,7 @@ import pytest
 import umsgpack
 
 import kickdyn as kd
+from kickdyn.planning.backswing import Backswing
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view import kick_scene
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
@@ -117,6 +118,16 @@ def test_a_whole_swing_is_beside_the_caption():
         across, up = (away @ axis / (away @ into) for axis in (right, np.cross(right, into)))
         assert -LEFT < across < RIGHT
         assert -BOTTOM < up < TOP
+
+
+def test_a_backswing_is_followed_by_joints_that_come_to_rest(kick, monkeypatch):
+    hit, moved = kick[0], np.array([0.1, 0.2, 0.3])
+    monkeypatch.setattr(Backswing, "configuration", lambda _, time: moved * time)
+    backswing = Backswing(None, None)
+    for time in (-0.4, -0.1, 0.0):
+        assert np.array_equal(kick_scene._configuration(hit, backswing, time), moved * time)
+    after = leg_configuration(hit, 0.1)
+    assert np.array_equal(kick_scene._configuration(hit, backswing, 0.1), after)
 
 
 def test_the_ball_rests_on_the_ground(scene, kick):

@@ -1,0 +1,61 @@
+"""Draw docs/images/kick.webp, the animated picture of README.md, from the page of a planned kick.
+
+    python benchmarks/kick_animation.py [FILE]
+
+Needs Chromium and the extra `robots`. Chromium draws each picture anew, which takes some minutes.
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+import kickdyn as kd
+from kickdyn.view.page import Page
+from kickdyn.view.playback import RATE
+from kickdyn.view.screenshot import save_picture
+
+FILE = Path(__file__).resolve().parent.parent / "docs" / "images" / "kick.webp"
+
+SIZE = 880, 495
+"""Width and height of the animation [px]."""
+
+PICTURES = 10
+"""Number of pictures per second."""
+
+LAST = 1.5
+"""How long the last picture is shown [s]."""
+
+
+def page() -> Page:
+    """Return the page of a humanoid robot that stands on its left foot and kicks a ball 3 m far."""
+    robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
+    standing = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
+    return kd.page(kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air()))
+
+
+def main(file: Path) -> None:
+    """Write the animation."""
+    shown = page()
+    assert shown.pace is not None
+    duration = (len(shown.pace.times) - 1) / RATE
+    times = [number / PICTURES for number in range(int(duration * PICTURES) + 1)]
+    pictures = []
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "picture.png"
+        for time in times:
+            save_picture(shown.html, picture, time)
+            pictures.append(
+                Image.open(picture).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
+            )
+    shown_for = [round(1e3 / PICTURES)] * (len(times) - 1) + [round(1e3 * LAST)]
+    pictures[0].save(
+        file, save_all=True, append_images=pictures[1:], duration=shown_for, loop=0, quality=75,
+        method=6,
+    )  # fmt: skip
+    print(f"{file.name}: {len(times)} pictures, {file.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FILE)

@@ -93,15 +93,12 @@ def test_joint_impulses_tend_to_those_of_the_instant(kick):
         kick.posture, kick.v, kick.ball, kick.contact,
         ball_velocity=kick.ball_before.velocity, ball_spin=kick.ball_before.spin,
     )  # fmt: skip
-    posture, rate = kick.posture, 1e8 / impact.effective_mass + 1e8 / kick.ball.mass
+    rate = 1e8 / impact.effective_mass + 1e8 / kick.ball.mass
     damping = 2.0 * damping_ratio(0.7) * rate**0.5
     contact = MujocoContact((-rate, -damping), (0.9999, 0.9999, 1.0, 0.5, 1.0))
     found = MujocoKick(kick, 2e-6, contact).run(joint_impulses=True).joint_impulses
-    model = posture.leg.model
-    data = model.createData()
-    pin.forwardKinematics(model, data, posture.q)
-    own = [data.oMi[k + 1].rotation @ part for k, part in enumerate(impact.joint_impulses[:, :3])]
-    assert found == pytest.approx(np.array(own), abs=0.02 * np.abs(own).max())
+    own = impact.joint_impulses[:, :3]
+    assert found == pytest.approx(own, abs=0.02 * np.abs(own).max())
 
 
 def test_what_mujoco_has_not_is_refused():

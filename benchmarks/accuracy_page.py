@@ -1,11 +1,12 @@
-"""Measure everything; write docs/explanation/accuracy.md, and its pictures.
+"""Measure errors and times, and write them and their pictures into docs.
+
+The pages are docs/explanation/accuracy.md, docs/explanation/extremes.md and
+docs/reference/accuracy-tables.md.
 
     python benchmarks/accuracy_page.py
 
-A minute and a half of processor time. Errors do not depend on the machine, times do.
+It takes a minute and a half of processor time. Errors do not depend on the machine, times do.
 """
-
-from __future__ import annotations
 
 import os
 import platform
@@ -33,6 +34,9 @@ PACKAGES = ("numpy", "scipy", "pin", "mpmath", "mujoco", "heyoka")
 
 USUAL = "1e+05 N/m, dt 0.001 s"
 """A usual setting of MuJoCo."""
+
+TOLERANCE = "tol 1e-09"
+"""The setting of the flights in the short table."""
 
 
 def table(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
@@ -73,6 +77,14 @@ def flight_table(found: Sequence[Measurement]) -> str:
             )
         )  # fmt: skip
     return table(("scene", "method", "tol", "error [m]", "calls", "time", "front"), lines)
+
+
+def short_flight_table(found: Sequence[Measurement]) -> str:
+    """Return the flights with all effects at one tolerance, times relative to `kd.fly_many`."""
+    rows = [row for row in found if (row.scene, row.setting) == ("full", TOLERANCE)]
+    ours = next(row.seconds for row in rows if row.method == "kd.fly_many")
+    lines = [(f"`{row.method}`", f"{row.error:.1e}", f"{row.seconds / ours:.2g}") for row in rows]
+    return table(("method", "error [m]", "time"), lines)
 
 
 def extremes_table(found: Sequence[ExtremeCase]) -> str:
@@ -137,7 +149,7 @@ def write(page: Path, filled: dict[str, str]) -> None:
 
 
 def main() -> None:
-    """Write the page."""
+    """Write the pages."""
     began = time.process_time()
     impacts, flights, found = measure_impacts(), measure_flights(), list(extreme_cases())
     for file, figure in (
@@ -145,15 +157,17 @@ def main() -> None:
         ("extremes.png", condition_figure(found)),
     ):
         figure.savefig(DOCS / "images" / file, dpi=80)
+    explanation, reference = DOCS / "explanation", DOCS / "reference"
+    short = {"kick": kick_table(impacts), "flights": short_flight_table(flights)}
+    write(explanation / "accuracy.md", short)
+    formulas = gains_table(gains(), "the plain formula", "kickdyn's")
+    write(explanation / "extremes.md", {"summary": summary(found) + ".", "gains": formulas})
     write(
-        DOCS / "explanation" / "accuracy.md",
+        reference / "accuracy-tables.md",
         {
-            "kick": kick_table(impacts),
             "impact": impact_table(impacts),
             "flight": flight_table(flights),
             "extremes": extremes_table(found),
-            "summary": summary(found) + ".",
-            "gains": gains_table(gains(), "the plain formula", "kickdyn's"),
             "machine": machine(began),
         },
     )

@@ -1,27 +1,26 @@
-"""Time a sweep as it grows: cost per posture, two processes beside one, memory of a huge grid.
+"""Time a sweep as a user meets it: compiled for the first time, into stores, and as it grows.
 
     python benchmarks/sweep_size.py
 
-Cost per posture is that of the impulse alone, one thread, the best of thirty runs below 1e8. The
-processes fill a store with flight distances; the time of a small sweep is subtracted, so that their
-start does not count. The store is in memory (/dev/shm) where the system has that, for they would
-share one disk. Beside them stands what two reach that share nothing, the impulse alone without a
-store: more this machine does not give. The grid of 1e9 postures keeps none of them and is stopped
-on its way, so that only its memory counts.
+The first sweep and the first flights run in new processes that find no machine code on the disk;
+what the same takes once more is subtracted from the first sweep. Stores have 9,548,661 postures
+with flights and all variables, and everything is compiled. Beside the store on the disk stands a
+plain file of as many bytes; the times of both include their fsync. Cost per posture is that of the
+impulse alone, one thread, the best of thirty runs below 1e8. The grid of 1e9 postures keeps none of
+them and is stopped on its way, so that only its memory counts.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from collections.abc import Callable
 from pathlib import Path
-from shutil import rmtree
 
 import numpy as np
 
@@ -34,8 +33,8 @@ from kickdyn.sweeps.sweep_kick import Kick
 
 LEG, KICK = kd.Leg.human(), Kick(speed=12.0)
 RANGES = ((-0.5, 1.5), (0.0, 2.4), (-0.3, 0.8))
-CHUNK, SECONDS = 131_072, 20.0
-WARM, STORED, ALONE = 1e6, 3e7, 1e7
+HALF_DEGREES = {"hip": (-30, 90), "knee": (0, 140), "ankle": (-20, 50)}
+CHUNK, SECONDS, ROUNDS = 131_072, 20.0, 3
 MEMORY = Path("/dev/shm")
 
 
@@ -46,9 +45,83 @@ def grid(most: float) -> Grid:
     return Grid({name: np.linspace(low, high, each) for name, (low, high) in spans})
 
 
-def repeats(most: float) -> int:
-    """Return how often a grid of that size is swept: small ones are soon over."""
-    return min(30, max(1, int(3e7 / most)))
+def seconds(function: Callable[[], object]) -> float:
+    """Return what a call takes [s]."""
+    begin = time.perf_counter()
+    function()
+    return time.perf_counter() - begin
+
+
+def first_sweep() -> None:
+    """Print what the first sweep of a million postures compiles [s]."""
+    once, again = (seconds(lambda: kd.sweep(LEG, grid(1e6).axes, KICK)) for _ in range(2))
+    print(f"first sweep of 1e6 postures: compiles for {once - again:.1f} s, then {again:.2f} s")
+
+
+def first_flights() -> None:
+    """Print what the first flights of a thousand balls take [s]."""
+    draw = np.random.default_rng(0).uniform((5, -5, 5), (30, 5, 20), (1000, 3))
+    once, again = (
+        seconds(lambda: kd.fly_many(kd.BallState(velocity=draw), kd.Ball(), kd.Air()))
+        for _ in range(2)
+    )
+    print(f"first flights of 1,000 balls: {once:.1f} s, then {again * 1e3:.1f} ms")
+
+
+def synced(folder: Path) -> int:
+    """Let every file of a folder reach the disk; return their size [bytes]."""
+    files = [file for file in folder.rglob("*") if file.is_file()]
+    for file in files:
+        with file.open("rb+") as opened:
+            os.fsync(opened.fileno())
+    return sum(file.stat().st_size for file in files)
+
+
+def stored(place: Path | None, **how: int) -> tuple[float, float, int, int]:
+    """Return seconds, processor seconds, postures and bytes of a store, the best of `ROUNDS`."""
+    axes = {
+        name: np.radians(np.arange(2 * low, 2 * high + 1) / 2)
+        for name, (low, high) in HALF_DEGREES.items()
+    }
+    best = math.inf, math.inf
+    for _ in range(ROUNDS):
+        with tempfile.TemporaryDirectory(dir=place) as folder:
+            begin, used = time.perf_counter(), time.process_time()
+            kd.sweep(LEG, axes, KICK, store=Path(folder) / "sweep.zarr", **how)
+            size = synced(Path(folder))
+            best = min(best, (time.perf_counter() - begin, time.process_time() - used))
+    return *best, Grid(axes).size, size
+
+
+def plain_write(size: int) -> float:
+    """Return what a plain file of so many bytes takes on the disk, the best of `ROUNDS` [s]."""
+    block, times = os.urandom(1 << 22), []
+    for _ in range(ROUNDS):
+        with tempfile.NamedTemporaryFile() as file:
+            begin = time.perf_counter()
+            for _ in range(-(-size // len(block))):
+                file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+            times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def stores() -> None:
+    """Print rates of sweeps into stores in memory and on the disk."""
+    kd.sweep(LEG, grid(1e6).axes, KICK)  # compiles, or reads what is compiled
+    memory = MEMORY if MEMORY.is_dir() else None
+    cases: tuple[dict[str, int], ...] = ({"threads": 1}, {"threads": 2}, {"workers": 2}, {})
+    for how in cases:
+        took, used, postures, size = stored(memory, **how)
+        name = " ".join(f"{count} {what}" for what, count in how.items()) or "default"
+        print(f"store in memory, {name}: {took:.2f} s, {postures / took / 1e6:.2f} million "
+              f"postures/s, processor {used:.2f} s, {size / postures:.1f} bytes each")  # fmt: skip
+    on_disk, _, _, size = stored(None)
+    plain = plain_write(size)
+    print(f"store on the disk: {on_disk:.2f} s; in memory {took:.2f} s; a plain file of as many "
+          f"bytes {plain:.2f} s ({size / plain / 1e6:.0f} MB/s); ratio to the longer of the two "
+          f"{on_disk / max(took, plain):.2f}")  # fmt: skip
 
 
 def per_posture(most: float) -> float:
@@ -56,29 +129,12 @@ def per_posture(most: float) -> float:
     model, postures = KernelModel.of(LEG, KICK), grid(most)
     assert model is not None
     kernel, times = Kernel(model, LEG, postures), []
-    for _ in range(repeats(most)):
+    for _ in range(min(30, max(1, int(3e7 / most)))):  # small ones are soon over
         begin = time.process_time()
         for first in range(0, postures.size, CHUNK):
             kernel(first, min(CHUNK, postures.size - first), full=False)
         times.append((time.process_time() - begin) / postures.size * 1e6)
     return min(times)
-
-
-def with_processes(count: int, folder: Path) -> tuple[float, float]:
-    """Return postures per second of so many processes: into a store, and without one."""
-    rates = []
-    for size in (WARM, STORED):  # the difference does not count the start of the processes
-        begin = time.perf_counter()
-        kd.sweep(LEG, grid(size).axes, KICK, store=folder / f"{count}.zarr", workers=count)
-        rates.append((time.perf_counter() - begin, grid(size).size))
-        rmtree(folder / f"{count}.zarr")
-    (short, few), (long, many) = rates
-    with ProcessPoolExecutor(count, get_context("spawn")) as pool:
-        list(pool.map(per_posture, [1e6] * count))
-        begin = time.perf_counter()
-        list(pool.map(per_posture, [ALONE] * count))
-        alone = count * repeats(ALONE) * grid(ALONE).size / (time.perf_counter() - begin)
-    return (many - few) / (long - short), alone
 
 
 def huge() -> None:
@@ -97,6 +153,12 @@ def huge() -> None:
 
 def main() -> None:
     """Print the figures."""
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
+    for part in ("first_sweep", "first_flights"):
+        with tempfile.TemporaryDirectory() as empty:
+            cold = {**os.environ, "NUMBA_CACHE_DIR": empty}
+            subprocess.run([sys.executable, __file__, part], check=True, env=cold)
+    stores()
     per_posture(1e4)
     sizes = (1e4, 1e6, 1e8)
     costs = [per_posture(most) for most in sizes]
@@ -104,12 +166,10 @@ def main() -> None:
     print("us each   " + "  ".join(f"{cost:.4f}" for cost in costs)
           + f"   largest over smallest {max(costs) / min(costs):.2f}")  # fmt: skip
     subprocess.run([sys.executable, __file__, "huge"], check=True)
-    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
-        rates = [with_processes(count, Path(folder)) for count in (1, 2)]
-    for what, one, two in zip(("stored", "alone"), *rates, strict=True):
-        print(f"{what}: 1 process {one / 1e6:.2f}, 2 processes {two / 1e6:.2f} million postures/s, "
-              f"ratio {two / one:.2f}")  # fmt: skip
+    print(f"load {os.getloadavg()[0]:.1f} at the end")
 
+
+PARTS = {"first_sweep": first_sweep, "first_flights": first_flights, "stores": stores, "huge": huge}
 
 if __name__ == "__main__":
-    huge() if sys.argv[1:] == ["huge"] else main()
+    PARTS[sys.argv[1]]() if sys.argv[1:] else main()

@@ -344,7 +344,7 @@ def plans() -> Iterator[Row]:
     measured = "28.60 to 34.48 m/s; straight approach 25.64 to 32.26 m/s"
     limits = (
         "all joints at the speed limits of `Leg.human()`, in the posture of the largest ball "
-        "speed, along 30 deg, e = 0.7"
+        "speed, along 30 deg, e = 0.7; the toe, which is farther from the joints than the instep"
     )
     yield Row(
         "M10", "ball speed of maximal instep kicks, hip at rest", measured,

@@ -1,11 +1,27 @@
 """Sphinx configuration of the site. `make docs` builds it, with warnings as errors."""
 
 import re
+from typing import Generic, TypeVar
 
+import numpy.typing
 from docutils import nodes
 from latex2mathml.converter import convert
 
 import kickdyn
+
+Scalar = TypeVar("Scalar")
+
+
+class ArrayLike:
+    """Stands for numpy's union of all that becomes an array, which fills lines in a signature."""
+
+
+class NDArray(Generic[Scalar]):
+    """Stands for numpy's alias, which signatures would show as `ndarray[tuple[Any, ...], ...]`."""
+
+
+# The modules of kickdyn are not loaded yet: `import kickdyn` loads a module when a name is used.
+numpy.typing.ArrayLike, numpy.typing.NDArray = ArrayLike, NDArray
 
 project = "kickdyn"
 author = "The kickdyn authors"
@@ -28,7 +44,8 @@ nb_execution_raise_on_error = True
 nb_merge_streams = True
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # signatures have names only; shapes and units are in the text
+autodoc_typehints = "signature"  # shapes and units are in the text
+autodoc_typehints_format = "short"
 autodoc_class_signature = "separated"
 napoleon_use_ivar = True
 default_role = "code"

@@ -7,8 +7,11 @@ A page keeps its own text; what stands between two marks of one name is written 
 
 import re
 from collections.abc import Iterable
+from itertools import takewhile
 from pathlib import Path
 
+from kickdyn.core.files import shipped
+from kickdyn.ground import SURFACES
 from kickdyn.scene.schema import GOES_WITH, NEEDED, ONE_OF, REQUIRED, SECTIONS
 from kickdyn.sweeps.dataset import VARIABLES
 
@@ -61,8 +64,33 @@ def variables() -> str:
     return table(("variable", "unit", "meaning"), rows)
 
 
+def surfaces() -> str:
+    """Return the surfaces that have a name."""
+    heads = ("surface", "restitution", "friction", "rolling deceleration [m/s2]", "source")
+    rows = (
+        [
+            f"`{name}`",
+            f"{surface.restitution:g}",
+            f"{surface.friction:g}",
+            f"{surface.rolling_deceleration:g}",
+            surface.source,
+        ]
+        for name, surface in SURFACES.items()
+    )
+    return table(heads, rows)
+
+
+def scenes() -> str:
+    """Return the scenes that are installed with kickdyn, and the comments with which they begin."""
+    rows = []
+    for file in sorted(shipped("scenes").glob("*.toml")):
+        comment = takewhile(lambda line: line.startswith("#"), file.read_text("utf-8").splitlines())
+        rows.append([f"`{file.stem}`", " ".join(line.strip("# ") for line in comment)])
+    return table(("scene", "content"), rows)
+
+
 PAGES = {
-    "scene-file.md": {"keys": scene_keys},
+    "scene-file.md": {"scenes": scenes, "keys": scene_keys, "surfaces": surfaces},
     "dataset.md": {"variables": variables},
 }
 """By page, the marks and what stands between two of them."""

@@ -199,15 +199,17 @@ class BallState(ValueEquality):
             object.__setattr__(self, name, value if value.ndim else float(value))
 
     @classmethod
-    def computed(cls, position: Array, velocity: Array, spin: Array) -> "BallState":
-        """Return the state at time 0 of finite arrays of shape `(3,)`, which it owns from then on.
+    def computed(
+        cls, position: Array, velocity: Array, spin: Array, time: float = 0.0
+    ) -> "BallState":
+        """Return the state of finite arrays of shape `(3,)`, which it owns from then on.
 
         It skips the checks, which take as long as an impact: for values computed from checked ones.
         """
         state = cls.__new__(cls)
         for array in (position, velocity, spin):
             array.setflags(write=False)
-        state.__dict__.update(position=position, velocity=velocity, spin=spin, time=0.0)
+        state.__dict__.update(position=position, velocity=velocity, spin=spin, time=time)
         return state
 
     def __repr__(self) -> str:

@@ -75,7 +75,8 @@ def test_the_sweep_page_shows_a_command():
 def test_tables_made_from_the_code_are_current(page):
     """`python docs/reference_tables.py` writes them."""
     made = runpy.run_path(str(DOCS / "reference_tables.py"))["current"](page)
-    assert made == (DOCS / "reference" / page).read_text("utf-8")
+    current = (DOCS / "reference" / page).read_text("utf-8")
+    assert made == current, "run python docs/reference_tables.py"
 
 
 def test_the_scene_of_the_reference_is_valid(tmp_path):
@@ -83,6 +84,16 @@ def test_the_scene_of_the_reference_is_valid(tmp_path):
     (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
     (tmp_path / "volley.toml").write_text(text, "utf-8")
     assert kickdyn.load_scene(tmp_path / "volley.toml").name == "volley"
+
+
+def test_every_attribute_of_a_sweep_is_in_the_reference():
+    page = (DOCS / "reference" / "dataset.md").read_text("utf-8")
+    kick = kickdyn.Kick(restitution="peacock-ball")
+    data = kickdyn.sweep(kickdyn.Leg.human(), {"knee": [0.5]}, kick)
+    attributes = page.split("## Attributes")[1]
+    assert {f"`{name}`" for name in data.attrs} == set(re.findall(r"`\w+`", attributes)) - {
+        "`carry`"
+    }
 
 
 def test_every_extra_is_in_the_installation_page():
@@ -131,9 +142,14 @@ def test_the_site_builds_without_a_warning(tmp_path):
     options = ["-D", "nb_execution_mode=off", "-d", tmp_path / "trees", DOCS, tmp_path / "site"]
     ended = subprocess.run([*command, *options], capture_output=True, text=True)
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert 'id="kickdyn.Leg.posture"' in (tmp_path / "site" / "reference" / "api.html").read_text(
-        "utf-8"
-    )
+    api = (tmp_path / "site" / "reference" / "api.html").read_text("utf-8")
+    assert 'id="kickdyn.Leg.posture"' in api
+    assert "ArrayLike" in api
+    assert "_SupportsArray" not in api
+    index = (tmp_path / "site" / "searchindex.js").read_text("utf-8")
+    index = json.loads(index[index.index("{") : index.rindex("}") + 1])
+    for word in ("mimic", "restitut", "mujoco"):  # the stems that the search looks for
+        assert word in index["titleterms"], word
     pages = {page.stem: page.read_text("utf-8") for page in (tmp_path / "site").rglob("*.html")}
     for name, html in pages.items():
         assert not re.search(r"<(script|img|link)[^>]*(src|href)=\"(https?:)?//", html), name

@@ -1,5 +1,6 @@
 """Analyse the kicking postures of a leg: `python -m kickdyn.posture_sweep`."""
 
+import logging
 import math
 import sys
 import threading
@@ -20,7 +21,7 @@ from kickdyn.cli.command import warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
 from kickdyn.cli.named_legs import SHIPPED
 from kickdyn.cli.restitution_option import restitution_option
-from kickdyn.core import validation
+from kickdyn.core import compilation, validation
 from kickdyn.core.files import check_outputs, write_json
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.fly import fly
@@ -33,7 +34,14 @@ from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import NEEDED, Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
-from kickdyn.sweeps.sweep_report import ReportLine, as_json, extreme_lines, paper_lines, show
+from kickdyn.sweeps.sweep_report import (
+    ReportLine,
+    as_json,
+    extreme_lines,
+    page_lines,
+    paper_lines,
+    show,
+)
 
 if TYPE_CHECKING:
     from kickdyn.view.page import Page
@@ -85,7 +93,11 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and variables.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the table; - is stdout.")
 @click.option("--plot", metavar="FILE.png", help="Draw the sweep (.png, .svg, .pdf).")
-@click.option("--view", metavar="FILE.html", help="Write a 3-D page of the best kick.")
+@click.option(
+    "--view",
+    metavar="FILE.html",
+    help="Write a 3-D page of the best kick, and of others in the table.",
+)
 @click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
 def posture_sweep(
     leg_options: LegOptions,
@@ -172,7 +184,9 @@ def posture_sweep(
         show(leg, kick, summary, lines)
     if plot is not None:  # the results are written: a picture that fails costs none of them
         save_figure(sweep_figure(summary, lines), plot)
-    made_page = _page(best, kick) if live or view is not None else None
+    made_page = None
+    if live or view is not None:
+        made_page = _page(page_lines(leg, grid, kick, summary, lines), kick)
     if made_page is None and (live or view is not None):
         reason = "" if where is None else f" where {where}"
         click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
@@ -205,8 +219,16 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
         """Return what stands beside the progress bar."""
         return f"best {speed:.4g} m/s" if speed else None
 
-    label = "postures (the first sweep compiles)"
-    with click.progressbar(length=size, label=label, file=sys.stderr, item_show_func=text) as bar:
+    notice = logging.Handler(logging.INFO)
+    notice.emit = lambda record: click.echo(  # type: ignore[method-assign]
+        f"\r{record.getMessage() + '; later runs read it from disk':79}", err=True
+    )
+    level = compilation.log.level
+    compilation.log.addHandler(notice)
+    compilation.log.setLevel(logging.INFO)
+    with click.progressbar(
+        length=size, label="postures", file=sys.stderr, item_show_func=text
+    ) as bar:
 
         def progress(count: int, speed: float) -> None:
             """Move the bar on by a number of postures, and keep the best speed [m/s]."""
@@ -214,12 +236,22 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
             best = float(np.fmax(best, speed))
             bar.update(count, best)
 
-        yield progress
+        try:
+            yield progress
+        finally:
+            compilation.log.removeHandler(notice)
+            compilation.log.setLevel(level)
 
 
 def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":
-    """Return the page of the best kick, the first line; None without any."""
-    from kickdyn.view.page import page
+    """Return a page that shows the kick of each line, the first of them first; None without any."""
+    from kickdyn.view.page import page, page_of_pages
 
-    impact = lines[0].outcome.impact if lines else None
-    return None if impact is None else page(impact, fly(impact.ball_after, kick.ball, kick.air))
+    pages = {
+        line.label: page(
+            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+        )
+        for line in lines
+        if (impact := line.outcome.impact) is not None
+    }
+    return page_of_pages(pages) if pages else None

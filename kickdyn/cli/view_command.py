@@ -73,15 +73,19 @@ def _document(simulation: Simulation) -> dict[str, Any]:
 
     impact, end = simulation.impact, simulation.end
     assert isinstance(impact, Impact)
-    leg, after = impact.posture.leg, impact.ball_after
+    leg, q, after = impact.posture.leg, impact.posture.q, impact.ball_after
     impulses = joint_impulses_in_world(impact)
     return {
         "scene": simulation.scene.name,
         "leg": leg.name,
         "frame": leg.frame,
-        "angles": {
-            name: round(value, 9) + 0.0
-            for name, (value, _) in leg.display_values(impact.posture.q).items()
+        **{
+            key: {name: round(value, 9) + 0.0 for name, value in values.items()}
+            for key, values in (
+                ("angles_deg", leg.angles_deg(q)),
+                ("positions_m", leg.positions_m(q)),
+            )
+            if values
         },
         "restitution": impact.restitution,
         "restitution_given": impact.contact.restitution,

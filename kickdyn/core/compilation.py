@@ -1,9 +1,26 @@
 """Compiling with numba, and keeping the machine code on disk, for compiling takes seconds."""
 
 import gc
+import logging
+import os
+import pickle
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
+
+log = logging.getLogger(__name__)
+"""Says at level INFO what is compiled."""
+
+_CALL = """
+import pickle, sys
+sys.path[:], module, name = pickle.load(sys.stdin.buffer)
+arguments = pickle.load(sys.stdin.buffer)
+getattr(__import__(module, fromlist=[name]), name)(*arguments)
+"""
+"""Program of a process that calls a function whose machine code it shall leave on the disk."""
 
 
 @contextmanager
@@ -28,14 +45,59 @@ def named(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     return function
 
 
-def compiled(function: Callable[..., Any], signature: Any, **options: Any) -> Callable[..., Any]:
+def is_kept(function: Callable[..., Any]) -> bool | None:
+    """Return whether the machine code of a function is on disk; None where it cannot be kept."""
+    import numba  # here, because it takes long to import
+
+    try:
+        folder = Path(str(numba.njit(cache=True)(function).stats.cache_path))
+    except (RuntimeError, OSError):  # no folder that can be written to
+        return None
+    return any(folder.glob(f"*.{function.__qualname__}-*.nbi"))
+
+
+@contextmanager
+def calling_beside(what: str, function: Callable[..., Any], *arguments: Any) -> Iterator[None]:
+    """Call a function that compiles `what` in another process, and wait for it at the end.
+
+    The function is one of a module; its result and its errors are lost. It is called for the
+    machine code that it leaves on disk. It is not called where this process has one core, or where
+    the arguments cannot be sent.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    try:
+        target = pickle.dumps((sys.path, function.__module__, function.__name__))
+        sent = target + pickle.dumps(arguments)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        sent = b""
+    if not sent or not sys.executable or cores == 1:
+        yield
+        return
+    log.info("compiling %s in another process", what)
+    lost = subprocess.DEVNULL
+    with subprocess.Popen(
+        [sys.executable, "-c", _CALL], stdin=subprocess.PIPE, stdout=lost, stderr=lost
+    ) as process:
+        assert process.stdin is not None
+        with suppress(BrokenPipeError), process.stdin as stdin:
+            stdin.write(sent)
+        yield
+
+
+def compiled(
+    function: Callable[..., Any], signature: Any, what: str, **options: Any
+) -> Callable[..., Any]:
     """Return a function compiled for a signature; its machine code is kept on disk if possible.
+
+    The log calls the function `what`, where it is compiled.
 
     numba looks for changes in the function's own file only: what is made of other files must have
     their contents among the variables of its closure, which are part of its key on disk.
     """
     import numba  # here, because it takes long to import
 
+    if not is_kept(function):
+        log.info("compiling %s", what)
     with uncollected():
         try:
             return numba.njit(signature, cache=True, nogil=True, **options)(function)  # type: ignore[no-any-return]

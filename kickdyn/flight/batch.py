@@ -17,10 +17,16 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
 from kickdyn.flight.equations import MAX_SPEED, tolerances
-from kickdyn.flight.flight_result import ROUNDING, FlightStatus, outside_ranges, refinements
+from kickdyn.flight.flight_result import (
+    ROUNDING,
+    FlightStatus,
+    least_error,
+    outside_ranges,
+    refinements,
+)
 from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, march
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march
 from kickdyn.ground import Ground
 
 
@@ -77,8 +83,8 @@ def fly_many(
     data = _variables(states, *flown, outside)
     if validation.flag("error", error):
         others = [
-            _flown(states, ball, air, drop, time_limit, *finer).nodes
-            for finer in refinements(tol, flown.nodes[:, 0], air)
+            (_flown(states, ball, air, drop, time_limit, *other).nodes, factor)
+            for *other, factor in refinements(tol, flown.nodes[:, 0], air)
         ]
         meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
         data["error"] = ("flight", _errors(states, flown, others, tol), meaning)
@@ -92,6 +98,12 @@ def fly_many(
         "tol": tol,
     }
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
+
+
+def compile_flights(ball: Ball, air: Air) -> None:
+    """Compile what `fly_many` calls, or read it from the disk."""
+    compiled_march()
+    compiled_rates(ball, air)
 
 
 class _Flown(NamedTuple):
@@ -129,15 +141,17 @@ def _flown(
     return _Flown(nodes, status, evaluations)
 
 
-def _errors(states: BallState, flown: _Flown, others: list[Array], tol: float) -> Array:
+def _errors(
+    states: BallState, flown: _Flown, others: list[tuple[Array, float]], tol: float
+) -> Array:
     """Return the estimate of `Flight.error` for each flight [m], nan where it failed."""
     nodes = flown.nodes
     length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
-    speed, error = validation.length(nodes[:, 4:7]), np.maximum(1e-3 * tol, 1e-12) * length
-    for other in others:
+    speed, error = validation.length(nodes[:, 4:7]), least_error(tol) * length
+    for other, factor in others:
         late = speed * np.abs(other[:, 0] - nodes[:, 0])
         moved = np.maximum(validation.length(other[:, 1:4] - nodes[:, 1:4]), late)
-        error = np.maximum(error, np.where(np.isnan(moved), math.inf, 2.0 * moved))
+        error = np.maximum(error, np.where(np.isnan(moved), math.inf, factor * moved))
     error = np.where(flown.evaluations > 0, error, ROUNDING * length)
     error += ROUNDING * np.abs(states.position).max(axis=1, initial=0.0)
     return np.where(flown.status == FAILED, math.nan, error)

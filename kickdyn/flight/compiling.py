@@ -28,7 +28,7 @@ from kickdyn.aerodynamics.coefficient_model import (
 from kickdyn.air import Air
 from kickdyn.ball import Ball
 from kickdyn.core import lanes
-from kickdyn.core.compilation import uncollected
+from kickdyn.core.compilation import log, uncollected
 from kickdyn.core.lanes import HOW, LANES, inlined, mathematics
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.forces import Acceleration, Reynolds, acceleration_function, reynolds_number
@@ -147,6 +147,7 @@ def _from_disk(rates: Callable[..., Any], air: Air) -> Any:
         try:
             return numba.njit(SIGNATURE, cache=True, **HOW)(twin)
         except numba.TypingError:
+            log.info("compiling the equations of motion of a ball in its air")
             called["rates"] = _compile_all(rates, air)
             dispatcher = numba.njit(SIGNATURE, cache=True, **HOW)(twin)
             _forget(Path(dispatcher.stats.cache_path))

@@ -11,11 +11,12 @@ with a and k of `acceleration_function`. The displacement is from the launch, so
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kickdyn.aerodynamics.coefficient_model import Coefficient, least_value
+from kickdyn.aerodynamics.coefficient_model import Coefficient, is_known, least_value
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
@@ -50,14 +51,18 @@ class FlightEquations:
 
     def rates(self, _: float, states: Array) -> list[float]:
         """Return the time derivative of the states, nan where a coefficient or the wind raises."""
-        vx, vy, vz = states[3:6].tolist()
         self._last = states
+        _, _, z, vx, vy, vz, left = states.tolist()
+        wx, wy, wz = self._spin
         try:
-            ax, ay, az, k = (float(part) for part in self._acting(*self._motion(states)))
+            ax, ay, az, k = self._acting(
+                self._height + z, vx, vy, vz, left * wx, left * wy, left * wz
+            )
+            decay = -float(k) * left if self._brakes else 0.0
+            return [vx, vy, vz, float(ax), float(ay), float(az), decay]
         except Exception as fault:  # someone's own function, perhaps only where no ball will be
             self.fault = fault
-            ax = ay = az = k = math.nan
-        return [vx, vy, vz, ax, ay, az, -k * float(states[6]) if self._brakes else 0.0]
+            return [vx, vy, vz, math.nan, math.nan, math.nan, math.nan if self._brakes else 0.0]
 
     def _motion(self, states: Array) -> tuple[float, ...]:
         """Return height [m], velocity [m/s] and spin [rad/s] of a state."""
@@ -162,6 +167,26 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
         return lambda speed: np.full(np.shape(speed), math.inf)
     per_speed = 2.0 * ball.radius * air.density / air.viscosity
     most = 2.0 * ball.mass / (air.density * ball.cross_section)
+    known = is_known(drag)
+
+    def length(speed: Array) -> Array:
+        """Return the drag lengths at speeds [m]."""
+        with np.errstate(divide="ignore", over="ignore"):
+            decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
+            step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)
+            first, last = int(step.min(initial=0)), int(step.max(initial=0))
+            least = _known_drag(drag, first, last) if known else _least_drag(drag, first, last)
+            return np.asarray(most / least[step - first])
+
+    return length
+
+
+def _least_drag(drag: Coefficient, first: int, last: int) -> Array:
+    """Return the least C_D without spin within three decades below Reynolds numbers.
+
+    These are 10 to the multiples, from `first` to `last`, of an eighth. A C_D that is not known is
+    0, which is no bound.
+    """
 
     def coefficient(reynolds: float) -> float:
         """Return C_D without spin, 0 where it is not known."""
@@ -169,17 +194,13 @@ def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:
             value = float(drag(reynolds, 0.0))
         except Exception:  # a model of one's own, where nobody may ever fly
             return 0.0
-        return max(value, 0.0) if value < math.inf else 0.0  # not known: no bound
+        return max(value, 0.0) if value < math.inf else 0.0
 
-    def length(speed: Array) -> Array:
-        """Return the drag lengths at speeds [m]."""
-        with np.errstate(divide="ignore", over="ignore"):
-            decade = np.clip(np.log10(per_speed * np.asarray(speed)), -_FARTHEST, _FARTHEST)
-            step = np.ceil(_PER_DECADE * np.nan_to_num(decade, nan=_FARTHEST)).astype(int)
-            below = _PER_DECADE * _DECADES
-            steps = range(int(step.min(initial=0)) - below, int(step.max(initial=0)) + 1)
-            found = np.array([coefficient(10.0 ** (k / _PER_DECADE)) for k in steps])
-            least = np.lib.stride_tricks.sliding_window_view(found, below + 1).min(axis=1)
-            return np.asarray(most / least[step - steps[0] - below])
+    below = _PER_DECADE * _DECADES
+    found = [coefficient(10.0 ** (k / _PER_DECADE)) for k in range(first - below, last + 1)]
+    windows = np.lib.stride_tricks.sliding_window_view(np.array(found), below + 1)
+    return np.asarray(windows.min(axis=1))
 
-    return length
+
+_known_drag = lru_cache(maxsize=256)(_least_drag)
+"""The same of a constant or a model of the registries, which never change."""

@@ -44,12 +44,11 @@ class Flight(ReprMixin):
     Attributes:
         ball, air, ground, plane, tol: what was flown, and how exactly.
         launch: the start.
-        apex: the highest point; the launch if the ball never rises.
         landing: the end: on the ground, back at the height of the launch, or at the plane.
         status: `landed`; `at-plane`, where that came first; `aloft`, where the time limit did:
             `landing` is then merely the last state.
         method: how it was computed.
-        evaluations: of the acceleration; 0 for the closed form.
+        evaluations: of the acceleration, up to the landing; 0 for the closed form.
     """
 
     ball: Ball
@@ -59,7 +58,7 @@ class Flight(ReprMixin):
     tol: float
     _fly_again: "Callable[..., Flight]" = field(repr=False)
     launch: BallState
-    apex: BallState
+    _find_apex: Callable[[], BallState] = field(repr=False)
     landing: BallState
     status: FlightStatus
     method: str
@@ -83,6 +82,11 @@ class Flight(ReprMixin):
         """Return a drawing of the path as an SVG."""
         return profile(self.sample(np.linspace(0, self.duration, 65)), (self.apex, self.landing))
 
+    @cached_property
+    def apex(self) -> BallState:
+        """The highest point, as exact as the landing; the launch if the ball never rises."""
+        return self._find_apex()
+
     @property
     def duration(self) -> float:
         """Time from launch to landing [s]."""
@@ -100,13 +104,16 @@ class Flight(ReprMixin):
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the error of the landing point [m], from a second flight; not a bound.
+        """Estimate of the error of the landing point [m], from further flights; not a bound.
 
         It is twice what the landing moves, in space or along the path in its time, when the
-        tolerance is 10,000 times tighter (at tightest 1e-13), and below 1e-9 also when it is 100
-        times wider; never less than a thousandth of the tolerance's share of the flight's length,
-        and the rounding of the position is added. For a closed form the rounding is all. Each of
-        those flights is computed on first use; where the integrator gives one up, it is infinite.
+        tolerance is 10,000 times tighter (at tightest 1e-13). Below 1e-11, where that is not tight
+        enough to tell, it is at least 1.5 times what it moves when the tolerance is 5 times wider,
+        and 0.7 times when it is 10 times wider. It is never less than a thousandth of the
+        tolerance's share of the flight's length or 3e-14 of it, and the rounding of the position is
+        added. In the median it is 2 to 10 times the error (`benchmarks/batch_flight.py`). For a
+        closed form the rounding is all. Each of those flights is computed on first use; where the
+        integrator gives one up, it is infinite.
 
         Where the wind or a coefficient is a function of your own, the finer flight also takes at
         least 500 steps: what lasts a 2000th of the flight, such as the time in which the ball
@@ -120,14 +127,15 @@ class Flight(ReprMixin):
         rounding = ROUNDING * float(np.abs(self.launch.position).max()) * grazing
         if self.evaluations == 0:
             return rounding + ROUNDING * length * grazing
-        for tol, longest in refinements(self.tol, self.duration, self.air):
+        for tol, longest, factor in refinements(self.tol, self.duration, self.air):
             try:
                 other = self._fly_again(tol=tol, max_step=longest).landing
             except KickdynError:
                 return math.inf
             late = speed * abs(self.duration - float(other.time))
-            moved = max(moved, late, float(np.linalg.norm(self.landing.position - other.position)))
-        return max(2 * moved, 1e-3 * self.tol * length, 1e-12 * length) + rounding
+            apart = float(np.linalg.norm(self.landing.position - other.position))
+            moved = max(moved, factor * max(late, apart))
+        return max(moved, least_error(self.tol) * length) + rounding
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -204,18 +212,24 @@ class Flight(ReprMixin):
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
 
 
-def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float, Any]]:
+def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float, Any, float]]:
     """Return tolerance and longest step [s] of the flights that show the error of one at `tol`.
 
-    The duration is that of one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the
-    user's own may have features that are too narrow for the steps of an integration to see: an
-    estimate that compares two flights is then honest only if the steps of one are limited.
+    The third number is the factor from what the landing moves to the error. The duration is that of
+    one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the user's own may have features
+    that are too narrow for the steps of an integration to see: an estimate that compares two
+    flights is then honest only if the steps of one are limited.
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
     known = all(model is None or is_known(model) for model in models)
     own = air is not None and (callable(air.wind) or not known)
-    finer = (max(1e-4 * tol, 1e-13), duration / 500 if own else None)
-    return [finer, (100 * tol, None)] if tol < 1e-9 else [finer]
+    finer = (max(1e-4 * tol, 1e-13), duration / 500 if own else None, 2.0)
+    return [finer, (5 * tol, None, 1.5), (10 * tol, None, 0.7)] if tol < 1e-11 else [finer]
+
+
+def least_error(tol: float) -> float:
+    """Return the least estimate of an error that is believed, relative to the flight's length."""
+    return max(1e-3 * tol, 3e-14)
 
 
 def outside_ranges(

@@ -42,8 +42,8 @@ def fly(
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the ground, or to a plane before.
 
-    Without air the closed form answers (Eqs. 24-25). With air, scipy's DOP853 integrates the
-    equations of `FlightEquations`, first to the apex, then to the landing.
+    Without air the closed form answers (Eqs. 24-25). With air, DOP853 integrates the equations of
+    `FlightEquations` to the landing; the apex is computed when it is first read.
 
     Args:
         state: the launch, as `Impact.ball_after` gives it; its time is not used.
@@ -164,7 +164,7 @@ def _closed_form(flown: Callable[..., Flight], state: BallState, g: float, ends:
     if end == fall:
         status = FlightStatus.LANDED
         last[2] = -ends.drop  # by definition; the formula says so but for rounding
-    nodes = _at(state, 0.0, start), _at(state, top, apex), _at(state, end, last)
+    nodes = _at(state, 0.0, start), lambda: _at(state, top, apex), _at(state, end, last)
     return flown(*nodes, status, "closed form", 0, partial(ballistic, state.velocity, g))
 
 
@@ -186,62 +186,55 @@ def _integrated(
     rtol, near, slow = tolerances(state.velocity, ends.drop, wind, ball, air, tight)
     atol = np.array([*3 * [near], *3 * [slow], tight])
     try:
-        arcs, status = _arcs(equations, ends, rtol, atol)
+        arc, status = _arc(equations, ends, rtol, atol)
     except KickdynError as error:
         cause = equations.describe_fault()
         if not cause:
             raise
         raise KickdynError(f"{error}; {cause}") from equations.fault
-    nodes = [(0.0, equations.begin), *((arc.end, arc.state) for arc in arcs)]
-    end, last = nodes[-1][0], nodes[-1][1].copy()
+    end, last = (0.0, equations.begin) if arc is None else (arc.end, arc.state.copy())
     if status is FlightStatus.LANDED:
         last[2] = -ends.drop  # by definition; the root says so but for rounding
-    crests = [crest for arc in arcs for crest in arc.crests]
-    top, highest = max([*nodes, *crests], key=lambda node: float(node[1][2]))
+
+    def apex() -> BallState:
+        """Return the ball at the highest of launch, crests and landing."""
+        crests = [] if arc is None else [crest() for crest in arc.crests]
+        nodes = (0.0, equations.begin), (end, last), *(node for node in crests if node[0] <= end)
+        return _at(state, *max(nodes, key=lambda node: float(node[1][2])))
+
     spins = bool(state.spin.any())
     acting = {"drag": air.drag, "lift": spins and air.lift, "spin decay": spins and air.torque}
     effects = ", ".join(name for name, model in acting.items() if model) or "buoyancy only"
-    trajectory = joined(arcs, equations.begin)
+    trajectory = joined([] if arc is None else [arc], equations.begin)
     return flown(
         _at(state, 0.0, equations.begin),
-        _at(state, top, highest),
+        apex,
         _at(state, end, last),
         status,
         f"DOP853, rtol {tol:g}, {effects}",
-        sum(arc.evaluations for arc in arcs),
+        0 if arc is None else arc.evaluations,
         lambda t: trajectory(t).T,
     )
 
 
-def _arcs(
+def _arc(
     equations: FlightEquations, ends: _Limits, rtol: float, atol: Array
-) -> tuple[list[FlightArc], FlightStatus]:
-    """Return the arcs up to the apex and on to the end, and which end it is.
-
-    The way up ends at the apex, and only the way down looks for the landing: the event that marks
-    it would otherwise be zero at the very start.
-    """
+) -> tuple[FlightArc | None, FlightStatus]:
+    """Return the solution up to its end, None where it ends at once, and which end it is."""
     begin = equations.begin
-    apex = Event(lambda states: float(states[5]))
     floor = _reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
     walls = [] if ends.wall is None else [_reaching(*ends.wall)]
     rates = np.array(equations.rates(0.0, begin))
     rises = begin[5] > 0.0 or (begin[5] == 0.0 and rates[5] > 0.0)
     if ends.drop == 0.0 and not rises:
-        return [], FlightStatus.LANDED
+        return None, FlightStatus.LANDED
     if any(_passes(wall, begin, rates) for wall in walls):
-        return [], FlightStatus.AT_PLANE
-    arcs: list[FlightArc] = []
-    at, state = 0.0, begin
-    for target in [apex, floor] if rises else [floor]:
-        events = [target, *walls]
-        limits = ends.time_limit, rtol, atol, ends.longest_step
-        arc = fly_until(events, 5, equations.rates, (at, state), *limits)
-        arcs.append(arc)
-        at, state = arc.end, arc.state
-        if arc.reached is not target:
-            return arcs, FlightStatus.ALOFT if arc.reached is None else FlightStatus.AT_PLANE
-    return arcs, FlightStatus.LANDED
+        return None, FlightStatus.AT_PLANE
+    limits = ends.time_limit, rtol, atol, ends.longest_step
+    arc = fly_until([floor, *walls], 5, equations.rates, (0.0, begin), *limits)
+    if arc.reached is None:
+        return arc, FlightStatus.ALOFT
+    return arc, FlightStatus.LANDED if arc.reached is floor else FlightStatus.AT_PLANE
 
 
 def _reaching(normal: Array, gap: float) -> Event:
@@ -271,7 +264,10 @@ def _wind_speed(air: Air, height: float) -> float:
 
 def _at(launch: BallState, time: float, moved: Array) -> BallState:
     """Return the ball at a time, from what changed since the launch."""
-    return BallState(launch.position + moved[:3], moved[3:6], moved[6] * launch.spin, time)
+    parts = launch.position + moved[:3], moved[3:6].copy(), moved[6] * launch.spin
+    if all(np.isfinite(part).all() for part in parts):
+        return BallState.computed(*parts, time)
+    return BallState(*parts, time)
 
 
 def _refuse_outside(path: Flight) -> None:

@@ -1,7 +1,10 @@
-"""Integration of a differential equation by scipy's DOP853, up to the first of some events.
+"""Integration of a differential equation by DOP853, up to the first of some events.
 
 DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wanner, Solving Ordinary
-Differential Equations I, II.5.
+Differential Equations I, II.5. Coefficients, error estimate, step sizes and interpolant are
+scipy's, and so are the numbers; the steps are our own, because scipy's spend more time on
+bookkeeping than on a ball's acceleration, and because an interpolant is computed only when it is
+read.
 """
 
 import math
@@ -21,6 +24,12 @@ MAX_EVALUATIONS = 250_000
 
 Rates = Callable[[float, Array], list[float]]
 
+_STAGES = DOP853.n_stages
+_ERRORS = np.array([DOP853.E5, DOP853.E3])
+_ROWS = [np.ascontiguousarray(row[:k]) for k, row in enumerate([*DOP853.A, DOP853.B])]
+_EXTRA = [row[: _STAGES + 1 + k] for k, row in enumerate(DOP853.A_EXTRA)]
+_TIMES, _EXTRA_TIMES = DOP853.C.tolist(), DOP853.C_EXTRA.tolist()
+
 
 class Event(NamedTuple):
     """What happens where a function of the states falls through zero.
@@ -35,24 +44,74 @@ class Event(NamedTuple):
     rate: Callable[[Array], float] | None = None
 
 
+class Step(DenseOutput):  # type: ignore[misc]
+    """A step of DOP853, as scipy's interpolant of order 7 that is computed when it is first read.
+
+    Attributes:
+        t_old, t: beginning and end [s].
+        begin, end: the states there, shape `(m,)`.
+        slopes: the rates of each stage, of the beginning in row 0 and of the end in the last,
+            shape `(13, m)`.
+    """
+
+    def __init__(
+        self, rates: Rates, t_old: float, t: float, begin: Array, end: Array, slopes: Array
+    ) -> None:
+        super().__init__(t_old, t)
+        self.begin, self.end, self.slopes = begin, end, slopes
+        self._rates = rates
+        self._terms: list[Array] = []
+
+    def _call_impl(self, t: Array) -> Array:
+        """Return the states at one time or n, shape `(m,)` or `(m, n)`."""
+        h = self.t - self.t_old
+        if not self._terms:
+            k = np.empty((_STAGES + 1 + len(_EXTRA), len(self.begin)))
+            k[: _STAGES + 1] = self.slopes
+            for i, (row, part) in enumerate(zip(_EXTRA, _EXTRA_TIMES, strict=True), _STAGES + 1):
+                k[i] = self._rates(self.t_old + part * h, self.begin + h * (row @ k[:i]))
+            moved = self.end - self.begin
+            bent = h * k[0] - moved, 2.0 * moved - h * (k[_STAGES] + k[0])
+            self._terms = [moved, *bent, *(h * (DOP853.D @ k))]
+        x = (t - self.t_old) / h
+        x = x if np.ndim(x) == 0 else np.asarray(x)[:, None]
+        a, b, c, d, e, f, g = self._terms
+        z = 1.0 - x
+        y = a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))
+        return np.asarray(self.begin + x * y).T
+
+    def near_end(self, late: float) -> tuple[Array, Array]:
+        """Return states and rates shortly before or after the end, of the cubic through both ends.
+
+        After a time of e steps the error is that within the step times e squared.
+        """
+        h, first, last = self.t - self.t_old, self.slopes[0], self.slopes[_STAGES]
+        moved = self.end - self.begin
+        bend = (2.0 * last + first - 3.0 * moved / h) / h
+        skew = (last + first - 2.0 * moved / h) / (h * h)
+        states = self.end + late * (last + late * (bend + late * skew))
+        return states, last + late * (2.0 * bend + late * 3.0 * skew)
+
+
 class FlightArc(NamedTuple):
     """A solution up to an event, or to the time limit.
 
     Attributes:
         end: time of the event or the limit [s].
         state: there, shape `(m,)`.
-        pieces: scipy's interpolants, one for each step.
-        evaluations: of the rates.
+        pieces: the steps, each of which is an interpolant.
+        evaluations: of the rates, without those that interpolants and crests take later.
         reached: the event that ended it; None where the time limit did.
-        crests: time and state wherever the height had a maximum.
+        crests: functions that return time and state wherever the height had a maximum, as exact as
+            the end; those after the end do not count.
     """
 
     end: float
     state: Array
-    pieces: list[DenseOutput]
+    pieces: list[Step]
     evaluations: int
     reached: Event | None
-    crests: list[tuple[float, Array]]
+    crests: list[Callable[[], tuple[float, Array]]]
 
 
 def joined(arcs: Sequence[FlightArc], begin: Array) -> Callable[[Array], Array]:
@@ -92,32 +151,32 @@ def fly_until(
     rate = np.array(rates(began, state))
     if not np.isfinite(rate).all():  # the step size would become NaN
         raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
-    crest = None if climb is None else Event(lambda states: float(states[climb]))
-    pieces: list[DenseOutput] = []
-    crests: list[tuple[float, Array]] = []
+
+    def up(states: Array) -> float:
+        """Return the upward speed, whose fall through zero is a crest."""
+        return float(states[climb])
+
+    solver = _Solver(rates, rtol, atol, longest)
+    h, t = _first_step(state, rate, rtol, atol), began
+    pieces: list[Step] = []
+    crests: list[Callable[[], tuple[float, Array]]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
-        solver_from = partial(DOP853, rates, max_step=longest, rtol=rtol, atol=atol)
-        first = min(_first_step(state, rate, rtol, atol), time_limit - began)
-        solver = solver_from(began, state, time_limit, first_step=first)
-        while solver.status == "running":
-            before = state
-            state, piece = _step(solver)
-            times = [_when(each, piece, before, state) for each in events]
-            top = math.inf if crest is None else _when(crest, piece, before, state)
-            if (end := min(times)) == math.inf:
-                pieces.append(piece)
-                if top < math.inf:
-                    crests.append((top, piece(top)))
+        while t < time_limit:
+            step, h = solver.step(t, state, rate, h, time_limit)
+            before, node = state, (t, state, rate)
+            t, state, rate = step.t, step.end, step.slopes[_STAGES]
+            times = [_when(each, step, before, state) for each in events]
+            end = min(times)
+            if climb is not None and up(before) >= 0.0 >= up(state) and up(before) > up(state):
+                crests.append(partial(solver.refined, up, node, step))
+            if end == math.inf:
+                pieces.append(step)
                 continue
-            event, node = events[times.index(end)], (float(piece.t_old), before)
-            end = max(end, math.nextafter(node[0], math.inf))
-            reached, final, calls = _first_of(events, event, solver_from, node, end)
-            last = final[-1]
-            if top <= last.t:
-                crests.append((top, piece(top)))
-            total = solver.nfev + calls
-            return FlightArc(last.t, last(last.t), [*pieces, *final], total, reached, crests)
-    return FlightArc(time_limit, state, pieces, solver.nfev, None, crests)
+            event = events[times.index(end)]
+            reached, final, end, state = solver.first_of(events, event, node, end)
+            used = 1 + solver.evaluations
+            return FlightArc(end, state, [*pieces, *final], used, reached, crests)
+    return FlightArc(time_limit, state, pieces, 1 + solver.evaluations, None, crests)
 
 
 def _first_step(state: Array, rate: Array, rtol: float, atol: Array) -> float:
@@ -133,95 +192,148 @@ def _first_step(state: Array, rate: Array, rtol: float, atol: Array) -> float:
     return size / change * (3e-5 / size) ** 0.125 if change > 0.0 else math.inf
 
 
-def _step(solver: DOP853) -> tuple[Array, DenseOutput]:
-    """Return the states after one more step, and its interpolant."""
-    failure = solver.step()
-    if not np.isfinite(solver.y).all():
-        failure = "the numbers overflow"
-    elif solver.nfev > MAX_EVALUATIONS:
-        failure = f"it takes more than {MAX_EVALUATIONS} evaluations"
-    if failure:
-        raise KickdynError(f"the flight could not be integrated beyond {solver.t:g} s: {failure}")
-    return solver.y, solver.dense_output()
+class _Solver:
+    """Steps of DOP853 with given tolerances, relative and absolute, and a longest step [s].
 
-
-def _first_of(
-    events: Sequence[Event],
-    event: Event,
-    solver_from: Callable[..., DOP853],
-    start: tuple[float, Array],
-    end: float,
-) -> tuple[Event, list[DenseOutput], int]:
-    """Return the event that ends a step, the steps up to it, and their evaluations.
-
-    `event` is the first on the interpolant of the step; on the steps taken anew, another may be.
+    `evaluations` counts those of the rates.
     """
-    pieces, calls = _landed(event.value, solver_from, start, end)
-    for other in events:
-        last = pieces[-1](pieces[-1].t)
-        if other is not event and other.value(start[1]) >= 0.0 > other.value(last):
-            event = other
-            pieces, more = _landed(other.value, solver_from, start, pieces[-1].t)
-            calls += more
-    return event, pieces, calls
+
+    def __init__(self, rates: Rates, rtol: float, atol: Array, longest: float) -> None:
+        self.rates, self.rtol, self.atol, self.longest = rates, rtol, atol, longest
+        self.evaluations = 0
+
+    def step(self, t: float, y: Array, rate: Array, h: float, bound: float) -> tuple[Step, float]:
+        """Return the next step, of at most h and up to `bound` [s], and how long the one after is.
+
+        The step begins at the time t and the states y, with their rates.
+        """
+        least, most = 10.0 * (math.nextafter(t, math.inf) - t), 10.0
+        h = max(min(h, self.longest), least)
+        while True:
+            end = min(t + h, bound)
+            h = end - t
+            k = np.empty((_STAGES + 1, len(y)))
+            k[0] = rate
+            for i in range(1, _STAGES):
+                k[i] = self.rates(t + _TIMES[i] * h, y + h * (_ROWS[i] @ k[:i]))
+            new = y + h * (_ROWS[_STAGES] @ k[:_STAGES])
+            k[_STAGES] = self.rates(end, new)
+            self.evaluations += _STAGES
+            if self.evaluations > MAX_EVALUATIONS:
+                raise _given_up(t, f"it takes more than {MAX_EVALUATIONS} evaluations")
+            scale = self.atol + self.rtol * np.maximum(np.abs(y), np.abs(new))
+            fifth, third = ((_ERRORS @ k) / scale).tolist()
+            five, three = sum(e * e for e in fifth), sum(e * e for e in third)
+            size = math.sqrt((five + 0.01 * three) * len(y))
+            error = h * five / size if size > 0.0 else h * (five + three)  # 0 or not a number
+            if error < 1.0:
+                growth = min(most, 0.9 * error**-0.125) if error > 0.0 else most
+                if not np.isfinite(new).all():
+                    raise _given_up(end, "the numbers overflow")
+                return Step(self.rates, t, end, y, new, k), h * growth
+            h *= max(0.2, 0.9 * error**-0.125) if error < math.inf else 0.2
+            most = 1.0
+            if h < least:
+                raise _given_up(t, "the step would be shorter than time can be resolved")
+
+    def first_of(
+        self, events: Sequence[Event], event: Event, start: tuple[float, Array, Array], end: float
+    ) -> tuple[Event, list[Step], float, Array]:
+        """Return the event that ends a step, steps up to it, its time and the states there.
+
+        `event` is the first on the interpolant of the step; on the steps taken anew, another may
+        be.
+        """
+        pieces, end, state = self._landed(event.value, start, end)
+        for other in events:
+            if other is not event and other.value(start[1]) >= 0.0 > other.value(state):
+                event = other
+                pieces, end, state = self._landed(other.value, start, end)
+        return event, pieces, end, state
+
+    def refined(
+        self, event: Callable[[Array], float], start: tuple[float, Array, Array], step: Step
+    ) -> tuple[float, Array]:
+        """Return time and states of an event in a step, which begins at `start`."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            when = _root(event, step, (event(step.begin), event(step.end)))
+            return self._landed(event, start, when)[1:]
+
+    def _landed(
+        self, event: Callable[[Array], float], start: tuple[float, Array, Array], end: float
+    ) -> tuple[list[Step], float, Array]:
+        """Return steps to an event that was found on an interpolant, its time and the states there.
+
+        Within a long step the interpolant is far less exact than the step. The event then is a
+        little off the end of the steps taken anew; a cubic covers a time so short that its error is
+        far below the tolerance.
+        """
+        began = start[0]
+        end = max(end, math.nextafter(began, math.inf))
+        for last_try in (False, False, True):
+            t, state, rate = start
+            pieces: list[Step] = []
+            h = end - t
+            while t < end:
+                step, h = self.step(t, state, rate, h, end)
+                t, state, rate = step.t, step.end, step.slopes[_STAGES]
+                pieces.append(step)
+            late = 0.0
+            for _ in range(4):
+                ahead = 1e-7 * (end - began)
+                fall = event(state) - event(state + ahead * rate)  # within `ahead`
+                more = -event(state) * ahead / fall if fall > 0.0 else 0.0
+                if abs(more) <= 4e-16 * end:
+                    break
+                late -= more
+                state, rate = step.near_end(late)
+            if last_try or abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
+                break
+            end = max(end + late, math.nextafter(began, math.inf))
+        return pieces, end + late, state
 
 
-def _landed(
-    event: Callable[[Array], float],
-    solver_from: Callable[..., DOP853],
-    start: tuple[float, Array],
-    end: float,
-) -> tuple[list[DenseOutput], int]:
-    """Return steps to an event that was found on an interpolant, and their evaluations.
-
-    Within a long step the interpolant is far less exact than the step. The event then is a little
-    off zero, and its rate says how much time that is.
-    """
-    pieces: list[DenseOutput] = []
-    calls = 0
-    for _ in range(3):
-        solver = solver_from(*start, end, first_step=end - start[0])
-        pieces = []
-        while solver.status == "running":
-            state, piece = _step(solver)
-            pieces.append(piece)
-        calls += solver.nfev
-        ahead = 1e-7 * (end - start[0])
-        fall = event(state) - event(state + ahead * solver.f)  # within `ahead`
-        late = -event(state) * ahead / fall if fall > 0.0 else 0.0
-        if abs(late) <= 4e-16 * end:
-            break
-        end = max(end - late, math.nextafter(start[0], math.inf))
-    return pieces, calls
+def _given_up(t: float, reason: str) -> KickdynError:
+    """Return the error of an integration that ends too soon."""
+    return KickdynError(f"the flight could not be integrated beyond {t:g} s: {reason}")
 
 
-def _when(event: Event, piece: DenseOutput, before: Array, after: Array) -> float:
-    """Return when an event comes within a step, inf if it does not."""
+def _when(event: Event, piece: Step, before: Array, after: Array) -> float:
+    """Return about when an event comes within a step, inf if it does not."""
     began, ended = event.value(before), event.value(after)
     if began >= 0.0 >= ended and began > ended:
-        return _root(event.value, piece, piece.t)
+        return _root(event.value, piece, (began, ended))
     if event.rate is None or not event.rate(before) < 0.0 < event.rate(after):
         return math.inf
     rate = event.rate
     lowest = float(brentq(lambda t: rate(piece(t)), piece.t_old, piece.t, xtol=1e-300, disp=False))
-    if event.value(piece(lowest)) > 0.0:
-        return math.inf
-    return _root(event.value, piece, lowest)
+    least = event.value(piece(lowest))
+    return math.inf if least > 0.0 else _root(event.value, piece, (began, least), lowest)
 
 
-def _root(of: Callable[[Array], float], piece: DenseOutput, ended: float) -> float:
-    """Return when a value falls through zero between the start of a step and `ended`."""
+def _root(
+    of: Callable[[Array], float],
+    piece: Step,
+    ends: tuple[float, float],
+    until: float | None = None,
+) -> float:
+    """Return about when a value falls through zero between the start of a step and `until`.
+
+    That is the end of the step where it is None; the values at both ends are known.
+    """
+    began = float(piece.t_old)
+    ended = float(piece.t if until is None else until)
+    near = max(1e-9 * (ended - began), 1e-300)
 
     def value(t: float) -> float:
         """Return the event's function along the step."""
-        return of(piece(t))
+        return ends[0] if t == began else ends[1] if t == ended else of(piece(t))
 
-    began = float(piece.t_old)
     # An event that is zero at the start, as a level launch that lift carries up, must rise first.
     times = (began, *(began + (ended - began) * 0.5**k for k in range(1, 60)))
     low = next((t for t in times if value(t) > 0.0), None)
     if low is None:
         return began
     if value(ended) >= 0.0:
-        return float(ended)
-    return float(brentq(value, low, ended, xtol=1e-300, disp=False))
+        return ended
+    return float(brentq(value, low, ended, xtol=near, disp=False))

@@ -106,7 +106,7 @@ def compiled_march() -> Any:
     # numba looks for changes in this file only; the others are part of the name
     sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
     name = f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}"
-    return compiled(named(_march, name), signature, **_OPTIONS)
+    return compiled(named(_march, name), signature, "the integration of flights", **_OPTIONS)
 
 
 def _march(

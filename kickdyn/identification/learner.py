@@ -42,6 +42,13 @@ from kickdyn.impact.strike import strike
 from kickdyn.planning.goal import Goal
 from kickdyn.planning.kick import KickPlan, plan_kick
 from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
+from kickdyn.restitution import (
+    Restitution,
+    checked_restitution,
+    format_restitution,
+    restitution_at,
+    rows_of,
+)
 from kickdyn.robot.leg import Leg
 
 PRIOR = {
@@ -108,7 +115,11 @@ class Learner(ReprMixin):
         ball: mass and radius.
         air: the model to begin with, with a drag model and a constant wind.
         leg: if given, commands are kicks by `plan_kick`.
-        restitution: :math:`e_0`, the best guess before the first kick.
+        restitution: :math:`e_0`, the best guess before the first kick, 0.01 to 0.99. With a leg it
+            may be a table or the name of a model over the speed of approach, as for `Contact`;
+            :math:`e_0` is then its e in the middle between the first and the last speed, where
+            `estimates` have e, too. The logit :math:`\ln (e / (1 - e))` of the other e changes by
+            as much as that one.
         friction: of the leg's contact.
         ball_height: of the ball's centre before the kick of a leg [m, world frame]; None leaves it
             free, as in `plan_kick`.
@@ -132,7 +143,7 @@ class Learner(ReprMixin):
         air: Air,
         leg: Leg | None = None,
         *,
-        restitution: float = 0.8,
+        restitution: float | str | ArrayLike = 0.8,
         friction: float = 0.4,
         ball_height: float | None = None,
         scatter: float = SCATTER,
@@ -156,8 +167,13 @@ class Learner(ReprMixin):
                 f"goal is {float(goal.target[2]):g} m above the launch: the learner observes "
                 "landings at the height of the launch"
             )
-        first = validation.number("restitution", restitution, at_least=0.01, at_most=0.99)
-        self._first_restitution = first
+        self._given = checked_restitution(restitution)
+        first = self._first_restitution = _middle(self._given)
+        if leg is None and not isinstance(self._given, float):
+            raise InvalidInput(
+                f"restitution is {format_restitution(self._given)}: without a leg no speed of "
+                "approach is known, so it must be a number"
+            )
         self._friction = validation.number("friction", friction, at_least=0)
         self._ball_height = ball_height
         self._scatter = validation.number("scatter", scatter, above=0, at_most=1)
@@ -347,7 +363,7 @@ class Learner(ReprMixin):
         time = 2.0 * float(velocity[2]) / GRAVITY
         goal = Goal([velocity[0] * time, velocity[1] * time, 0.0], time=time)
         plan = plan_kick(
-            self.leg, goal, self.ball, None, restitution=self.estimates["restitution"],
+            self.leg, goal, self.ball, None, restitution=self._restitution(self._theta),
             friction=self._friction, spin=self._launch.spin, ball_height=self._ball_height,
         )  # fmt: skip
         after = plan.impact.ball_after
@@ -356,6 +372,14 @@ class Learner(ReprMixin):
         when = self._launch.time if plan.share == 1.0 else None
         path = fly_to_target(expected, self._launch.reached, self.ball, air, when)
         return replace(plan, goal=self.goal, launch=self._launch, path=path)
+
+    def _restitution(self, theta: Array) -> Restitution:
+        """Return the restitution of the leg's contact."""
+        if isinstance(self._given, float):
+            return float(expit(theta[3]))
+        first = logit(self._first_restitution)
+        rows = rows_of(self._given)
+        return tuple((speed, float(expit(theta[3] + (logit(e) - first)))) for speed, e in rows)
 
     def _gain(self, theta: Array) -> float:
         """Return the logarithm of the launch speed over that of a command without a leg."""
@@ -370,7 +394,7 @@ class Learner(ReprMixin):
             command: that was carried out.
         """
         if isinstance(command, KickPlan):
-            contact = replace(command.impact.contact, restitution=float(expit(theta[3])))
+            contact = replace(command.impact.contact, restitution=self._restitution(theta))
             impact = strike(command.impact.posture, command.v, self.ball, contact)
             state, gain = impact.ball_after, 0.0
         else:
@@ -494,6 +518,16 @@ class Learner(ReprMixin):
     def _picture(self) -> str:
         """Return a drawing of the path to the goal as an SVG."""
         return self._launch._picture()
+
+
+def _middle(restitution: Restitution) -> float:
+    """Return e, of a table in the middle of its speeds, or raise `InvalidInput`."""
+    e, name = restitution, "restitution"
+    if not isinstance(e, float):
+        rows = rows_of(e)
+        speed = 0.5 * (rows[0][0] + rows[-1][0])
+        e, name = restitution_at(e, speed), f"restitution at {speed:g} m/s"
+    return validation.number(name, e, at_least=0.01, at_most=0.99)
 
 
 def _aimed(velocity: Array, errors: ArrayLike) -> Array:

@@ -392,6 +392,10 @@ def check_document(document: Mapping[str, Any]) -> list[str]:
         else:
             faults += _check_section(name, content)
     missing = [f"section [{name}] is missing" for name in REQUIRED if name not in document]
+    contact, ball = (document.get(name) for name in ("contact", "ball"))
+    by_pressure = isinstance(contact, dict) and contact.get("stiffness") == "pressure"
+    if by_pressure and "pressure_pa" not in (ball if isinstance(ball, dict) else {}):
+        missing.append("ball.pressure_pa is missing: the stiffness of the contact is from it")
     return faults + missing
 
 

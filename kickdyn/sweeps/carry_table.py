@@ -147,4 +147,4 @@ def _compiled_evaluate() -> Callable[..., None]:
     vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
     number, flags = numba.float64, numba.boolean[::1]
     signature = numba.void(vector, vector, number, number, index, patches, vector, flags)
-    return compiled(_evaluate, signature, error_model="numpy")
+    return compiled(_evaluate, signature, "the interpolation of carries", error_model="numpy")

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from kickdyn.contact import Contact
 from kickdyn.core import validation
+from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput, KickdynError
 from kickdyn.impact.laws import ImpactLaw
@@ -61,11 +62,24 @@ class ChunkSolver:
         self._kernel: Callable[[int, int], Array] | None = None
         self._table: Callable[[Array, Array, Array], NDArray[np.bool_]] | None = None
 
+    def compile(self) -> None:
+        """Compile a kernel that is not on disk yet, and meanwhile flights in another process."""
+        if self._model is None:
+            return
+        from kickdyn.flight.batch import compile_flights  # numba is needed by large grids only
+        from kickdyn.sweeps.kernels import compiled_kernel, kernel_is_kept
+
+        planar, kick = self._model.planar, self._kick
+        if kick.air is not None and kernel_is_kept(planar) is False:
+            with calling_beside("flights", compile_flights, kick.ball, kick.air):
+                compiled_kernel(planar)
+
     def prepare(self) -> None:
         """Compile the kernel and fly the balls of the carry table; to be called before threads."""
         if self._model is None:
             return
-        from kickdyn.sweeps.kernels import Kernel  # numba is needed by large grids only
+        self.compile()
+        from kickdyn.sweeps.kernels import Kernel
 
         self._kernel = Kernel(self._model, self._leg, self._grid)
         if self.carry_tolerance > 0.0:

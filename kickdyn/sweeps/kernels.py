@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kickdyn.core import simd
-from kickdyn.core.compilation import compiled, named
+from kickdyn.core.compilation import compiled, is_kept, named
 from kickdyn.core.simd import BATCH, any_of, batches, choose
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
@@ -67,7 +67,7 @@ class Kernel:
     """The kernel of a model of leg and kick, and a grid: call it with a range of postures."""
 
     def __init__(self, model: KernelModel, leg: Leg, grid: Grid) -> None:
-        self._kernel, self._motion = _compiled(model.planar), _kinematics(model.planar)
+        self._kernel, self._motion = compiled_kernel(model.planar), _kinematics(model.planar)
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         slides = [bool(model.slides[k]) for k in joints]
         steps = np.array(grid.shape, np.int64)
@@ -185,7 +185,7 @@ def _deal_axis(own, first, values, steps, repeat, at, number):  # type: ignore[n
 
 
 motion: Any = spatial_kernel
-"""Kinematics of `_sweep`; `_compiled` puts `planar_kernel` in its place for motion in a plane."""
+"""Kinematics of `_sweep`; `_variant` puts `planar_kernel` in its place for motion in a plane."""
 
 WIDTH = 3
 """Columns of the Jacobian; 2 in a plane."""
@@ -260,14 +260,24 @@ def _kinematics(in_plane: bool) -> Any:
 
 
 @cache
-def _compiled(in_plane: bool) -> Callable[..., None]:
-    """Return a kernel, from the disk where it is kept there."""
+def _variant(in_plane: bool) -> Callable[..., None]:
+    """Return `_sweep` for motion in a plane or in space, to be compiled."""
     kinematics = _kinematics(in_plane)
     # numba looks for changes in this file only; the others are part of the name
     modules = (simd, kernel_model, impact_kernel, sweep_kick, speed_use_kernel, kinematics)
     content = zlib.crc32(b"".join(Path(str(each.__file__)).read_bytes() for each in modules))
     names = {**globals(), "motion": kinematics, "WIDTH": kinematics.AXES}
-    variant = named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")
+    return named(FunctionType(_sweep.__code__, names), f"sweep_{content:08x}")
+
+
+def kernel_is_kept(in_plane: bool) -> bool | None:
+    """Return whether a kernel is on the disk; None where it cannot be kept."""
+    return is_kept(_variant(in_plane))
+
+
+@cache
+def compiled_kernel(in_plane: bool) -> Callable[..., None]:
+    """Return a kernel, from the disk where it is kept there."""
     integers, flags, matrix = numba.int64[::1], numba.boolean[::1], numba.float64[:, ::1]
     cube = numba.float64[:, :, ::1]
     three, five = _tuple(numba.float64, 3), _tuple(numba.float64, 5)
@@ -275,4 +285,5 @@ def _compiled(in_plane: bool) -> Callable[..., None]:
         integers, integers, integers, integers, matrix, numba.int64[:, ::1], integers, flags, flags,
         matrix, numba.int64, three, five, numba.boolean, cube, cube, cube, matrix, matrix, cube,
     )  # fmt: skip
-    return compiled(variant, signature, **OPTIONS)
+    what = f"the kernel of sweeps {'in a plane' if in_plane else 'in space'}"
+    return compiled(_variant(in_plane), signature, what, **OPTIONS)

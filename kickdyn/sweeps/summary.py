@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection
 from itertools import combinations
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -19,6 +19,8 @@ BEST = 10
 
 SAMPLE = 4000
 """Postures of the random sample."""
+
+T = TypeVar("T")
 
 NEEDED = ("ball_speed", "worst_joint_impulse", "speed_use")
 """Variables that a summary is made from."""
@@ -130,12 +132,22 @@ class Summary:
             shape = [len(axis) for axis in self.axes.values()]
             index = np.unravel_index(rows[:, 2].astype(np.int64), shape)
             angles = zip(self.axes.items(), index, strict=True)
+            values = {joint: axis[i].tolist() for (joint, axis), i in angles}
             kept[name] = {
-                "angles": {joint: axis[i].tolist() for (joint, axis), i in angles},
+                **joint_values_by_unit(values, self.units),
                 "ball_speed": rows[:, 0].tolist(),
                 "worst_joint_impulse": rows[:, 1].tolist(),
             }
         return kept
+
+
+def joint_values_by_unit(values: dict[str, T], units: dict[str, str]) -> dict[str, dict[str, T]]:
+    """Return joint values as JSON has them: `angles_deg`, and `positions_m` of prismatic joints."""
+    kinds = {name: "positions_m" if unit == "m" else "angles_deg" for name, unit in units.items()}
+    return {
+        kind: {name: value for name, value in values.items() if kinds[name] == kind}
+        for kind in sorted(set(kinds.values()))
+    }
 
 
 class SpeedMap:

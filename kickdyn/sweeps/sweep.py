@@ -127,6 +127,8 @@ def sweep(
         if progress is not None:
             progress(grid.size - sum(spans(k)[1] for k in missing), math.nan)
         if missing:
+            if workers is not None:  # once, and not in each of them
+                solver.compile()
             if executor is None and workers is None:
                 task = _chunk_writer(filled, solver)
             else:

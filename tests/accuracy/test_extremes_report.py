@@ -77,9 +77,11 @@ def test_arguments_that_are_no_numbers_count_by_themselves():
         ExtremeCase(NOT_FINITE, "c", refusal="no"),
     ]
     said = extremes_report.summary(found)
-    assert said == ("2 cases: 1 right, 0 as-claimed, 1 refused, 0 wrong; 1 of 1 not finite refused")
+    assert said == (
+        "2 cases: 1 right, 0 as-claimed, 1 refused, 0 wrong; not finite: 1 of 1 refused"
+    )
     taken = ExtremeCase(NOT_FINITE, "d", "taken", math.inf, 1.0, math.inf)
-    assert extremes_report.summary([*found, taken]).endswith("1 of 2 not finite refused, 1 wrong")
+    assert extremes_report.summary([*found, taken]).endswith("not finite: 1 of 2 refused, 1 wrong")
 
 
 def test_verdicts_are_whole_at_eighty_columns():

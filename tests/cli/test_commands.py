@@ -168,7 +168,7 @@ def keys(value, name=""):
     """Return the names of all that a JSON value holds, as the page writes them."""
     if isinstance(value, dict):
         named = {
-            **{"angles": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
+            **{"angles_deg": "JOINT", "joint_impulses": "JOINT", "status": "STATUS"},
             **{"neglected": "EFFECT", "values": "UNKNOWN", "deviations": "UNKNOWN"},
             **dict.fromkeys(("restitution", "friction", "rolling_deceleration"), "VALUE"),
         }.get(name.split(".")[-1])

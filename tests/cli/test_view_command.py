@@ -32,7 +32,7 @@ def test_a_page_and_numbers(tmp_path):
     told = f"free kick with spin, its contact shown as an instant: it ends {apart:.2g} m off"
     assert told in html
     hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
-    assert numbers["angles"] == {"hip": 15, "knee": 15, "ankle": 20}  # as the file has them
+    assert numbers["angles_deg"] == {"hip": 15, "knee": 15, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
     for joint, sent in enumerate(numbers["joint_impulses"].values()):
         whole = np.linalg.norm(hit.joint_impulses[joint, :3])

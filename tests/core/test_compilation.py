@@ -1,7 +1,9 @@
+import logging
 import os
 import subprocess
 import sys
 
+from kickdyn.core.compilation import calling_beside, is_kept, named
 from kickdyn.sweeps import kernels
 
 MODULE = """
@@ -25,7 +27,7 @@ def second(x):
     return two(x)
 
 for function in ({"1": first, "2": second}[which] for which in sys.argv[1:]):
-    print(compiled(function, numba.float64(numba.float64))(1.0))
+    print(compiled(function, numba.float64(numba.float64), "a sum")(1.0))
 """
 """Two functions of one factory, each within a kernel that is kept on the disk."""
 
@@ -46,5 +48,24 @@ def test_functions_of_one_factory_are_not_taken_for_each_other(tmp_path):
 
 
 def test_the_kernels_have_names_of_their_own():
-    names = {kernels._compiled(flat).py_func.__qualname__ for flat in (True, False)}
+    names = {kernels.compiled_kernel(flat).py_func.__qualname__ for flat in (True, False)}
     assert len(names) == 2
+
+
+def test_a_kernel_that_was_compiled_is_kept():
+    kernels.compiled_kernel(True)
+    assert kernels.kernel_is_kept(True) is True
+    assert is_kept(named(lambda x: x, "never_compiled")) is False
+
+
+def test_a_function_is_called_in_another_process(tmp_path, caplog):
+    with (
+        caplog.at_level(logging.INFO),
+        calling_beside("a folder", os.mkdir, str(tmp_path / "made")),
+    ):
+        pass
+    assert (tmp_path / "made").is_dir() or len(os.sched_getaffinity(0)) == 1
+    with calling_beside("nothing", os.mkdir, lambda: "cannot be pickled"):
+        pass
+    assert "a folder" in caplog.text
+    assert "nothing" not in caplog.text

@@ -63,7 +63,7 @@ def summary(cases: Sequence[ExtremeCase]) -> str:
     others = [case.verdict for case in cases if case.family == NOT_FINITE]
     counts = ", ".join(f"{finite.count(verdict)} {verdict}" for verdict in Correctness)
     refused, wrong = others.count(Correctness.REFUSED), others.count(Correctness.WRONG)
-    text = f"{len(finite)} cases: {counts}; {refused} of {len(others)} not finite refused"
+    text = f"{len(finite)} cases: {counts}; not finite: {refused} of {len(others)} refused"
     return text + (f", {wrong} wrong" if wrong else "")
 
 

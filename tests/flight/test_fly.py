@@ -213,10 +213,11 @@ def test_balloon_rises_from_rest():
 def test_samples_meet_the_nodes(air):
     path = kd.fly(launch(spin=(0, -40, 9), height=2.0), BALL, air, kd.Ground())
     for node in (path.launch, path.apex, path.landing):
+        near = 2e-8 if node is path.apex else 1e-9  # within a step, samples are interpolated
         here = path.sample(node.time)
-        assert here.position == pytest.approx(node.position, abs=1e-9)
-        assert here.velocity == pytest.approx(node.velocity, abs=1e-9)
-        assert here.spin == pytest.approx(node.spin, abs=1e-9)
+        assert here.position == pytest.approx(node.position, abs=near)
+        assert here.velocity == pytest.approx(node.velocity, abs=near)
+        assert here.spin == pytest.approx(node.spin, abs=near)
         assert here.time == node.time
 
 

@@ -15,8 +15,9 @@ def struck(scene):
     motion = {"ball_velocity": scene.ball_velocity, "ball_spin": scene.ball_spin}
     parts = (scene.posture, scene.v, scene.ball, scene.contact)
     return kd.strike(*parts, **motion), lambda tol: kd.collide(
-        *parts, contact_time=scene.contact_time, tol=tol, **motion
-    )
+        *parts, contact_time=scene.contact_time, stiffness=scene.stiffness,
+        dissipation=scene.dissipation, tol=tol, **motion,
+    )  # fmt: skip
 
 
 def size(array):
@@ -41,6 +42,27 @@ def test_it_bounds_the_contact_that_takes_time():
         off = size(fine.ball_after.velocity - rough.ball_after.velocity) / fine.ball_after.speed
         assert off <= CONTACT_SAFETY * 1e-3
     assert used > 0.2
+
+
+def test_it_bounds_the_contact_of_an_inflated_ball():
+    rng, done, known = np.random.default_rng(5), 0, 0
+    while done < 8:
+        kind = "walton-braun" if done % 2 else "hunt-crossley"
+        options = {"ball": kd.Ball(pressure=80e3), "stiffness": "pressure", "dissipation": kind}
+        scene = random_scene(rng, contact_time=None, **options)
+        try:
+            hit, press = struck(scene)
+        except kd.NoImpact:
+            continue
+        done += 1
+        jump = contact_drift(scene, hit)
+        if kind == "hunt-crossley" and scene.contact.friction > 0.0:  # it tends to no law
+            assert jump.velocity == math.inf
+            continue
+        moved = size(press(1e-6).ball_after.velocity - hit.ball_after.velocity)
+        assert 0.0 < moved <= jump.velocity
+        known += jump.velocity < math.inf
+    assert known > 2
 
 
 def test_what_does_not_strike_on_the_way_is_not_known():

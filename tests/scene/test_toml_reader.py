@@ -279,7 +279,7 @@ def test_a_compliant_contact_has_the_stiffness_of_the_balls_pressure(read):
             "contact.dissipation is named without contact_time_s",
         ),
         ("stiffness = 'pressure'\ncontact_time_s = 0.01", "pressure_pa = 8e4", "leave one of them"),
-        ("stiffness = 'pressure'", "", "ball pressure is None"),
+        ("stiffness = 'pressure'", "", "ball.pressure_pa is missing"),
         ("stiffness = 'air'", "", "contact.stiffness is 'air': choose pressure"),
         ("stiffness = 'pressure'\nlaw = 'paper'", "pressure_pa = 8e4", "has no law"),
         ("dissipation = 'none'\ncontact_time_s = 0.01", "", "choose walton-braun, hunt-crossley"),

@@ -8,7 +8,7 @@ from kickdyn.sweeps import chunk_solver, summary
 from kickdyn.sweeps.dataset import describe
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.queries import condition, pareto_front, possible
-from kickdyn.sweeps.summary import Summary, summarize
+from kickdyn.sweeps.summary import Summary, joint_values_by_unit, summarize
 from kickdyn.sweeps.sweep import sweep_chunks
 
 LEG = kd.Leg.human()
@@ -75,7 +75,7 @@ def test_nothing_to_choose_from(data):
     assert (found.chosen, found.worst, len(found.best), found.counts["ok"] > 0) == (0, -1, 0, True)
     assert found.as_json()["best"] == found.as_json()["front"]
     empty = found.as_json()["best"]
-    assert empty["angles"]["hip"] == empty["ball_speed"] == empty["worst_joint_impulse"] == []
+    assert empty["angles_deg"]["hip"] == empty["ball_speed"] == empty["worst_joint_impulse"] == []
 
 
 def test_what_is_kept_is_plain(data):
@@ -83,11 +83,17 @@ def test_what_is_kept_is_plain(data):
     assert set(kept) == {"best", "front"}
     for rows in kept.values():
         for i, speed in enumerate(rows["ball_speed"]):
-            place = {name: np.radians(rows["angles"][name][i]) for name in POSTURES}
+            place = {name: np.radians(rows["angles_deg"][name][i]) for name in POSTURES}
             at = data.sel(place, method="nearest")
             assert float(at.ball_speed) == speed
             assert float(at.worst_joint_impulse) == rows["worst_joint_impulse"][i]
-    assert len(kept["best"]["angles"]["hip"]) == 10
+    assert len(kept["best"]["angles_deg"]["hip"]) == 10
+
+
+def test_values_of_joints_are_named_by_their_unit():
+    values, units = {"hip": 30.0, "rail": 0.2}, {"hip": "deg", "rail": "m"}
+    by_unit = joint_values_by_unit(values, units)
+    assert by_unit == {"angles_deg": {"hip": 30.0}, "positions_m": {"rail": 0.2}}
 
 
 def test_neighbours_go_together(data, monkeypatch):

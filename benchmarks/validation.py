@@ -169,8 +169,8 @@ def punts() -> Iterator[Row]:
             "M2", f"mean force of distance kicks, ball gains 22.7 m/s, {name}", "834 +- 107 N",
             f"{mean:.0f} N", within(834 - 107, 834 + 107, mean),
             f"{which}; ours is of a soccer ball with Hertz's spring, and {other:.0f} N with the "
-            "spring from pressure. The abstract has no ball speed for accuracy kicks (588 +- 64 N), "
-            "so that these cannot be compared",
+            "spring from pressure. The abstract has no ball speed for accuracy kicks (588 +- 64 "
+            "N), so that these cannot be compared",
         )  # fmt: skip
     for name, duration in (
         ("of the visible contact", "visible_contact_time"),

@@ -1,7 +1,6 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import click
@@ -13,6 +12,7 @@ from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.number_options import PAIR, TRIPLE
 from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -34,27 +34,6 @@ CROUCH = 0.1
 knees are bent, by 52 degrees if it stood on that foot."""
 
 
-def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
-    """Return a callback of click that reads so many numbers."""
-
-    def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
-        """Return the numbers of an option's text; None where it is not given."""
-        if text is None:
-            return None
-        try:
-            values = [float(part) for part in text.split(separator)]
-        except ValueError:
-            values = []
-        if len(values) != count or not all(map(math.isfinite, values)):
-            name = option.opts[0].lstrip("-")
-            raise InvalidInput(
-                f"{name} is {text!r}: it must be {count} numbers, as {option.metavar}"
-            )
-        return values
-
-    return read
-
-
 def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
     """Return the standard deviations that an option names, by source."""
     if text is None:
@@ -66,9 +45,6 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
         raise InvalidInput(f"robust is {text!r}: {error}") from None
     except ValueError:
         raise InvalidInput(f"robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
-
-
-PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})

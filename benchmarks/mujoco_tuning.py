@@ -1,118 +1,213 @@
 """Measure the error of kicks in MuJoCo against the time step, with tuned contacts and its defaults.
 
-    python benchmarks/mujoco_tuning.py --plot docs/images/mujoco_tuning.png
+    python benchmarks/mujoco_tuning.py --csv FILE.csv --plot FILE.png
 
 The human leg kicks a size 5 ball at 14 m/s, in a posture and with joint velocities of
 docs/explanation/compliance.md: frictionless along the swing, and with friction 0.4 off it, where
 the ball slides over the foot first. The ball is that of `collide` with a contact of 10 ms. Errors
 are the largest of eight kicks that reach the ball at different moments within a time step.
 
-Joint impulses are compared with those of `strike`, because `collide` has none: the sum over the
-steps of the force in each joint, less what it would be without the ball. The leg turns within
-10 ms, so that a difference remains however small the step is.
+Joint impulses are the sum over the steps of the force in each joint, less what it would be without
+the ball, and are compared with those of `collide` and of `strike`.
+
+The tables printed are parts of the file that `--csv` writes. It takes ten minutes on two cores.
 """
 
+import csv
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
+from itertools import product
 from typing import NamedTuple
 
 import click
+import mujoco
 import numpy as np
-import pinocchio as pin
 from matplotlib.figure import Figure
 
 import kickdyn as kd
-from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick
-from kickdyn.accuracy.tune_mujoco import find_best, find_error, kick_cases
+from kickdyn.accuracy.mujoco_fit import (
+    SPEEDS,
+    WIDTHS,
+    find_best,
+    find_error,
+    fit_contact,
+    kick_cases,
+)
+from kickdyn.accuracy.mujoco_kick import MujocoContact, MujocoKick, pair, row
 from kickdyn.core.plot_style import save_figure, styled
-from kickdyn.impact.impact_result import Impact
+from kickdyn.core.validation import Array
 
 POSTURE = kd.Leg.human().posture(np.radians([40, 30, -20]))
 V = np.array([8.25, -18.15, 2.48])  # rad/s
 NORMALS = {0.0: (0.866, 0.0, 0.5), 0.4: (1.0, 0.0, 0.0)}
 CONTACT_TIME = 0.010  # s
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
-STEPS = (5e-4, 1e-3, 2e-3, 5e-3)  # s
+STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s
 INTEGRATORS = ("implicitfast", "Euler", "RK4")
-ALL_INTEGRATORS = 0.7
-"""Restitution of which all integrators are compared; of the others, the first one is taken."""
-DEFAULTS = "defaults"
+TUNED, DEFAULTS = "tuned", "defaults"
+CONES: dict[str, dict[str, int]] = {
+    "elliptic cone": {},
+    "elliptic cone, impratio 1": {"impratio": 1},
+    "elliptic cone, 20 iterations of noslip": {"noslip_iterations": 20},
+    "pyramidal cone": {"cone": 0},
+}
+"""Options of MuJoCo beside the elliptic cone and impratio 100, which `tune_mujoco` takes."""
 
 
 class Row(NamedTuple):
-    """Errors of a contact in per cent, of the direction in degrees.
+    """Errors of a contact: relative ones in per cent, directions in degrees, spins in rad/s.
 
-    `around` is the largest error of the speed of the ball at 0.5 to 1.5 times all velocities,
-    `joints` that of a joint impulse, relative to the largest one.
+    `around` is of kicks at 0.5 to 1.5 times all velocities; `joints` and `joints_strike` are the
+    largest error of a joint's linear impulse, relative to the largest impulse, against `collide`
+    and `strike`. `floor` is the restitution of the same ball on a floor, at 5 m/s.
     """
 
     friction: float
     restitution: float
     integrator: str
-    step: float
+    step_ms: float
     contact: str
     speed: float
     direction: float
-    around: float
+    spin: float
+    speed_around: float
+    direction_around: float
     joints: float
+    joints_strike: float
+    floor: float
 
 
-def joint_error(kick: MujocoKick, impact: Impact) -> float:
-    """Return the largest error of a joint's impulse, relative to the largest impulse."""
-    leg = impact.posture.leg
-    data = leg.model.createData()
-    pin.forwardKinematics(leg.model, data, impact.posture.q)
-    own = np.array(
-        [data.oMi[k + 1].rotation @ part[:3] for k, part in enumerate(impact.joint_impulses)]
-    )
-    found = kick.run(0.5, joint_impulses=True).joint_impulses
-    return float(np.linalg.norm(found - own, axis=1).max() / np.linalg.norm(own, axis=1).max())
-
-
-def measure(friction: float, restitution: float) -> list[Row]:
-    """Return the rows of a restitution."""
+def measure(friction: float, restitution: float, integrator: str, step: float) -> list[Row]:
+    """Return the row of the tuned contact, and that of MuJoCo's defaults."""
     contact = kd.Contact(NORMALS[friction], restitution, friction)
     impact = kd.strike(POSTURE, V, kd.Ball(), contact)
-    cases = kick_cases(impact.approach, CONTACT_TIME)[:5]
+    hit = kd.collide(
+        POSTURE, V, kd.Ball(), contact, contact_time=CONTACT_TIME, dissipation="hunt-crossley"
+    )
+    cases = kick_cases(impact.approach, CONTACT_TIME)[: 1 + len(SPEEDS)]
+    tuned = find_best(cases, step, integrator, CONTACT_TIME).contact
     rows = []
-    compared = INTEGRATORS if restitution == ALL_INTEGRATORS else INTEGRATORS[:1]
-    for integrator in compared:
-        for step in STEPS:
-            tuned = find_best(cases, step, integrator, CONTACT_TIME).contact
-            for name, one in (("tuned", tuned), (DEFAULTS, MujocoContact(friction=friction))):
-                kicks = [MujocoKick(case.approach, step, one, integrator, True) for case in cases]
-                errors = [find_error(*pair, one) for pair in zip(cases, kicks, strict=True)]
-                rows.append(
-                    Row(
-                        friction, restitution, integrator, step, name, 100 * errors[0].speed,
-                        float(np.degrees(errors[0].direction)),
-                        100 * max(error.speed for error in errors),
-                        100 * joint_error(kicks[0], impact),
-                    )
-                )  # fmt: skip
+    for name, one in ((TUNED, tuned), (DEFAULTS, MujocoContact(friction=friction))):
+        kicks = [MujocoKick(case.approach, step, one, integrator, True) for case in cases]
+        errors = [find_error(*pair, one) for pair in zip(cases, kicks, strict=True)]
+        found = kicks[0].run(0.5, joint_impulses=True).joint_impulses
+        rows.append(
+            Row(
+                friction, restitution, integrator, 1e3 * step, name, 100 * errors[0].speed,
+                float(np.degrees(errors[0].direction)), errors[0].spin,
+                100 * max(error.speed for error in errors),
+                float(np.degrees(max(error.direction for error in errors))),
+                joint_error(found, hit.joint_impulses), joint_error(found, impact.joint_impulses),
+                bounce(one, integrator, step),
+            )
+        )  # fmt: skip
     return rows
 
 
-def select(rows: list[Row], **wanted: object) -> list[Row]:
+def joint_error(found: Array, wanted: Array) -> float:
+    """Return the largest error of a joint's linear impulse, in per cent of the largest impulse."""
+    own = wanted[:, :3]
+    return float(
+        100 * np.linalg.norm(found - own, axis=1).max() / np.linalg.norm(own, axis=1).max()
+    )
+
+
+def bounce(contact: MujocoContact, integrator: str, step: float, speed: float = 5.0) -> float:
+    """Return the restitution of the ball that falls on a floor."""
+    ball, margin = kd.Ball(), contact.margin
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+  <option timestep="{step!r}" integrator="{integrator}" cone="elliptic" gravity="0 0 0"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body pos="0 0 {ball.radius + 0.5 * step * speed!r}"><freejoint/>
+      <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
+      <geom name="ball" type="sphere" size="{ball.radius - margin!r}"/>
+    </body>
+  </worldbody>
+  <contact>{pair(contact, "floor")}</contact>
+</mujoco>""")
+    data = mujoco.MjData(model)
+    data.qvel[2] = -speed
+    while data.ncon == 0 or data.qvel[2] < 0.0:
+        mujoco.mj_step(model, data)
+    while data.ncon:
+        mujoco.mj_step(model, data)
+    return float(data.qvel[2]) / speed
+
+
+def direction_errors(e: float, margin: bool, options: dict[str, int], step: float) -> float:
+    """Return the error of the direction with friction, with or without a margin [deg]."""
+    friction = 0.4
+    contact = kd.Contact(NORMALS[friction], e, friction)
+    approach = kd.strike(POSTURE, V, kd.Ball(), contact).approach
+    cases = kick_cases(approach, CONTACT_TIME)
+    plain = MujocoContact(friction=friction, margin=cases[0].deflection if margin else 0.0)
+    kicks = [MujocoKick(case.approach, step, plain, INTEGRATORS[0], True) for case in cases]
+    for kick in kicks:
+        for name, value in options.items():
+            setattr(kick.model.opt, name, value)
+    fits = [fit_contact(cases, kicks, CONTACT_TIME, width, INTEGRATORS[0]) for width in WIDTHS]
+    best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.score)
+    return float(np.degrees(best.errors[0].direction))
+
+
+def friction_table() -> str:
+    """Return a table of the error of the direction with friction, by MuJoCo's options."""
+    lines = ["| e = 0.7, mu = 0.4 | 0.5 ms | 2 ms |", "|---|---|---|"]
+    for name, options in CONES.items():
+        for margin in (True, False):
+            cells = [
+                f"{direction_errors(0.7, margin, options, step):.1f}°" for step in (5e-4, 2e-3)
+            ]
+            lines.append(f"| {name}, {'with' if margin else 'no'} margin | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def select(rows: Iterable[Row], **wanted: object) -> list[Row]:
     """Return the rows with these values."""
     return [row for row in rows if all(getattr(row, k) == v for k, v in wanted.items())]
 
 
-def table(heads: dict[str, list[Row]]) -> str:
-    """Return a table: a line for each head, in each cell what is tuned and the defaults."""
-    lines = [
-        "| | " + " | ".join(f"{1e3 * step:g} ms" for step in STEPS) + " |",
-        "|---" * (1 + len(STEPS)) + "|",
-    ]
-    for head, chosen in heads.items():
-        cells = []
-        for step in STEPS:
-            one, other = (select(chosen, step=step, contact=c)[0] for c in ("tuned", DEFAULTS))
-            cells.append(
-                f"{one.speed:.1f} %, {one.direction:.1f}°, {one.around:.1f} %, {one.joints:.0f} % "
-                f"({other.speed:.0f} %, {other.direction:.1f}°, {other.joints:.0f} %)"
-            )
-        lines.append(f"| {head} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+def table(lines: dict[str, list[str]]) -> str:
+    """Return a table with a column for each time step."""
+    heads = ["| | " + " | ".join(f"{1e3 * step:g} ms" for step in STEPS) + " |"]
+    heads.append("|---" * (1 + len(STEPS)) + "|")
+    return "\n".join(
+        [*heads, *(f"| {head} | " + " | ".join(c) + " |" for head, c in lines.items())]
+    )
+
+
+def tables(rows: list[Row]) -> str:
+    """Return the tables of docs/how-to/mujoco.md."""
+
+    def worst(quantity: str, chosen: list[Row]) -> float:
+        """Return the largest value of a quantity."""
+        return max(getattr(row, quantity) for row in chosen)
+
+    steps = [1e3 * step for step in STEPS]
+    errors, integrators, joints = {}, {}, {}
+    for mu, e in product(NORMALS, RESTITUTIONS):
+        near = select(rows, friction=mu, restitution=e, integrator=INTEGRATORS[0])
+        pairs = [
+            [select(near, step_ms=step, contact=contact)[0] for contact in (TUNED, DEFAULTS)]
+            for step in steps
+        ]
+        errors[f"mu = {mu:g}, e = {e:g}"] = [
+            f"{one.speed:.1f} %, {one.direction:.1f}°, {one.speed_around:.1f} % "
+            f"({other.speed:.0f} %, {other.direction:.1f}°)"
+            for one, other in pairs
+        ]
+        joints[f"mu = {mu:g}, e = {e:g}"] = [
+            f"{one.joints:.0f} %, {one.joints_strike:.0f} % ({other.joints:.0f} %)"
+            for one, other in pairs
+        ]
+    for mu, integrator in product(NORMALS, INTEGRATORS):
+        near = select(rows, friction=mu, integrator=integrator, contact=TUNED)
+        integrators[f"mu = {mu:g}, {integrator}"] = [
+            f"{worst('speed', at):.1f} %, {worst('direction', at):.1f}°"
+            for at in (select(near, step_ms=step) for step in steps)
+        ]
+    return "\n\n".join(table(lines) for lines in (errors, integrators, joints))
 
 
 @styled()
@@ -130,7 +225,7 @@ def figure(rows: list[Row]) -> Figure:
                         integrator="implicitfast",
                     )  # fmt: skip
                     panel.loglog(
-                        [1e3 * row.step for row in chosen],
+                        [row.step_ms for row in chosen],
                         [getattr(row, quantity) for row in chosen],
                         style, color=f"C{number}", markersize=3, label=f"e = {e:g}, {contact}",
                     )  # fmt: skip
@@ -146,29 +241,21 @@ def figure(rows: list[Row]) -> Figure:
 
 
 @click.command()
+@click.option("--csv", "file", help="Write all rows.")
 @click.option("--plot", help="Draw the errors: .png, .svg or .pdf.")
-def main(plot: str | None) -> None:
-    """Print the tables, and draw them."""
-    kinds = [(friction, e) for friction in NORMALS for e in RESTITUTIONS]
+def main(file: str | None, plot: str | None) -> None:
+    """Print the tables, and write and draw all rows."""
+    runs = list(product(NORMALS, RESTITUTIONS, INTEGRATORS, STEPS))
     with ProcessPoolExecutor(2) as pool:
-        rows = [row for part in pool.map(measure, *zip(*kinds, strict=True)) for row in part]
-    fast = select(rows, integrator="implicitfast")
-    print(
-        table(
-            {
-                f"mu = {mu:g}, e = {e:g}": select(fast, friction=mu, restitution=e)
-                for mu, e in kinds
-            },
-        )
-    )
-    print()
-    middle = select(rows, restitution=ALL_INTEGRATORS)
-    heads = {
-        f"mu = {mu:g}, {integrator}": select(middle, friction=mu, integrator=integrator)
-        for mu in NORMALS
-        for integrator in INTEGRATORS
-    }
-    print(table(heads))
+        rows = [row for part in pool.map(measure, *zip(*runs, strict=True)) for row in part]
+    if file is not None:
+        with open(file, "w", encoding="utf-8", newline="") as out:  # noqa: PTH123
+            writer = csv.writer(out, lineterminator="\n")
+            writer.writerow(Row._fields)
+            writer.writerows(
+                [f"{x:.4g}" if isinstance(x, float) else x for x in row] for row in rows
+            )
+    print(tables(rows), friction_table(), sep="\n\n")
     if plot is not None:
         save_figure(figure(rows), plot)
 

@@ -86,6 +86,16 @@ def test_the_scene_of_the_reference_is_valid(tmp_path):
     assert kickdyn.load_scene(tmp_path / "volley.toml").name == "volley"
 
 
+def test_every_attribute_of_a_sweep_is_in_the_reference():
+    page = (DOCS / "reference" / "dataset.md").read_text("utf-8")
+    kick = kickdyn.Kick(restitution="peacock-ball")
+    data = kickdyn.sweep(kickdyn.Leg.human(), {"knee": [0.5]}, kick)
+    attributes = page.split("## Attributes")[1]
+    assert {f"`{name}`" for name in data.attrs} == set(re.findall(r"`\w+`", attributes)) - {
+        "`carry`"
+    }
+
+
 def test_every_extra_is_in_the_installation_page():
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     page = (DOCS / "install.md").read_text("utf-8")

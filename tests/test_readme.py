@@ -3,11 +3,16 @@
 import contextlib
 import io
 import re
+import shlex
+import shutil
 import subprocess
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
+
+from kickdyn.cli.commands import kickdyn_command
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -30,6 +35,29 @@ def test_snippets_print_the_outputs_shown(code, expected):
     with contextlib.redirect_stdout(printed), contextlib.chdir(ROOT):
         exec(compile(code, "README.md", "exec"), {})
     assert printed.getvalue().strip() == expected.strip()
+
+
+COMMANDS = [
+    line.removeprefix("kickdyn ")
+    for kind, text in BLOCKS
+    for line in text.splitlines()
+    if kind == "sh" and line.startswith("kickdyn ")
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=[line.split()[0] for line in COMMANDS])
+def test_commands_run(command, tmp_path, monkeypatch):
+    for folder in ("urdf", "data"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    monkeypatch.chdir(tmp_path)
+    arguments = shlex.split(command)
+    if arguments[0] == "tune-mujoco":
+        pytest.importorskip("mujoco")
+    ended = CliRunner().invoke(kickdyn_command, arguments)
+    assert ended.exit_code == 0, ended.output
+    for option, file in pairwise(arguments):
+        if option in ("--view", "--out"):
+            assert Path(file).exists()
 
 
 def test_the_posture_sweep_module_is_named_once_and_the_script_elsewhere():

@@ -36,12 +36,15 @@ class MujocoContact(NamedTuple):
         solimp: impedance at first contact and from a depth on, this depth [m], and the shape.
         friction: coefficient of sliding; 0 is a contact without friction, of condim 1.
         solreffriction: the same as `solref` across the normal; (0, 0) takes those of `solref`.
+        margin: depth of the contact below the ball's surface, a geom smaller than the ball by as
+            much [m]; see `tune_mujoco`.
     """
 
     solref: tuple[float, float] = (0.02, 1.0)
     solimp: tuple[float, float, float, float, float] = (0.9, 0.95, 0.001, 0.5, 2.0)
     friction: float = 0.0
     solreffriction: tuple[float, float] = (0.0, 0.0)
+    margin: float = 0.0
 
     @property
     def condim(self) -> int:
@@ -103,17 +106,20 @@ class SimulatedBall(NamedTuple):
     """What a simulated kick gives.
 
     Attributes:
-        velocity: of the ball once it is free, shape `(3,)` [m/s, world frame].
-        spin: shape `(3,)` [rad/s, world frame].
+        velocity: of the ball when the foot stops pushing it, shape `(3,)` [m/s, world frame].
+        spin: then, shape `(3,)` [rad/s, world frame].
         contact_time: time steps in which foot and ball push each other [s].
-        joint_impulses: shape `(njoints, 3)` [N s, world frame], of the force on the body that each
-            joint moves, less what the force would be without the ball; empty unless asked for.
+        joint_impulses: until then, shape `(njoints, 3)` [N s, in the frame of each joint], of the
+            force on the body that the joint moves, less what the force would be without the ball;
+            empty unless asked for.
+        second_push: what pushes after that add to the velocity, length [m/s].
     """
 
     velocity: Array
     spin: Array
     contact_time: float
     joint_impulses: Array
+    second_push: float
 
 
 class MujocoKick:
@@ -129,7 +135,7 @@ class MujocoKick:
     ) -> None:
         """Compile the model; raise `InvalidInput` if MuJoCo refuses the leg."""
         self.mujoco = load_mujoco()
-        self.approach, self.timestep = approach, timestep
+        self.approach, self.timestep, self.margin = approach, timestep, contact.margin
         text = scene(approach, timestep, contact, integrator, gravity)
         try:
             self.model = self.mujoco.MjModel.from_xml_string(text)
@@ -140,14 +146,18 @@ class MujocoKick:
         self.bodies = [self.model.body(name).id for name in names]
 
     def set_contact(self, contact: MujocoContact) -> None:
-        """Replace the contact's parameters; one without friction stays so."""
+        """Replace the contact's parameters; its margin, and a lack of friction, stay."""
         self.model.pair_solref[0] = contact.solref
         self.model.pair_solimp[0] = contact.solimp
         self.model.pair_solreffriction[0] = contact.solreffriction
         self.model.pair_friction[0, :2] = contact.friction
 
     def run(
-        self, phase: float = 0.0, joint_impulses: bool = False, longest: float = LONGEST
+        self,
+        phase: float = 0.0,
+        joint_impulses: bool = False,
+        longest: float = LONGEST,
+        afterwards: float = 0.0,
     ) -> SimulatedBall:
         """Return the ball of one simulated kick.
 
@@ -156,42 +166,54 @@ class MujocoKick:
                 0 leg and ball begin where they touch.
             joint_impulses: whether to compute them.
             longest: time after which the two count as not separating [s].
+            afterwards: for how long to watch for further pushes [s].
 
         Raises:
-            KickdynError: leg and ball do not separate, or the simulation diverges.
+            KickdynError: the foot pushes the ball for longer, or the simulation diverges.
         """
-        mujoco, model, data = self.mujoco, self.model, self.data
-        self._start(phase * self.timestep)
+        mujoco, model, data, step = self.mujoco, self.model, self.data, self.timestep
+        self._start(phase * step)
         forces = np.zeros((model.nbody, 3))
-        pushed = touched = 0
-        for step in range(math.ceil(longest / self.timestep) + 4):
+        pushed = 0
+        for _ in range(math.ceil(longest / step) + 4):
             if joint_impulses:
-                forces += self.timestep * (self._joint_forces(0) - self._joint_forces(NO_CONTACT))
+                forces += step * (self._joint_forces(0) - self._joint_forces(NO_CONTACT))
             mujoco.mj_step(model, data)
-            if data.ncon:
-                touched += 1
-                row = int(data.contact.efc_address[0])
-                pushed += row >= 0 and data.efc_force[row] > 0.0
-            elif touched and step > 2:
-                velocity = data.qvel[-6:-3].copy()
-                if not np.isfinite(velocity).all():
-                    break
-                spin = data.qvel[-3:].copy()
-                turn = np.zeros(9)  # of the ball, in whose axes MuJoCo gives its spin
-                mujoco.mju_quat2Mat(turn, data.qpos[-4:])
-                spin = turn.reshape(3, 3) @ spin
-                found = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
-                return SimulatedBall(velocity, spin, pushed * self.timestep, found)
-        raise KickdynError(f"leg and ball did not part within {longest:g} s")
+            if self._pushes():
+                pushed += 1
+            elif pushed:
+                break
+        else:
+            raise KickdynError(f"leg and ball did not part within {longest:g} s")
+        velocity = data.qvel[-6:-3].copy()
+        if not np.isfinite(velocity).all():
+            raise KickdynError("the simulation of leg and ball diverged")
+        turn = np.zeros(9)  # of the ball, in whose axes MuJoCo gives its spin
+        mujoco.mju_quat2Mat(turn, data.qpos[-4:])
+        spin = turn.reshape(3, 3) @ data.qvel[-3:]
+        found = forces[self.bodies] if joint_impulses else np.zeros((0, 3))
+        more = math.ceil(afterwards / step)
+        for _ in range(more):
+            mujoco.mj_step(model, data)
+        added = data.qvel[-6:-3] - velocity - more * step * model.opt.gravity
+        second_push = float(np.linalg.norm(added))
+        return SimulatedBall(velocity, spin, pushed * step, found, second_push)
+
+    def _pushes(self) -> bool:
+        """Return whether foot and ball pushed each other in the last step."""
+        data = self.data
+        first = int(data.contact.efc_address[0]) if data.ncon else -1
+        return first >= 0 and bool(data.efc_force[first] > 0.0)
 
     def _joint_forces(self, disabled: int) -> Array:
-        """Return the force on each body at its joint [N, world frame], some effects disabled."""
+        """Return the force on each body at its joint [N, its axes], some effects disabled."""
         mujoco, model, data = self.mujoco, self.model, self.data
         model.opt.disableflags = disabled
         mujoco.mj_forward(model, data)
         mujoco.mj_rnePostConstraint(model, data)
         model.opt.disableflags = 0
-        return np.array(data.cfrc_int[:, 3:])
+        axes = data.xmat.reshape(-1, 3, 3)  # of each body, in the world's
+        return np.asarray(np.einsum("bij,bi->bj", axes, data.cfrc_int[:, 3:]))
 
     def _start(self, before: float) -> None:
         """Set the state at a time [s] before the first contact."""
@@ -232,7 +254,8 @@ def scene(
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     foot = (
         f'<geom name="foot" type="box" size="1 1 0.1" quat="{quaternion(face)}" '
-        f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0"/>'
+        f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0" '
+        'rgba="0.5 0.5 0.5 0.3"/>'
     )
 
     order: list[int] = []
@@ -241,8 +264,13 @@ def scene(
         """Return a body with those that it carries, and add them to the order of MuJoCo's."""
         order.append(joint)
         inside = "".join(body(child) for child in children[joint])
-        face = foot if joint == posture.leg.contact_joint else ""
-        return f"{_body(model, joint)}{face}{inside}</body>\n    "
+        ends = [model.jointPlacements[child].translation for child in children[joint]]
+        face = ""
+        if joint == posture.leg.contact_joint:
+            face = foot
+            ends.append(posture.contact_lever)
+        links = "".join(_link(end) for end in ends)
+        return f"{_body(model, joint)}{face}{links}{inside}</body>\n    "
 
     bodies = "".join(body(joint) for joint in children[0])
     weight = row(model.gravity.linear) if gravity else "0 0 0"
@@ -258,7 +286,8 @@ impratio="100" tolerance="1e-14"/>
   <worldbody>
     {bodies}<body name="ball" pos="{row(centre)}"><freejoint/>
       <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{row([ball.inertia] * 3)}"/>
-      <geom name="ball" type="sphere" size="{ball.radius!r}" contype="0" conaffinity="0"/>
+      <geom name="ball" type="sphere" size="{ball.radius - contact.margin!r}" \
+contype="0" conaffinity="0"/>
     </body>
   </worldbody>
   <contact>
@@ -277,7 +306,7 @@ def pair(contact: MujocoContact, foot: str) -> str:
     return (
         f'<pair geom1="{foot}" geom2="ball" condim="{contact.condim}" '
         f'solref="{row(contact.solref)}" solimp="{row(contact.solimp)}" '
-        f'friction="{mu!r} {mu!r} 0 0 0"{across}/>'
+        f'friction="{mu!r} {mu!r} 0 0 0" margin="{contact.margin!r}"{across}/>'
     )
 
 
@@ -307,6 +336,18 @@ def _body(model: Any, joint: int) -> str:
         f'quat="{quaternion(placement.rotation)}">'
         f'<inertial pos="{row(inertia.lever)}" mass="{inertia.mass!r}" '
         f'fullinertia="{row(moments)}"/>{element}'
+    )
+
+
+def _link(end: Array) -> str:
+    """Return a geom from the origin of a body to a point, which is seen but collides with nothing.
+
+    Empty for a point near the origin, to which MuJoCo draws none.
+    """
+    if np.linalg.norm(end) < 1e-3:
+        return ""
+    return (
+        f'<geom type="capsule" fromto="0 0 0 {row(end)}" size="0.02" contype="0" conaffinity="0"/>'
     )
 
 

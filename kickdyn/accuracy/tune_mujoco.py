@@ -6,36 +6,32 @@ which act once per time step and on a ball that has already entered the foot at 
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
-import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
-from kickdyn.accuracy.mujoco_kick import (
-    IMPEDANCE,
-    MujocoContact,
-    MujocoKick,
-    SimulatedBall,
-    damping_ratio,
-    load_mujoco,
-    pair,
-    release_phase,
-    row,
-    scene,
+from kickdyn.accuracy.mujoco_fit import (
+    DIRECTION_ERROR,
+    SPEEDS,
+    FittedContact,
+    KickError,
+    MujocoIntegrator,
+    find_best,
+    find_error,
+    kick_cases,
+    simulate,
 )
-from kickdyn.ball import Ball, BallState
+from kickdyn.accuracy.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
+from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
 from kickdyn.core.representation import ReprMixin, Row, warned
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, KickdynError, NoImpact
-from kickdyn.impact.approach import AT_REST, Approach, find_approach
-from kickdyn.impact.collide import collide
+from kickdyn.errors import InvalidInput
+from kickdyn.impact.approach import AT_REST, find_approach
+from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 
@@ -46,81 +42,35 @@ LONGEST_STEP = 0.02
 """Largest time step [s]."""
 
 STEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
-"""Time steps among which the largest one is sought that meets a tolerance [s]."""
+"""Time steps among which the largest one is sought that meets a goal [s]."""
 
-STEPS_PER_CONTACT = (4, 6, 10, 16)
-"""Durations of the contact that are tried, in time steps, where none is asked for."""
+AROUND = 2.0
+"""Errors that are accepted around the tuned kick, in tolerances."""
 
-WIDTHS = (0.0, 0.3, 0.6)
-"""Depths that are tried, over which the contact's impedance grows, in deepest deflections."""
-
-SPEEDS = (0.5, 1.5, 0.75, 1.25)
-"""Factors on all velocities at which errors are given; the first two are tuned for, too."""
-
-TURNED = 0.1
-"""Largest change of a joint between neighbouring postures [rad; m]."""
+WATCHED = 2.0
+"""Time after the contact in which a second push is looked for, in contact times."""
 
 
-OTHERS, SPIN, KEPT = 0.5, 0.3, 0.03
-"""Weights beside 1 for the ball's velocity in the tuned kick: of other kicks, of the spin times the
-radius, and of the logarithms by which friction's coefficient and damping change. The last one keeps
-the coefficient where a kick sticks and thus does not determine it."""
-
-
-EARLY = 1e-3
-"""Share of an interval between moments by which the simulation begins before the first contact: if
-it began at once, rounding would decide whether the two touch already."""
-
-
-class MujocoIntegrator(StrEnum):
-    """Integrators of MuJoCo."""
-
-    EULER = "Euler"
-    IMPLICIT = "implicit"
-    IMPLICITFAST = "implicitfast"
-    RK4 = "RK4"
-
-
-class KickError(NamedTuple):
-    """Largest errors of a kick simulated in MuJoCo, wherever in a time step the contact begins.
+class MujocoGoal(NamedTuple):
+    """An error that a tuned contact should not exceed.
 
     Attributes:
-        change: what differs from the kick that was tuned; empty for that kick.
-        velocity: of the ball, length of the difference relative to its speed, or to that of the
-            approach along the normal if that is larger.
-        speed: of the ball, relative alike.
-        direction: angle between the ball's velocities [rad].
-        spin: length of the difference [rad/s].
+        name: `speed` and `direction` of the ball in the tuned kick, `speed around` at the other
+            speeds.
+        error: of the tuned contact, relative; of the direction [rad].
+        limit: that is accepted.
+        largest_timestep: at which the error is accepted, of those tried [s]; None if at none.
     """
 
-    change: str
-    velocity: float
-    speed: float
-    direction: float
-    spin: float
-
-
-class KickCase(NamedTuple):
-    """A kick, and the ball that kickdyn computes."""
-
-    change: str
-    approach: Approach
-    target: BallState
+    name: str
+    error: float
+    limit: float
+    largest_timestep: float | None
 
     @property
-    def scale(self) -> float:
-        """Speed to which errors are relative [m/s]."""
-        return max(float(self.target.speed), self.approach.speed)
-
-
-class FittedContact(NamedTuple):
-    """Parameters, what they leave, and the simulated contact time [s]."""
-
-    score: float
-    contact: MujocoContact
-    errors: tuple[KickError, ...]
-    contact_time: float
-    seconds: float
+    def met(self) -> bool:
+        """Whether the error is accepted at the time step asked for."""
+        return self.error <= self.limit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,16 +84,21 @@ class MujocoTuning(ReprMixin):
         solreffriction: as `solref`, across the normal, where MuJoCo reads only the damping; (0, 0)
             without friction. MuJoCo takes it for a `<pair>` of geoms only.
         condim: 1 without friction, else 3.
-        margin: 0: a margin would only make the ball larger.
+        margin: of the ball's geom, which is smaller than the ball by as much [m]; 0 without
+            friction, where it has no effect.
         timestep: of the simulation [s].
         integrator: of MuJoCo.
         contact_time: of the simulated kick, a mean [s].
-        errors: of the tuned kick, then of others: slower, faster, earlier and later in the swing.
-        tolerance: the largest error of the ball's velocity that was asked for, relative.
-        largest_timestep: that meets the tolerance, of those tried [s]; None if none does.
+        errors: of the tuned kick; at other speeds; earlier and later in the swing; and of the tuned
+            kick against the ball of `strike`, an impact without duration.
+        tolerance: the largest error of the ball's speed that was asked for, relative.
+        goals: the errors that are accepted, and the largest time steps at which they are.
+        second_push: what the foot adds to the ball's velocity after the contact, within two contact
+            times, relative to the ball's speed.
         seconds: that one simulated kick takes on this machine.
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
+        ball_position: of its centre at first contact, shape `(3,)` [m, world frame].
     """
 
     solref: tuple[float, float]
@@ -157,15 +112,23 @@ class MujocoTuning(ReprMixin):
     contact_time: float
     errors: tuple[KickError, ...]
     tolerance: float
-    largest_timestep: float | None
+    goals: tuple[MujocoGoal, ...]
+    second_push: float
     seconds: float
     scene: str
     ball: Ball
+    ball_position: Array
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the tuned kick's ball velocity is within the tolerance."""
-        return self.errors[0].velocity <= self.tolerance
+        """Whether all errors are accepted: no goal is missed."""
+        return all(goal.met for goal in self.goals)
+
+    @property
+    def largest_timestep(self) -> float | None:
+        """The largest time step, of those tried, at which no goal is missed [s]; None if none."""
+        steps = [goal.largest_timestep for goal in self.goals]
+        return None if None in steps else min(step for step in steps if step is not None)
 
     @property
     def solref_time(self) -> tuple[float, float] | None:
@@ -183,43 +146,80 @@ class MujocoTuning(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line if the tolerance is not met, with the largest time step that meets it."""
-        if self.within_tolerance:
-            return ()
+        """A line for each goal that is missed, with the largest time step that meets it.
+
+        And one where the foot pushes the ball a second time.
+        """
+        lines = [self._missed(goal) for goal in self.goals if not goal.met]
+        if self.second_push > self.tolerance:
+            lines.append(
+                f"after the contact the foot pushes the ball again, by {self.second_push:.1%} of "
+                "its speed: the simulated leg has neither motors nor joint limits that stop it"
+            )
+        return tuple(lines)
+
+    def _missed(self, goal: MujocoGoal) -> str:
+        """Return the sentence about a goal that is missed."""
+        error, limit = (
+            f"{math.degrees(value):.2g} deg" if goal.name == "direction" else f"{value:.1%}"
+            for value in (goal.error, goal.limit)
+        )
+        what = "direction" if goal.name == "direction" else "speed"
+        where = ""
+        if goal.name == "speed around":
+            where = f" at {min(SPEEDS):g} to {max(SPEEDS):g} times all velocities"
         best = "no time step that was tried meets it"
-        if self.largest_timestep is not None:
-            best = f"the largest time step that meets it is {1e3 * self.largest_timestep:g} ms"
+        if goal.largest_timestep is not None:
+            best = f"the largest time step that meets it is {1e3 * goal.largest_timestep:g} ms"
         return (
-            f"at {1e3 * self.timestep:g} ms the ball's velocity is up to "
-            f"{self.errors[0].velocity:.1%} off, {self.tolerance:.1%} is asked for: {best}",
+            f"at {1e3 * self.timestep:g} ms the ball's {what} is up to {error} off{where}, "
+            f"{limit} is accepted: {best}"
         )
 
-    def mjcf(self, foot: str = "foot") -> str:
+    def mjcf(self, *feet: str) -> str:
         """Return a model with the ball and its contact, for an `<include>` in a robot's MJCF.
 
+        The ball is where the kick strikes it, in the world frame of the leg. The options are those
+        on which the fit depends; they replace those of the robot's file. Where that file has
+        `inertiafromgeom="true"`, MuJoCo gives the ball the inertia of a shell, 2/3 m r^2.
+
         Args:
-            foot: name of the geom that strikes the ball; only a contact with friction names it.
+            feet: names of the geoms that strike the ball, `foot` by default; only a contact with
+                friction names them.
 
         Raises:
-            InvalidInput: `foot` is no name that MJCF can have.
+            InvalidInput: a name that MJCF cannot have.
         """
-        validation.check_type(str, foot=foot)
-        if not foot.isprintable() or set(foot) & set("<>&\"'") or not foot:
-            raise InvalidInput(f"foot is {foot[:40]!r}: it must be the name of a geom")
-        contact = self._contact
-        inertia = row([self.ball.inertia] * 3)
-        pairs = f"\n  <contact>\n    {pair(contact, foot)}\n  </contact>" if self.friction else ""
+        for foot in feet:
+            validation.check_type(str, foot=foot)
+            if not foot.isprintable() or set(foot) & set("<>&\"'") or not foot:
+                raise InvalidInput(f"foot is {foot[:40]!r}: it must be the name of a geom")
+        contact, ball, margin = self._contact, self.ball, self.margin
+        inertia = row([ball.inertia] * 3)
+        # for robots whose <compiler> takes inertias from geoms; kickdyn's balls are shells
+        mass = f'mass="{ball.mass!r}" shellinertia="true"'
+        inner, surface, pairs = mass, "", ""
+        if margin:
+            inner, surface = (
+                'mass="0"',
+                f"""
+      <geom name="ball_surface" type="sphere" size="{ball.radius!r}" {mass}
+        contype="0" conaffinity="0" rgba="1 1 1 0.4"/>""",
+            )
+        if self.friction:
+            elements = "\n    ".join(pair(contact, foot) for foot in feet or ("foot",))
+            pairs = f"\n  <contact>\n    {elements}\n  </contact>"
         return f"""<mujoco>
   <option timestep="{self.timestep!r}" integrator="{self.integrator}" cone="elliptic" \
-impratio="100"/>
+impratio="100" solver="Newton" tolerance="1e-10" iterations="100"/>
   <worldbody>
-    <body name="ball">
+    <body name="ball" pos="{row(self.ball_position)}">
       <freejoint/>
-      <inertial pos="0 0 0" mass="{self.ball.mass!r}" diaginertia="{inertia}"/>
-      <geom name="ball" type="sphere" size="{self.ball.radius!r}" priority="1" \
-condim="{self.condim}" margin="0"
-        solref="{row(self.solref)}" solimp="{row(self.solimp)}" \
-friction="{float(self.friction)!r} 0 0"/>
+      <inertial pos="0 0 0" mass="{ball.mass!r}" diaginertia="{inertia}"/>
+      <geom name="ball" type="sphere" size="{ball.radius - margin!r}" margin="{margin!r}" {inner}
+        contype="1" conaffinity="1" priority="1" condim="{self.condim}" \
+friction="{float(self.friction)!r} 0 0"
+        solref="{row(self.solref)}" solimp="{row(self.solimp)}"/>{surface}
     </body>
   </worldbody>{pairs}
 </mujoco>
@@ -228,25 +228,28 @@ friction="{float(self.friction)!r} 0 0"/>
     @property
     def _contact(self) -> MujocoContact:
         """The parameters in one."""
-        return MujocoContact(self.solref, self.solimp, self.friction, self.solreffriction)
+        return MujocoContact(
+            self.solref, self.solimp, self.friction, self.solreffriction, self.margin
+        )
 
     def _rows(self) -> Iterable[Row]:
         """Return what `print` shows: each quantity with its value and unit."""
         yield "time step", 1e3 * self.timestep, f"ms, {self.integrator}"
         yield "solref", digits(self.solref), ""
         if self.solref_time is not None:
-            yield "the same", digits(self.solref_time), ""
+            yield "or solref", digits(self.solref_time), "(time constant, damping ratio)"
         yield "solimp", digits(self.solimp), ""
         yield "condim", self.condim, ""
         if self.friction:
             yield "friction", self.friction, ""
             yield "solreffriction", digits(self.solreffriction), "(of a <pair>)"
+            yield "margin", 1e3 * self.margin, "mm"
         yield "contact time", 1e3 * self.contact_time, "ms"
         for error in self.errors:
             text = f"speed {error.speed:.2%}, direction {math.degrees(error.direction):.2f} deg"
             if self.friction:
                 text += f", spin {error.spin:.2g} rad/s"
-            yield f"error, {error.change}" if error.change else "error", text, ""
+            yield f"error, {error.change or 'this kick'}", text, ""
         yield "cost of a kick", 1e3 * self.seconds, "ms"
         yield from warned(self.warnings)
 
@@ -260,16 +263,20 @@ def tune_mujoco(
     *,
     timestep: float = 0.002,
     integrator: str = "implicitfast",
-    contact_time: float | None = None,
+    contact_time: float = CONTACT_TIME,
     tolerance: float = 0.03,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> MujocoTuning:
     r"""Find the contact with which MuJoCo gives the ball that kickdyn computes.
 
-    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. Along the normal MuJoCo's contact is a spring and a
-    damper per unit of mass that do not pull. Of damping ratio :math:`\zeta` and frequency
-    :math:`\omega`, with :math:`s = \sqrt{1 - \zeta^2}`, it ends at the phase
+    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide` with the dissipation
+    `hunt-crossley`, because a contact of MuJoCo takes several time steps; the last of the errors
+    says how far that is from `strike`.
+
+    Along the normal MuJoCo's contact is a spring and a damper per unit of mass that do not pull.
+    Of damping ratio :math:`\zeta` and frequency :math:`\omega`, with
+    :math:`s = \sqrt{1 - \zeta^2}`, it ends at the phase
     :math:`\varphi = \mathrm{atan2}(2 \zeta s, 2 \zeta^2 - 1)`, and
 
     .. math:: e = \exp(-\zeta \varphi / s), \qquad T = \varphi / (s\, \omega),
@@ -279,7 +286,13 @@ def tune_mujoco(
     :math:`k = (2 - b h - 2 e^{-\zeta \omega h} \cos(s\, \omega h)) / h^2`. From there k and b, and
     with friction its coefficient and damping, are fitted by least squares to simulated kicks that
     reach the ball at several moments within a time step. An impedance that grows with the depth
-    makes this moment matter less, and the speed more: what has the smaller error is taken.
+    makes this moment matter less: several depths are tried, and the fit with the smallest errors is
+    taken.
+
+    MuJoCo applies the force of a contact halfway between the two surfaces, `collide` at the foot's.
+    With friction, the ball's geom is therefore smaller than the ball by the `margin`, the mean
+    deflection of `collide`, and its contact begins at this distance: on average both act at the
+    same point, so that friction gives the ball the same spin.
 
     The leg is simulated without motors, its foot as a plane, as in `collide`.
 
@@ -291,12 +304,11 @@ def tune_mujoco(
             speed of approach; one that depends on the speed is met at this speed best.
         timestep: of the simulation [s], at most 0.02 and half of `contact_time`.
         integrator: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: the ball is that of `collide` with this contact time [s] and the dissipation
-            `hunt-crossley`, a damped spring as MuJoCo's. None: it is that of
-            `strike`, and the simulation without gravity lasts a few time steps, as many as come
-            nearest to it.
-        tolerance: error of the ball's velocity that is accepted, relative, above 0; if it is not
-            met, the largest time step that meets it is sought.
+        contact_time: as for `collide` [s]; 10 ms by default.
+        tolerance: error of the ball's speed that is accepted, relative, above 0; around the tuned
+            kick, at 0.5 to 1.5 times all velocities, twice as much. Of the direction 1 degree is
+            accepted. For each error that is larger, the largest time step is sought at which it
+            is accepted.
         ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
         ball_spin: just before, shape `(3,)` [rad/s, world frame].
 
@@ -310,227 +322,79 @@ def tune_mujoco(
     step = validation.number("timestep", timestep, above=0, at_most=LONGEST_STEP, unit="s")
     chosen = validation.choice("integrator", integrator, MujocoIntegrator)
     validation.number("tolerance", tolerance, above=0, at_most=1)
-    if contact_time is not None:
-        validation.number("contact time", contact_time, above=0, unit="s")
-        if step > 0.5 * contact_time:
-            raise InvalidInput(
-                f"timestep is {step:g} s: a contact of {contact_time:g} s takes two steps or more, "
-                f"so it must be at most {0.5 * contact_time:g} s"
-            )
+    duration = validation.number("contact time", contact_time, above=0, unit="s")
+    if step > 0.5 * duration:
+        raise InvalidInput(
+            f"timestep is {step:g} s: a contact of {duration:g} s takes two steps or more, so it "
+            f"must be at most {0.5 * duration:g} s"
+        )
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
-    cases = kick_cases(approach, contact_time)
-    found = find_best(cases, step, chosen, contact_time)
-    largest: float | None = step
-    if found.errors[0].velocity > tolerance:
-        smaller = (each for each in STEPS if each < step)
-        meets = (
-            each
-            for each in smaller
-            if find_best(cases, each, chosen, contact_time).errors[0].velocity <= tolerance
-        )
-        largest = next(meets, None)
+    cases = kick_cases(approach, duration)
+    found = find_best(cases, step, chosen, duration)
+    goals = find_goals(
+        found, step, tolerance, lambda each: find_best(cases, each, chosen, duration)
+    )
+    instant = strike(
+        posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
+    ).ball_after
+    against_strike = cases[0]._replace(change="against kd.strike", target=instant)
     best = found.contact
+    began = time.perf_counter()
+    simulate(found.kick, 8)
+    seconds = (time.perf_counter() - began) / 8
+    watched = found.kick.run(0.5, afterwards=WATCHED * duration)
     return MujocoTuning(
         solref=best.solref,
         solimp=best.solimp,
         friction=best.friction,
         solreffriction=best.solreffriction,
         condim=best.condim,
-        margin=0.0,
+        margin=best.margin,
         timestep=step,
         integrator=chosen.value,
         contact_time=found.contact_time,
-        errors=found.errors,
+        errors=(*found.errors, find_error(against_strike, found.kick, best)),
         tolerance=tolerance,
-        largest_timestep=largest,
-        seconds=found.seconds,
-        scene=scene(approach, step, best, chosen.value, contact_time is not None),
+        goals=goals,
+        second_push=watched.second_push / cases[0].scale,
+        seconds=seconds,
+        scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
+        ball_position=approach.ball_before.position,
     )
 
 
-def closed_form_contact(
-    restitution: float, contact_time: float, timestep: float, integrator: str = "Euler"
-) -> tuple[float, float]:
-    """Return stiffness [1/s2] and damping [1/s] of a restitution and a contact time [s].
+def find_goals(
+    found: FittedContact, timestep: float, tolerance: float, fit: Callable[[float], FittedContact]
+) -> tuple[MujocoGoal, ...]:
+    """Return the goals of a contact at a time step [s]; `fit` returns the contact at another one.
 
-    For two masses that touch just at the beginning of a time step [s]; RK4 is taken as exact.
+    For goals that are missed, `STEPS` that are smaller are tried, the largest ones first.
     """
-    ratio = damping_ratio(restitution)
-    swing = math.sqrt(1.0 - ratio * ratio)
-    frequency = release_phase(ratio) / (swing * contact_time)
-    if integrator == MujocoIntegrator.RK4:
-        return frequency**2, 2.0 * ratio * frequency
-    decay, turn = ratio * frequency * timestep, swing * frequency * timestep
-    damping = -math.expm1(-2.0 * decay)
-    stiffness = 2.0 - damping - 2.0 * math.exp(-decay) * math.cos(turn)
-    return stiffness / timestep**2, damping / timestep
+    limits = {"speed": tolerance, "direction": DIRECTION_ERROR, "speed around": AROUND * tolerance}
 
+    def errors(contact: FittedContact) -> dict[str, float]:
+        """Return the error of each goal."""
+        own, *others = contact.errors
+        around = max(error.speed for error in others[: len(SPEEDS)])
+        return {"speed": own.speed, "direction": own.direction, "speed around": around}
 
-def kick_cases(approach: Approach, contact_time: float | None) -> list[KickCase]:
-    """Return the kick, and those around it that can be computed."""
-    posture, ball, contact, before = (
-        approach.posture, approach.ball, approach.contact, approach.ball_before,
-    )  # fmt: skip
-    stiffness = None
-
-    def case(change: str, at: Posture, factor: float) -> KickCase:
-        """Return a kick at a posture, with all velocities times a factor."""
-        nonlocal stiffness
-        motion = factor * before.velocity, factor * before.spin
-        near = find_approach(at, factor * approach.v, ball, contact, *motion)
-        given = {"ball_velocity": motion[0], "ball_spin": motion[1]}
-        if contact_time is None:
-            target = strike(at, near.v, ball, contact, **given).ball_after  # type: ignore[arg-type]
-            return KickCase(change, near, target)
-        time = contact_time if stiffness is None else None
-        hit = collide(
-            at, near.v, ball, contact, contact_time=time, stiffness=stiffness,
-            dissipation="hunt-crossley", tol=1e-6, **given,
-        )  # fmt: skip
-        stiffness = hit.force_model.stiffness
-        return KickCase(change, near, hit.ball_after)
-
-    cases = [case("", posture, 1.0)]
-    cases += [case(f"speed x {factor:g}", posture, factor) for factor in SPEEDS]
-    ahead = TURNED * approach.v / float(np.abs(approach.v).max())
-    for change, sign in (("earlier in the swing", -1.0), ("later in the swing", 1.0)):
-        q = pin.integrate(posture.leg.model, posture.q, sign * ahead)
-        at = posture.leg.posture(q).with_contact_offset(contact.offset)
-        try:
-            cases.append(case(change, at, 1.0))
-        except NoImpact:  # a foot that misses the ball there
-            continue
-    return cases
-
-
-def find_best(
-    cases: Sequence[KickCase], timestep: float, integrator: str, contact_time: float | None
-) -> FittedContact:
-    """Return the best contact at a time step [s]; without a contact time, of several."""
-    times: Sequence[float] = (contact_time,) if contact_time is not None else ()
-    times = times or [steps * timestep for steps in STEPS_PER_CONTACT]
-    gravity = contact_time is not None
-    plain = MujocoContact(friction=cases[0].approach.contact.friction)
-    kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity) for case in cases]
-    found = [
-        one
-        for duration in times
-        for width in WIDTHS
-        if (one := fit_contact(cases, kicks, duration, width, integrator)) is not None
-    ]
-    if not found:
-        raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
-    best = min(found, key=lambda one: one.score)
-    kicks[0].set_contact(best.contact)
-    began = time.perf_counter()
-    simulate(kicks[0], 8)
-    seconds = (time.perf_counter() - began) / 8
-    return best._replace(seconds=seconds)
-
-
-def fit_contact(
-    cases: Sequence[KickCase],
-    kicks: Sequence[MujocoKick],
-    contact_time: float,
-    width: float,
-    integrator: str,
-) -> FittedContact | None:
-    """Return the contact fitted to the first three kicks; None if they do not end.
-
-    The impedance reaches its largest value at `width` deepest deflections.
-    """
-    approach, step = cases[0].approach, kicks[0].timestep
-    e, mu = approach.restitution, approach.contact.friction
-    stiffness, damping = closed_form_contact(e, contact_time, step, integrator)
-    unit = math.sqrt(stiffness)
-    depth = _rounded(width * approach.speed / unit)
-    solimp = (1e-4, IMPEDANCE, depth, 0.5, 1.0) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
-    across = min(4.0 / contact_time, 0.8 / step)
-
-    def contact_of(unknowns: Array) -> MujocoContact:
-        """Return the contact of the unknowns, which are 1 at the closed form."""
-        x = unknowns - 1.0
-        solref = (
-            -_rounded(stiffness * math.exp(x[0])),
-            -_rounded(max(damping + unit * x[1], 0.0)),
-        )
-        if not mu:
-            return MujocoContact(solref, solimp)
-        solreffriction = (-1.0, -_rounded(across * math.exp(x[3])))
-        return MujocoContact(solref, solimp, _rounded(mu * math.exp(x[2])), solreffriction)
-
-    def residuals(x: Array) -> Array:
-        """Return the weighted errors, relative to the ball's speed."""
-        parts: list[Array] = []
-        for weight, case, kick in zip((1.0, OTHERS, OTHERS), cases, kicks, strict=False):
-            kick.set_contact(contact_of(x))
-            speed = case.scale
-            balls = simulate(kick, 4, 20.0 * contact_time)
-            for found in balls:
-                parts.append(weight * (found.velocity - case.target.velocity) / speed)
-                if mu:
-                    turned = found.spin - case.target.spin
-                    parts.append(SPIN * weight * approach.ball.radius * turned / speed)
-            if case is cases[0]:
-                mean = float(np.mean([ball.contact_time for ball in balls]))
-                parts.append(np.array([0.2 * (mean / contact_time - 1.0)]))
-        parts.append(KEPT * (x[2:] - 1.0))
-        return np.concatenate(parts)
-
-    start = np.ones(4 if mu else 2)  # scipy's steps are relative to it
-    try:
-        solved = least_squares(
-            residuals, start, bounds=(-0.5, 2.5), diff_step=0.02, x_scale=0.1, max_nfev=10,
-            ftol=1e-4, xtol=1e-4,
-        )  # fmt: skip
-        contact = contact_of(solved.x)
-        errors = tuple(
-            find_error(case, kick, contact) for case, kick in zip(cases, kicks, strict=True)
-        )
-        lasted = float(np.mean([ball.contact_time for ball in simulate(kicks[0], 8)]))
-    except KickdynError:
-        return None
-    score = 0.0
-    for case, error in zip(cases, errors, strict=True):
-        size = error.velocity
-        if mu:
-            size = max(size, SPIN * approach.ball.radius * error.spin / case.scale)
-        score = max(score, size if case is cases[0] else OTHERS * size)
-    return FittedContact(score, contact, errors, lasted, 0.0)
+    first = errors(found)
+    steps = {name: timestep for name, limit in limits.items() if first[name] <= limit}
+    for smaller in (each for each in STEPS if each < timestep):
+        if len(steps) == len(limits):
+            break
+        left = errors(fit(smaller))
+        for name, limit in limits.items():
+            if name not in steps and left[name] <= limit:
+                steps[name] = smaller
+    return tuple(
+        MujocoGoal(name, first[name], limit, steps.get(name)) for name, limit in limits.items()
+    )
 
 
 def digits(values: Iterable[float]) -> str:
     """Return parameters as text, without the zeros after a decimal point."""
     return " ".join(f"{value:.6g}" for value in values)
-
-
-def _rounded(value: float) -> float:
-    """Return a parameter to the six digits with which people copy it."""
-    return float(f"{value:.6g}")
-
-
-def simulate(kick: MujocoKick, count: int, longest: float = 1.0) -> list[SimulatedBall]:
-    """Return the balls of kicks that reach the ball at moments spread evenly over a time step."""
-    return [kick.run((part + EARLY) / count, longest=longest) for part in range(count)]
-
-
-def find_error(case: KickCase, kick: MujocoKick, contact: MujocoContact) -> KickError:
-    """Return the largest errors of a kick with a contact."""
-    kick.set_contact(contact)
-    target, speed = case.target, case.scale
-    rows = []
-    for ball in simulate(kick, 8):
-        size = float(np.linalg.norm(ball.velocity))
-        sine = float(np.linalg.norm(np.cross(ball.velocity, target.velocity)))
-        rows.append(
-            (
-                float(np.linalg.norm(ball.velocity - target.velocity)) / speed,
-                abs(size - float(target.speed)) / speed,
-                math.atan2(sine, float(ball.velocity @ target.velocity)),
-                float(np.linalg.norm(ball.spin - target.spin)),
-            )
-        )
-    return KickError(case.change, *(max(column) for column in zip(*rows, strict=True)))

@@ -1,7 +1,6 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import click
@@ -13,6 +12,7 @@ from kickdyn.cli.air_options import drag_option, with_drag
 from kickdyn.cli.ball_option import read_ball
 from kickdyn.cli.command import busy, warn
 from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.number_options import PAIR, TRIPLE
 from kickdyn.cli.restitution_option import restitution_option
 from kickdyn.core import validation
 from kickdyn.core.files import check_outputs, write_json
@@ -34,27 +34,6 @@ CROUCH = 0.1
 knees are bent, by 52 degrees if it stood on that foot."""
 
 
-def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
-    """Return a callback of click that reads so many numbers."""
-
-    def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
-        """Return the numbers of an option's text; None where it is not given."""
-        if text is None:
-            return None
-        try:
-            values = [float(part) for part in text.split(separator)]
-        except ValueError:
-            values = []
-        if len(values) != count or not all(map(math.isfinite, values)):
-            name = option.opts[0].lstrip("-")
-            raise InvalidInput(
-                f"{name} is {text!r}: it must be {count} numbers, as {option.metavar}"
-            )
-        return values
-
-    return read
-
-
 def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[str, float] | None:
     """Return the standard deviations that an option names, by source."""
     if text is None:
@@ -66,9 +45,6 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
         raise InvalidInput(f"robust is {text!r}: {error}") from None
     except ValueError:
         raise InvalidInput(f"robust is {text!r}: it must be like speed=0.02,angle=0.01") from None
-
-
-PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
@@ -130,7 +106,8 @@ PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
 @click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the kick.")
 @click.option("--swing", is_flag=True, help="Plan the way from rest to the impact and to rest "
-              "again, within all limits, and show it in the page.")  # fmt: skip
+              "again, within all limits, and show it in the page; of a robot on a support, the way "
+              "from rest to the impact, with its foot above the ground.")  # fmt: skip
 @click.option("--plot", metavar="FILE", help="Draw torques and powers of the swing: png, svg, pdf.")
 def plan(
     distance: float,
@@ -198,6 +175,8 @@ def plan(
     )
     air_of_flight = _windy(with_drag(AIRS[air], drag), wind)
     leg = leg_options.load()
+    if plot is not None and is_floating(leg):
+        raise InvalidInput(f"plot is {plot!r}: swings are drawn for robots on a fixed base")
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
         raise InvalidInput("robust and objective are named: the scatter is what is made least")
@@ -225,9 +204,10 @@ def plan(
                 surface=surface,
                 swing=swing,
             )
-            if swing:
+            swung = None
+            if swing and planned.backswing is None:
                 show("planning the swing")
-            swung = plan_swing(leg, planned) if swing else None
+                swung = plan_swing(leg, planned)
     except OutOfReach as error:
         if json_file is not None:
             write_json(json_file, unreachable_json(goal, error))

@@ -34,7 +34,15 @@ from kickdyn.sweeps.store import check_netcdf_name, save_netcdf
 from kickdyn.sweeps.summary import NEEDED, Summary
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE, Progress, sweep, sweep_chunks
 from kickdyn.sweeps.sweep_kick import Kick
-from kickdyn.sweeps.sweep_report import ReportLine, as_json, extreme_lines, paper_lines, show
+from kickdyn.sweeps.sweep_report import (
+    ReportLine,
+    as_json,
+    extreme_lines,
+    page_lines,
+    paper_lines,
+    show,
+)
+from kickdyn.view.screenshot import find_browser
 
 if TYPE_CHECKING:
     from kickdyn.view.page import Page
@@ -86,7 +94,9 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and variables.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the table; - is stdout.")
 @click.option("--plot", metavar="FILE.png", help="Draw the sweep (.png, .svg, .pdf).")
-@click.option("--view", metavar="FILE.html", help="Write a 3-D page of the best kick.")
+@click.option("--view", metavar="FILE.html|.png",
+              help="Write a 3-D page of the best kick, with buttons for others in the table, or a "
+              "picture of it.")  # fmt: skip
 @click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
 def posture_sweep(
     leg_options: LegOptions,
@@ -138,6 +148,8 @@ def posture_sweep(
 
         check_name(plot)
     check_outputs(file, plot, view, json_file=json_file)
+    if view is not None and Path(view).suffix.lower() == ".png":
+        find_browser(view)
     if store is None and (resume or workers is not None):
         raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
     if out is None and variables is not None:
@@ -173,7 +185,9 @@ def posture_sweep(
         show(leg, kick, summary, lines)
     if plot is not None:  # the results are written: a picture that fails costs none of them
         save_figure(sweep_figure(summary, lines), plot)
-    made_page = _page(best, kick) if live or view is not None else None
+    made_page = None
+    if live or view is not None:
+        made_page = _page(page_lines(leg, grid, kick, summary, lines), kick)
     if made_page is None and (live or view is not None):
         reason = "" if where is None else f" where {where}"
         click.echo(f"no posture is ok{reason}: there is nothing to view", err=True)
@@ -231,8 +245,14 @@ def _progress_bar(size: int) -> Iterator[Progress | None]:
 
 
 def _page(lines: Sequence[ReportLine], kick: Kick) -> "Page | None":
-    """Return the page of the best kick, the first line; None without any."""
-    from kickdyn.view.page import page
+    """Return a page that shows the kick of each line, the first of them first; None without any."""
+    from kickdyn.view.page import page, page_of_pages
 
-    impact = lines[0].outcome.impact if lines else None
-    return None if impact is None else page(impact, fly(impact.ball_after, kick.ball, kick.air))
+    pages = {
+        line.label: page(
+            impact, fly(impact.ball_after, kick.ball, kick.air), caption=line.explanation
+        )
+        for line in lines
+        if (impact := line.outcome.impact) is not None
+    }
+    return page_of_pages(pages) if pages else None

@@ -1,21 +1,56 @@
-"""The command `kickdyn tune-mujoco`: a ball for MuJoCo that bounces as that of a scene."""
+"""The command `kickdyn tune-mujoco`: a ball for MuJoCo that bounces as kickdyn's."""
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import click
+import numpy as np
+from click.core import ParameterSource
 
-from kickdyn.accuracy.tune_mujoco import MujocoIntegrator, MujocoTuning
+from kickdyn.accuracy.mujoco_fit import MujocoIntegrator
+from kickdyn.accuracy.tune_mujoco import MujocoTuning
 from kickdyn.accuracy.tune_mujoco import tune_mujoco as tune_contact
-from kickdyn.cli.command import busy
+from kickdyn.ball import Ball
+from kickdyn.cli.ball_option import read_ball
+from kickdyn.cli.command import busy, warn
+from kickdyn.cli.leg_options import LegOptions, leg_options
+from kickdyn.cli.number_options import TRIPLE
+from kickdyn.cli.restitution_option import restitution_option
+from kickdyn.contact import Contact
+from kickdyn.core import validation
 from kickdyn.core.console import screen_width, wrapped
 from kickdyn.core.files import check_outputs, replacing, write_json
 from kickdyn.errors import InvalidInput
+from kickdyn.impact.collide import CONTACT_TIME
 from kickdyn.impact.laws import ImpactLaw
+from kickdyn.restitution import Restitution
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.mjcf_file import MjcfFile
+from kickdyn.scene.scene import Scene
 from kickdyn.scene.toml_reader import load_scene
+from kickdyn.sweeps.grid import read_postures
 
 
 @click.command("tune-mujoco", context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("scene_file", metavar="SCENE")
+@click.argument("scene_file", metavar="[SCENE]", required=False)
+@leg_options
+@click.option("--joint", "joints", multiple=True, metavar="NAME=VALUE",
+              help="Where a joint is [deg; m for prismatic joints], 0 by default; "
+              "repeatable.")  # fmt: skip
+@click.option("--offset", callback=TRIPLE, metavar="X,Y,Z",
+              help="Of the point that strikes the ball from the origin of --frame, in its axes "
+              "[m].")  # fmt: skip
+@click.option("--speed", default=5.0, show_default=True, help="Foot speed [m/s].")
+@click.option("--attack", default=0.0, show_default=True,
+              help="Direction of the foot and of the contact normal above the horizontal "
+              "[deg].")  # fmt: skip
+@restitution_option
+@click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
+@click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
+              show_default=True, help="In kg and m, or by name.")  # fmt: skip
+@click.option("--contact-time", default=CONTACT_TIME, show_default=True,
+              help="For which foot and ball push each other [s].")  # fmt: skip
 @click.option("--timestep", default=0.002, show_default=True, help="Of the simulation [s].")
 @click.option(
     "--integrator",
@@ -28,14 +63,15 @@ from kickdyn.scene.toml_reader import load_scene
     "--tolerance",
     default=0.03,
     show_default=True,
-    help="Error of the ball's velocity that is accepted, relative.",
+    help="Error of the ball's speed that is accepted, relative.",
 )
 @click.option(
     "--foot",
-    default="foot",
-    show_default=True,
+    "feet",
+    multiple=True,
     metavar="NAME",
-    help="Geom of your robot that strikes the ball; a contact with friction names it.",
+    help="Geom of your robot that strikes the ball, which a contact with friction names; "
+    "repeatable.  [default: the one of --frame in an MJCF file, else foot]",
 )
 @click.option(
     "--out", metavar="FILE", help="Write the ball as MJCF, for an <include>; - is stdout."
@@ -48,26 +84,50 @@ from kickdyn.scene.toml_reader import load_scene
 @click.option("--json", "json_file", metavar="FILE",
               help="Write the numbers; - is stdout.")  # fmt: skip
 def tune_mujoco(
-    scene_file: str,
+    scene_file: str | None,
+    leg_options: LegOptions,
+    joints: tuple[str, ...],
+    offset: list[float] | None,
+    speed: float,
+    attack: float,
+    restitution: Restitution,
+    friction: float,
+    ball: Ball,
+    contact_time: float,
     timestep: float,
     integrator: str,
     tolerance: float,
-    foot: str,
+    feet: tuple[str, ...],
     out: str | None,
     scene_out: str | None,
     json_file: str | None,
 ) -> None:
-    """Find the contact with which a ball in MuJoCo leaves the foot as in a scene.
+    """Find the contact with which a ball in MuJoCo leaves the foot as in kickdyn.
 
-    SCENE is a TOML file, or the name of one that comes with kickdyn. Its `contact_time_s` is that
-    of the contact; without one, the kick of an instant is sought. Its leg may be an MJCF file.
+    The kick is that of a leg, or of SCENE, a TOML file or the name of one that comes with kickdyn.
+    The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
+    its velocity. A scene whose contact is an instant is tuned for a contact of 10 ms.
 
-    Example: kickdyn tune-mujoco free_kick --timestep 0.002 --out ball.xml
+    Example: kickdyn tune-mujoco --leg human --joint knee=30 --timestep 0.002 --out ball.xml
     """
     if out == "-" and json_file == "-":
         raise InvalidInput("--out and --json are both -: only one of them can be stdout")
     check_outputs(None if out == "-" else out, scene_out, json_file=json_file)
-    scene = load_scene(scene_file)
+    _check_source(scene_file)
+    if scene_file is not None:
+        scene = load_scene(scene_file)
+    else:
+        leg = leg_options.load()
+        angle = math.radians(validation.number("attack", attack, at_least=-90, at_most=90))
+        validation.number("speed", speed, above=0, at_most=1e6, unit="m/s")
+        direction = np.array([math.cos(angle), 0.0, math.sin(angle)])
+        posture = leg.posture(leg.configuration(_angles(leg, joints))).with_contact_offset(offset)
+        warn(posture.warnings)
+        scene = Scene(
+            leg, posture.q, posture.joint_velocity(speed * direction), ball,
+            Contact(direction, restitution, friction, offset=offset), contact_time=contact_time,
+            name=leg.name,
+        )  # fmt: skip
     if scene.law != ImpactLaw.NEWTON:
         raise InvalidInput(
             f"law is {scene.law.value!r}: a contact of MuJoCo is tuned for 'newton', or for a "
@@ -78,13 +138,15 @@ def tune_mujoco(
             f"stiffness is {scene.stiffness!r}: a contact of MuJoCo is tuned for a contact time, "
             "contact_time_s"
         )
+    if scene.contact.friction and not feet:
+        feet = find_foot(scene.leg)
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=timestep,
-            integrator=integrator, contact_time=scene.contact_time, tolerance=tolerance,
-            ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
+            integrator=integrator, contact_time=scene.contact_time or CONTACT_TIME,
+            tolerance=tolerance, ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
         )  # fmt: skip
-    model = tuning.mjcf(foot)
+    model = tuning.mjcf(*feet)
     written = {out: model, scene_out: tuning.scene}
     for file, text in written.items():
         if file not in (None, "-"):
@@ -100,6 +162,65 @@ def tune_mujoco(
         for file in (out, scene_out, json_file):
             if file is not None:
                 click.echo(f"wrote {file}")
+
+
+def _check_source(scene_file: str | None) -> None:
+    """Raise `InvalidInput` unless either a scene or a leg is named on the command line."""
+    context = click.get_current_context()
+    given = {
+        option.opts[0]
+        for option in context.command.params
+        if context.get_parameter_source(option.name or "") is ParameterSource.COMMANDLINE
+    }
+    if scene_file is None:
+        if "--leg" not in given:
+            raise InvalidInput("there is no kick: name a SCENE, or a leg with --leg")
+        return
+    ours = {"--timestep", "--integrator", "--tolerance", "--foot", "--out", "--scene-out", "--json"}
+    of_kick = sorted(given - ours - {"scene_file"})
+    if of_kick:
+        raise InvalidInput(
+            f"{' and '.join(of_kick)} cannot be named beside the scene {scene_file}, which has "
+            "the whole kick"
+        )
+
+
+def _angles(leg: Leg, joints: Sequence[str]) -> dict[str, float]:
+    """Return the values of joints that `--joint` names [rad; m]."""
+    values = read_postures(leg, joints) if joints else {}
+    for name, several in values.items():
+        if len(several) != 1:
+            raise InvalidInput(f"joint {name!r} has {len(several)} values: a kick has one posture")
+    return {name: float(several[0]) for name, several in values.items()}
+
+
+def find_foot(leg: Leg) -> tuple[str, ...]:
+    """Return the geom of a leg's contact frame in its MJCF; none where the leg has no such file.
+
+    Raises `InvalidInput` if the frame is a body or a site of a body that has several geoms, or one
+    without a name.
+    """
+    if not isinstance(leg.file, MjcfFile):
+        return ()
+    import mujoco  # an optional package
+
+    model, frame = leg.file.compile(), leg.frame
+    kinds = mujoco.mjtObj
+    body = mujoco.mj_name2id(model, kinds.mjOBJ_BODY, frame)
+    if body < 0 and (site := mujoco.mj_name2id(model, kinds.mjOBJ_SITE, frame)) >= 0:
+        body = int(model.site_bodyid[site])
+    if body < 0:
+        return (frame,)
+    names = [
+        model.geom(geom).name for geom in range(model.ngeom) if model.geom_bodyid[geom] == body
+    ]
+    if len(names) == 1 and names[0]:
+        return (names[0],)
+    known = ", ".join(name for name in names if name) or "none with a name"
+    raise InvalidInput(
+        f"which geom of {frame!r} strikes the ball? MuJoCo needs its name for friction: name it "
+        f"with --foot (there are {known}), or choose --friction 0"
+    )
 
 
 def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
@@ -119,7 +240,9 @@ def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
         "errors": [error._asdict() for error in tuning.errors],
         "tolerance": tuning.tolerance,
         "within_tolerance": tuning.within_tolerance,
+        "goals": [{**goal._asdict(), "met": goal.met} for goal in tuning.goals],
         "largest_timestep": tuning.largest_timestep,
+        "second_push": tuning.second_push,
         "seconds": tuning.seconds,
         "warnings": list(tuning.warnings),
         "mjcf": model,

@@ -33,6 +33,7 @@ from kickdyn.impact.force_model import (
     integrate_until,
     make_force_model,
 )
+from kickdyn.impact.leg_response import leg_response
 from kickdyn.restitution import range_warnings
 from kickdyn.robot.leg import Leg, Posture
 
@@ -140,6 +141,7 @@ class Collision(ReprMixin):
     evaluations: int
     tol: float
     _sample: Sample = field(repr=False)
+    _integrate_joints: Callable[[], Array] = field(repr=False)
     _again: "partial[Collision]" = field(repr=False)
 
     def _rows(self) -> Iterable[Row]:
@@ -190,6 +192,20 @@ class Collision(ReprMixin):
         tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
         return max(2.0 * math.hypot(*(tighter.impulse - self.impulse)), max(self.tol, 1e-12) * size)
+
+    @cached_property
+    def joint_impulses(self) -> Array:
+        """Impulse of the contact force in each joint, shape `(njoints, 6)` [N s, N m s].
+
+        Of the joint's parent on its child, linear then angular, about the joint's origin and in its
+        frame, which turns meanwhile; joints as in `leg.joint_names`. It is the integral of what
+        the contact force adds at every moment to the force in the joint, as in
+        `Impact.joint_impulses`, to which it tends for short contacts. Weight, torques and the
+        motion of the leg need further forces. It is computed when first read.
+        """
+        impulses = self._integrate_joints()
+        impulses.setflags(write=False)
+        return impulses
 
     def sample(self, t: ArrayLike) -> ContactSample:
         """Return the contact at one time or many.
@@ -402,6 +418,25 @@ def _result(
         largest = solution.largest[bisect_right(solution.begins, t) - 1]
         return motion.contact_at(t, solution.sol(t), largest)
 
+    def integrate_joints() -> Array:
+        """Return the impulses of the joints, by Gauss's rule in each step of the integrator."""
+        leg = posture.leg
+        frame = leg.model.frames[leg.frame_id].placement
+        nodes, weights = np.polynomial.legendre.leggauss(3)
+        total = np.zeros((leg.model.njoints - 1, 6))
+        for begin, length in zip(solution.times, np.diff(solution.times), strict=False):
+            for node, weight in zip(nodes, weights, strict=True):
+                t = begin + 0.5 * length * (1.0 + node)
+                y = solution.sol(t)
+                force, _, _ = sample(t)
+                state = motion.state(y)
+                at = leg.posture(state.q)
+                lever = at.rotation_world_joint.T @ motion.kinematics(state).point
+                moved = at.with_contact_offset(frame.actInv(lever))
+                part = leg_response(moved, state.v, 0.5 * length * weight * force)
+                total += part.joint_impulses
+        return total
+
     peak_force, deflection = _peaks(sample, solution.times)
     if deflection >= ball.radius * (1.0 - 1e-9):
         pressed = f"too low, the ball would be pressed beyond its radius of {ball.radius:g} m"
@@ -441,6 +476,7 @@ def _result(
         evaluations=motion.evaluations,
         tol=tol,
         _sample=sample,
+        _integrate_joints=integrate_joints,
         _again=again,
     )
 

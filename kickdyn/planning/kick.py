@@ -23,6 +23,7 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.impact.strike import strike
 from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.plane import Plane
+from kickdyn.planning.backswing import Backswing, find_backswing
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
 from kickdyn.planning.kick_program import (
@@ -45,8 +46,19 @@ from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
 
-APPROACH = 10
-"""Configurations of the approach that are compared with the ground."""
+LIFT = 100.0
+"""Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
+
+It is a choice, about ten times gravity: with less, fewer kicks have a backswing; with more, the
+backswing takes more torque.
+"""
+
+TRIED = 2
+"""Postures at the impact for which a backswing is sought, the best ones first."""
+
+APPROACH, BACKSWING = 10, 40
+"""Configurations of the approach at the velocity of the impact, and of a planned backswing, whose
+bodies are compared with the ground."""
 
 FAR = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
@@ -79,6 +91,7 @@ class KickPlan(ReprMixin):
             `plan_swing` starts from there.
         balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
             None for a leg on a fixed base.
+        backswing: of a robot that stands on one foot, from rest to the impact, with `swing=True`.
     """
 
     status: PlanStatus
@@ -96,6 +109,7 @@ class KickPlan(ReprMixin):
     heading: float
     phases: tuple[SwingPhase, SwingPhase] | None = None
     balance: float | None = None
+    backswing: Backswing | None = None
 
     def _rows(self) -> Iterable[Row]:
         """Return the lines that are shown."""
@@ -150,12 +164,20 @@ class KickPlan(ReprMixin):
         A coefficient of the flight or of the contact used outside its range; a body that is under
         the ground (level, under the ball or under the target, whichever is lower) at the impact.
         Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        support that does not stand, and a body that is under the ground while the foot approaches
-        the ball by the ball's radius with the joints' velocity of the impact.
+        support that does not stand, those of `backswing`, and a body that is under the ground in
+        the backswing; without one, while the foot approaches the ball by the ball's radius with
+        the joints' velocity of the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
-        return (*self.path.warnings, *of_contact, *self._leaving(), *self._under_ground())
+        of_backswing = () if self.backswing is None else self.backswing.warnings
+        return (
+            *self.path.warnings,
+            *of_contact,
+            *self._leaving(),
+            *of_backswing,
+            *self._under_ground(),
+        )
 
     def _leaving(self) -> list[str]:
         """Return a line for each support that does not stand.
@@ -187,28 +209,29 @@ class KickPlan(ReprMixin):
         ]
 
     def _under_ground(self) -> list[str]:
-        """Return a line for each body under the ground, at the impact or in the approach."""
+        """Return a line for each body under the ground, at the impact or before it."""
         impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
         below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
-        start = 0.0 if self.balance is None else -impact.ball.radius / speed
-        times = np.linspace(0.0, start, APPROACH)
-        model = self.leg.workspace.model
-        motion = [
-            hold_support(impact.posture, pin.integrate(model, self.q, time * self.v))
-            for time in times
-        ]
         floor = float(impact.ball_before.position[2]) + below
-        now = find_depths(self.leg, motion[:1], floor)
+        now = find_depths(self.leg, [self.q], floor)
         lines = [f"{one.frame} is {one.depth:.3f} m under the ground" for one in now]
+        if self.balance is None:
+            return lines
+        if self.backswing is not None:
+            times = -self.backswing.duration * np.linspace(0.0, 1.0, BACKSWING) ** 2
+            motion, how = [self.backswing.configuration(time) for time in times], ""
+        else:
+            times = np.linspace(0.0, -impact.ball.radius / speed, APPROACH)
+            straight = [pin.integrate(self.leg.workspace.model, self.q, t * self.v) for t in times]
+            motion = [hold_support(impact.posture, q) for q in straight]
+            how = ", if the joints keep its velocity; swing=True (--swing) plans the motion"
         known = {one.frame for one in now}
-        for one in find_depths(self.leg, motion, floor) if start else []:
-            if one.frame not in known:
-                lines.append(
-                    f"{one.frame} comes from {one.depth:.3f} m under the ground, "
-                    f"{-1e3 * times[one.number]:.0f} ms before the impact, if the joints keep its "
-                    "velocity"
-                )
-        return lines
+        return lines + [
+            f"{one.frame} comes from {one.depth:.3f} m under the ground, "
+            f"{-1e3 * times[one.number]:.0f} ms before the impact{how}"
+            for one in find_depths(self.leg, motion, floor)
+            if one.frame not in known
+        ]
 
     @property
     def too_fast_after(self) -> dict[str, float]:
@@ -291,33 +314,40 @@ def plan_kick(
             goal is then a time and a target as high as the ball.
         uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
-            its limits and a second each: `plan_swing` then finds the motion. For a fixed base and
-            objectives `joint-speed` and `kinetic-energy`, with limits; needs
-            `pip install "kickdyn[swing]"`.
+            its limits and a second each: `plan_swing` then finds the motion. For objectives
+            `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
+            A robot that stands on one foot needs nothing more: its plan has a `backswing`, from
+            rest to the impact, see below.
 
     A robot that stands on one foot kicks a ball that lies on the same ground, the plane z = 0. The
     foot lies on it as it does while all joints are at 0 and the base is upright; without a `sole`
     of the `Support`, its sole is what the shapes of the file have within 2 mm of the ground. At the
     impact, the centre of mass is above the sole, the kicking foot above the ground, the trunk
     (the body of the floating base) at most 30 degrees from upright, and, where there is such a
-    posture, the ground can supply the support's impulse: `impact.footing` says whether. The motion
-    before is not planned.
+    posture, the ground can supply the support's impulse: `impact.footing` says whether.
+
+    With `swing=True`, such a robot also has a `backswing`: from a posture in which it stands at
+    rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
+    speeds, the trunk at most 45 degrees from upright and the kicking foot above the ground. Torques
+    and the force of the ground keep their limits where there is such a motion; `warnings` names
+    those that do not. The motion after the impact is not planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
         InvalidInput: a leg that cannot kick in that direction or whose postures cannot reach the
             ball; a spin for which friction is too low; an unknown objective; a leg with loops,
-            which tie joints together that a plan chooses one by one; a leg with stiff joints, whose
-            effective mass the plan does not know (`strike`, `collide` and sweeps know both).
+            which tie joints together that a plan chooses one by one; a standing robot for which no
+            backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
+            plan does not know (`strike`, `collide` and sweeps know both).
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")
     standing = StandingRobot(leg) if is_floating(leg) else None
     if standing is None:
         check_unconstrained(leg, "kicks from a fixed base are planned")
-    elif swing:
-        raise InvalidInput(f"swing is True: {leg.name} stands, and swings are for fixed bases")
     objective = _checked_objective(objective, uncertainty, limits=limits, swing=swing)
+    if swing and standing is None:
+        check_solver()
     ball_position = _checked_ball_position(ball_height, ball_at)
     if standing is not None:
         ball_position = _lying_on_ground(ball_position, ball)
@@ -333,16 +363,21 @@ def plan_kick(
     )
     chain = kicking_chain(leg if standing is None else standing.leg, branches=True)
     scatter = None if uncertainty is None else scatter_cost(target, launch, air, uncertainty)
+    backswing = None
     if standing is None:
         program = KickProgram(chain.leg, target, ball_position, limits=limits, turn=turn)
         solution = _solve(program, objective, scatter)
+    elif swing:
+        program, solution, backswing = _solve_with_backswing(
+            standing, chain, target, ball_position, objective
+        )
     else:
         program, solution = _solve_standing(
             standing, chain, target, ball_position, limits, objective, scatter
         )
     cost = scatter or program.cost(objective)
     static_share, phases = solution.share, None  # the share without regard to a swing
-    if swing:
+    if swing and standing is None:
         from kickdyn.planning.swing_kick import solve_with_swing
 
         solution, phases = solve_with_swing(program, solution, objective)
@@ -376,6 +411,7 @@ def plan_kick(
         ),
         heading=program.heading,
         phases=phases,
+        backswing=backswing,
         balance=None if program.stance is None else program.stance.balance(solution.posture),
     )
 
@@ -417,6 +453,50 @@ def _solve_standing(
     return stands, found if scatter is None else _solve_scatter(stands, scatter)
 
 
+def _solve_with_backswing(
+    standing: StandingRobot,
+    chain: KickingChain,
+    target: ImpactTarget,
+    ball_position: float | Array | None,
+    objective: KickObjective,
+) -> tuple[KickProgram, KickSolution, Backswing]:
+    """Return the solution of a standing robot that has a backswing, its program, and that.
+
+    It is sought near the solutions of `_solve_standing`.
+
+    Raises:
+        InvalidInput: none is found.
+    """
+
+    def program(impulse: Array | None, lift: float | None) -> KickProgram:
+        """Return the program, with the support's impulse and the height of the foot or without."""
+        stance = Stance(standing, impulse, lift=lift)
+        return KickProgram(chain.leg, target, ball_position, stance=stance)
+
+    impulses: list[Array | None] = [target.impulse, None]
+    known: list[KickSolution] = []
+    while impulses and not known:
+        plain = program(impulses[0], None)
+        known = plain.solve_all(plain.cost(objective))
+        impulses = impulses if known else impulses[1:]
+    reason = "no posture reaches the launch within its limits, with or without a backswing"
+    if known:
+        reason = (
+            "its kicking foot would come from under the ground; a flatter launch, or a contact "
+            "point (offset) where the foot is heavier, takes a foot that rises less"
+        )
+    for impulse in impulses:
+        lifted = program(impulse, LIFT)
+        starts = [plain.unknowns(one) for one in known]
+        found = lifted.solve_all(lifted.cost(objective), starts)
+        for solution in sorted(found, key=lambda one: one.value)[:TRIED]:
+            q, v = solution.posture.q[lifted.qs], solution.v[lifted.vs]
+            backswing, reason = find_backswing(standing, q, v)
+            if backswing is not None:
+                return lifted, solution, backswing
+    raise InvalidInput(f"{standing.robot.name} finds no backswing to this kick: {reason}")
+
+
 def _lying_on_ground(position: float | Array | None, ball: Ball) -> float | Array:
     """Return the position of a ball that lies on the ground z = 0, or raise `InvalidInput`."""
     height = ball.radius if position is None else np.atleast_1d(position)[-1]
@@ -439,7 +519,6 @@ def _checked_objective(
             "uncertainty, and no other objective takes one"
         )
     if swing:
-        check_solver()
         if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
             raise InvalidInput(
                 f"objective is {objective}: with swing=True it must be joint-speed or "

@@ -53,6 +53,11 @@ UNLIMITED = 100.0
 """Scale of the speed of a joint without a limit [rad/s]."""
 
 
+RANGE_LEFT = 0.02
+"""Share of the range of each joint that remains at either end at the impact, where there must be a
+backswing: a joint that is at an end and moves away from it came from beyond."""
+
+
 class KickObjective(StrEnum):
     r"""What a kick makes least, or most where the name says so.
 
@@ -235,18 +240,22 @@ class KickProgram:
         best = max(weaker, key=lambda one: one.share)
         if best.share < 1.0 - 1e-6:
             return best
-        return self._solve_from(self._unknowns(best), cost) or replace(best, share=1.0)
+        return self._solve_from(self.unknowns(best), cost) or replace(best, share=1.0)
 
     def solve_whole(self, cost: Cost, starts: list[Array] | None = None) -> KickSolution | None:
         """Return the best solution that reaches the whole foot velocity; None without any."""
-        starts = self._starts() if starts is None else starts
-        found = [one for x in starts if (one := self._solve_from(x, cost)) is not None]
+        found = self.solve_all(cost, starts)
         return min(found, key=lambda one: one.value) if found else None
+
+    def solve_all(self, cost: Cost, starts: list[Array] | None = None) -> list[KickSolution]:
+        """Return the solutions from each start that reach the whole foot velocity."""
+        starts = self._starts() if starts is None else starts
+        return [one for x in starts if (one := self._solve_from(x, cost)) is not None]
 
     def improve(self, found: KickSolution, cost: Cost) -> KickSolution:
         """Return the best solution near one, or that one with its value of the cost."""
         value = cost(found.posture, found.v)
-        better = self._solve_from(self._unknowns(found), cost if found.share == 1.0 else None)
+        better = self._solve_from(self.unknowns(found), cost if found.share == 1.0 else None)
         if better is None or not better.value < value:
             return replace(found, value=value)
         return better
@@ -345,11 +354,12 @@ class KickProgram:
             off = float(np.linalg.norm(self.position_error(posture)))
             off -= float(self.facing(posture).clip(max=0.0).sum())
             if self.stance is not None:
-                off -= float(self.stance.margins(posture).clip(max=0.0).sum())
+                moving = self.whole_velocity(v * self.velocity_scale)
+                off -= float(self.stance.margins(posture, moving).clip(max=0.0).sum())
             rated.append((float(np.abs(v).max()) + off, number, np.array([*q, *v, 1.0])))
         return [start for _, _, start in sorted(rated)[:4]]
 
-    def _unknowns(self, found: KickSolution) -> Array:
+    def unknowns(self, found: KickSolution) -> Array:
         """Return a solution as the unknowns of the program."""
         v = found.v[self.vs] / self.velocity_scale
         return np.array([*found.posture.q[self.qs], *v, found.share])
@@ -361,8 +371,10 @@ class KickProgram:
             first = ProgramPoint(self, start, None, 1.0)
             scale = abs(cost(first.posture, first.v)) or 1.0
         most = np.where(np.isfinite(self.velocity_limit) & self.limits, 1.0 - FEASIBLE, math.inf)
-        low = np.array([*self.lower, *-most, 0.0 if cost is None else 1.0])
-        high = np.array([*self.upper, *most, 1.0])
+        has_backswing = self.stance is not None and self.stance.lift is not None
+        gap = (RANGE_LEFT if has_backswing else 0.0) * (self.upper - self.lower)
+        low = np.array([*(self.lower + gap), *-most, 0.0 if cost is None else 1.0])
+        high = np.array([*(self.upper - gap), *most, 1.0])
         latest = ProgramPoint(self, np.clip(start, low, high), cost, scale)
 
         def at(x: Array) -> ProgramPoint:
@@ -383,7 +395,7 @@ class KickProgram:
             for kind, rows in (("eq", equal), ("ineq", above))
             if kind == "eq" or self.limits or self.stance or len(self.contact_normal_cone)
         ]
-        with _one_blas_thread():
+        with one_blas_thread():
             found = minimize(
                 lambda x: at(x).values[0],
                 latest.x,
@@ -435,7 +447,7 @@ class ProgramPoint:
             parts.append(1.0 - 2 * FEASIBLE - use * use)
         parts.append(program.facing(self.posture))
         if program.stance is not None:
-            parts.append(program.stance.margins(self.posture) - 2 * FEASIBLE)
+            parts.append(program.stance.margins(self.posture, self.v) - 2 * FEASIBLE)
         return np.concatenate(parts)
 
     @cached_property
@@ -467,8 +479,8 @@ class ProgramPoint:
             turning = target.contact.normal @ (posture.with_contact_offset(row).jacobian - jacobian)
             rows.append(np.append(turning[program.vs], np.zeros(n + 1)))
         if program.stance is not None:
-            by_q = program.stance.slopes(posture, program.vs)
-            rows += list(np.hstack([by_q, np.zeros((len(by_q), n + 1))]))
+            by_q, by_v = program.stance.slopes(posture, v, program.vs)
+            rows += list(np.hstack([by_q, by_v * scale, np.zeros((len(by_q), 1))]))
         return np.array(rows)
 
     def _scaled_cost(self, posture: Posture, v: Array) -> float:
@@ -503,7 +515,7 @@ def _blas_threads() -> tuple[Any, int] | None:
 
 
 @contextmanager
-def _one_blas_thread() -> Iterator[None]:
+def one_blas_thread() -> Iterator[None]:
     """Keep OpenBLAS from using threads for matrices of 100 rows, where they take 5 times as long.
 
     That is on a free machine; on a busy one they wait for each other.

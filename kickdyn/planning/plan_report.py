@@ -14,6 +14,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
@@ -183,6 +184,8 @@ class PlanReport:
             found.append(str(score(self.plan)))
         if self.swing is not None:
             found.append(_describe_swing(self.swing))
+        if self.plan.backswing is not None:
+            found.append(_describe_backswing(self.plan.backswing))
         found += [_describe_stance(name, self.plan) for name in self.plan.impact.footing]
         found += _after_impact(self.plan, limits=self.limits)
         return found + [f"Warning: {line}." for line in self.plan.warnings]
@@ -270,6 +273,8 @@ class PlanReport:
                 "impulse": {name: p.tolist() for name, p in impact.support_impulses.items()},
                 "friction": {name: _least_friction(name, plan) for name in impact.footing},
             }
+        if plan.backswing is not None:
+            report["backswing"] = _backswing_json(plan.backswing)
         if self.swing is not None:
             report["swing"] = _swing_json(self.swing)
         return report
@@ -373,6 +378,26 @@ def _describe_swing(swing: Swing) -> str:
         f"{swing.follow_through.duration:.3g} s to rest, at up to {swing.torque_use:.0%} of the "
         f"torque and {swing.speed_use:.0%} of the speed limits."
     )
+
+
+def _describe_backswing(backswing: Backswing) -> str:
+    """Return the backswing of a standing robot in a line."""
+    phase = backswing.phase
+    return (
+        f"The backswing takes {phase.duration:.3g} s from rest; the kicking foot stays "
+        f"{1e3 * backswing.clearance:.1f} mm or more above the ground. It takes up to "
+        f"{phase.torque_use:.0%} of the torque and {phase.speed_use:.0%} of the speed limits."
+    )
+
+
+def _backswing_json(backswing: Backswing) -> dict[str, Any]:
+    """Return the backswing of a standing robot with its motion at the nodes."""
+    phase = backswing.phase
+    report = _attributes(backswing, "joints clearance") | _attributes(
+        phase, "duration torque_use speed_use range_left"
+    )
+    motion = phase.sample(phase.nodes)
+    return report | _attributes(motion, " ".join(motion._fields))
 
 
 def _swing_json(swing: Swing) -> dict[str, Any]:

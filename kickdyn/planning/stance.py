@@ -1,7 +1,10 @@
 r"""What a robot that stands on one foot must keep in a kick, as functions of its posture.
 
 - Static balance: the centre of mass is above the sole.
-- The kicking foot is above the ground.
+- The kicking foot is above the ground. Where the kick must have a backswing, it is so high that it
+  can come there from above the ground: a point of height :math:`z` that rises with
+  :math:`\dot z > 0` and has the upward acceleration :math:`a` was not below
+  :math:`z - \dot z^2 / (2 a)` before.
 - The trunk, which is the body of the floating base, is at most `TILT` from upright.
 - The support's impulse :math:`\lambda` in the strike, which follows from the posture and from the
   impulse on the ball alone, is one that the ground can supply:
@@ -33,6 +36,10 @@ who leans over the ball.
 UPRIGHT = 1.0 - math.cos(TILT)
 """Scale of the height of the trunk's axis over that at the largest tilt."""
 
+CLEARANCE = 3e-3
+"""Height of the corners of the kicking foot that remains for the rest of it where there must be a
+backswing [m]: a foot of rounded shape is up to 1 mm lower than these corners."""
+
 STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
 
@@ -52,8 +59,12 @@ class Stance:
 
     Attributes:
         standing: the robot.
+        normals, offsets: of the sole's edges, outwards, shapes `(k, 2)` and `(k,)` [m]: x is above
+            the sole where `normals @ x <= offsets`.
         impulse: on the ball, shape `(3,)` [N s]; None does not ask what the ground can supply.
         without: a condition that is left out.
+        lift: largest upward acceleration of the kicking foot before the impact [m/s2]; None does
+            not ask how the foot comes to its place.
     """
 
     def __init__(
@@ -61,12 +72,14 @@ class Stance:
         standing: StandingRobot,
         impulse: Array | None = None,
         without: Condition | None = None,
+        lift: float | None = None,
     ) -> None:
         self.standing, self.impulse, self.without = standing, impulse, without
+        self.lift = lift
         self._size = 1.0 if impulse is None else float(np.linalg.norm(impulse))
         leg, robot = standing.leg, standing.robot
         hull = ConvexHull(standing.sole)
-        self._normals, self._offsets = hull.equations[:, :2], -hull.equations[:, 2]
+        self.normals, self.offsets = hull.equations[:, :2], -hull.equations[:, 2]
         foot = joint_spheres(robot, robot.contact_joint)
         ends = _extremes(foot.centres)
         # the pose of the kicking foot's joint in its frame is that in the leg's
@@ -76,12 +89,16 @@ class Stance:
         self._radii = foot.radii[ends]
         self._friction = standing.support.friction
 
-    def margins(self, posture: Posture) -> Array:
-        """Return how far all is inside its bounds, about 1 for a good distance, shape `(k,)`."""
+    def margins(self, posture: Posture, v: Array) -> Array:
+        """Return how far all is inside its bounds, about 1 for a good distance, shape `(k,)`.
+
+        The joint velocity of the leg counts where there is a `lift`.
+        """
+        rise = 0.0 if self.lift is None else self._rise(posture, v)[0]
         centre = self.centre_of_mass(posture)[:2]  # it brings the joints' placements up to date
         known = {
-            Condition.BALANCE: (self._offsets - self._normals @ centre) / LENGTH,
-            Condition.CLEARANCE: (self._points(posture)[:, 2] - self._radii) / LENGTH,
+            Condition.BALANCE: (self.offsets - self.normals @ centre) / LENGTH,
+            Condition.CLEARANCE: (self._points(posture)[:, 2] - self._radii - rise) / LENGTH,
             Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT,
         }
         parts = [rows for name, rows in known.items() if name != self.without]
@@ -89,9 +106,12 @@ class Stance:
             parts.append(self._impulse_margins(posture))
         return np.concatenate(parts)
 
-    def slopes(self, posture: Posture, vs: NDArray[np.int64]) -> Array:
-        """Return the derivatives of the margins by joints at `vs`, shape `(k, n)`."""
+    def slopes(self, posture: Posture, v: Array, vs: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return derivatives of the margins by q and v of joints at `vs`, shape `(k, n)` each."""
         leg = posture.leg
+        by_q, by_v = np.zeros(leg.nv), np.zeros(leg.nv)
+        if self.lift is not None:
+            _, by_q, by_v = self._rise(posture, v)
         model, data = leg.workspace.model, leg.workspace.data
         moved = pin.jacobianCenterOfMass(model, data, posture.q)
         moved *= data.mass[0] / (data.mass[0] + model.inertias[0].mass)
@@ -105,25 +125,34 @@ class Stance:
         turned = pin.getJointJacobian(model, data, trunk, pin.LOCAL_WORLD_ALIGNED)
         axis = self._trunk_axis(posture)
         known = {
-            Condition.BALANCE: -self._normals @ moved[:2] / LENGTH,
-            Condition.CLEARANCE: raised / LENGTH,
+            Condition.BALANCE: -self.normals @ moved[:2] / LENGTH,
+            Condition.CLEARANCE: (raised - by_q) / LENGTH,
             Condition.UPRIGHT: (axis[1] * turned[3:4] - axis[0] * turned[4:5]) / UPRIGHT,
         }
-        found = np.vstack([rows for name, rows in known.items() if name != self.without])[:, vs]
-        if self.impulse is None:
-            return found
-        here, columns = self._impulse_margins(posture), []
-        for v in vs:
-            step = np.zeros(leg.nv)
-            step[v] = STEP
-            there = leg.posture(pin.integrate(model, posture.q, step))
-            columns.append((self._impulse_margins(there) - here) / STEP)
-        return np.vstack([found, np.column_stack(columns)])
+        rising = {name: np.zeros_like(rows) for name, rows in known.items()}
+        rising[Condition.CLEARANCE] -= by_v / LENGTH
+        slopes = [
+            np.vstack([rows for name, rows in each.items() if name != self.without])[:, vs]
+            for each in (known, rising)
+        ]
+        if self.impulse is not None:
+            here, columns = self._impulse_margins(posture), []
+            for i in vs:
+                step = np.zeros(leg.nv)
+                step[i] = STEP
+                there = leg.posture(pin.integrate(model, posture.q, step))
+                columns.append((self._impulse_margins(there) - here) / STEP)
+            impulsive = np.column_stack(columns)
+            slopes = [
+                np.vstack([slopes[0], impulsive]),
+                np.vstack([slopes[1], np.zeros_like(impulsive)]),
+            ]
+        return slopes[0], slopes[1]
 
     def balance(self, posture: Posture) -> float:
         """Return how far the centre of mass is inside the edge of the sole [m]."""
         at = self.centre_of_mass(posture)[:2]
-        return float((self._offsets - self._normals @ at).min())
+        return float((self.offsets - self.normals @ at).min())
 
     def centre_of_mass(self, posture: Posture) -> Array:
         """Return the centre of mass of the whole robot, shape `(3,)` [m, world frame]."""
@@ -154,11 +183,32 @@ class Stance:
         """Return how far the support's impulse is inside what the ground can supply."""
         p = self.support_impulse(posture)
         pressed = np.array([-p[4], p[3]])  # the centre of pressure times the normal impulse
-        inside = (self._offsets * p[2] - self._normals @ pressed) / LENGTH
+        inside = (self.offsets * p[2] - self.normals @ pressed) / LENGTH
         parts = [[p[2]], inside]
         if self._friction is not None:
             parts.append([self._friction * p[2] - np.hypot(p[0], p[1])])
         return np.concatenate(parts) / self._size
+
+    def _rise(self, posture: Posture, v: Array) -> tuple[Array, Array, Array]:
+        r"""Return how high each corner of the foot must be to rise as it does, `(k,)` [m].
+
+        That is :math:`\dot z^2 / (2 a)` where it rises, and `CLEARANCE`; with its derivatives by q
+        and v, shape `(k, nv)`.
+        """
+        assert self.lift is not None
+        leg, lift = posture.leg, self.lift
+        model, data, world = leg.workspace.model, leg.workspace.data, pin.LOCAL_WORLD_ALIGNED
+        pin.computeForwardKinematicsDerivatives(model, data, posture.q, v, np.zeros(leg.nv))
+        found = [
+            pin.getPointVelocityDerivatives(
+                model, data, leg.contact_joint, pin.SE3(np.eye(3), centre), world
+            )
+            for centre in self._centres
+        ]
+        by_q, by_v = (np.array([part[side][2] for part in found]) for side in (0, 1))
+        up = (by_v @ v).clip(min=0.0)
+        gain = (up / lift)[:, None]
+        return up**2 / (2 * lift) + CLEARANCE, gain * by_q, gain * by_v
 
     def _trunk_joint(self, posture: Posture) -> int:
         """Return the number of the joint that carries the trunk; 0 if none does."""

@@ -208,7 +208,8 @@ class StopEquations:
         n, count = len(self.chain.names), self.nodes + 1
         turns, _, pulls = x[: 3 * count * n].reshape(3, count, n)
         accelerations = pulls * self.chain.velocity_limit / UNIT
-        return make_phase(self.chain, sign, q, v, accelerations, float(x[3 * count * n]), turns[-1])
+        times = np.linspace(0.0, float(x[3 * count * n]), count)
+        return make_phase(self.chain, sign, q, v, accelerations, times, turns[-1])
 
 
 class StopSolver:

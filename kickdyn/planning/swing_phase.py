@@ -89,9 +89,9 @@ class SwingPhase(ReprMixin):
     @cached_property
     def fine(self) -> Motion:
         """The motion at 20 times per interval, both ends included, in order."""
-        count = 20 * (len(self._a.x) - 1) + 1
-        low, high = sorted((0.0, self.sign * self.duration))
-        return self.sample(np.linspace(low, high, count))
+        nodes, count = self._a.x, len(self._a.x) - 1
+        away = np.interp(np.arange(20 * count + 1) / 20, np.arange(count + 1), nodes)
+        return self.sample(np.sort(self.sign * away))
 
     @property
     def torque_use(self) -> float:
@@ -122,7 +122,7 @@ def make_phase(
     q: Array,
     v: Array,
     accelerations: Array,
-    duration: float,
+    times: Array,
     rest: Array,
 ) -> SwingPhase:
     """Return a phase whose ends are exact: a line in time is added to a solver's accelerations.
@@ -132,27 +132,32 @@ def make_phase(
         sign: -1 before the impact, 1 after it.
         q: posture at the impact, shape `(n,)` [rad].
         v: velocity away from it, shape `(n,)` [rad/s].
-        accelerations: at even nodes away from it, shape `(nodes + 1, n)` [rad/s2].
-        duration: [s].
+        accelerations: at the nodes, shape `(nodes + 1, n)` [rad/s2].
+        times: of the nodes from the impact on, 0 the first, shape `(nodes + 1,)` [s].
         rest: posture at rest, shape `(n,)` [rad].
     """
-    s = np.linspace(0.0, duration, len(accelerations))
-
-    def integrate(values: Array) -> tuple[PPoly, PPoly, PPoly]:
-        """Return position, velocity and acceleration as polynomials."""
-        slopes = np.diff(values, axis=0) / np.diff(s)[:, None]
-        acceleration = PPoly(np.array([slopes, values[:-1]]), s)
-        velocity = acceleration.antiderivative()
-        velocity.c[-1] += v
-        position = velocity.antiderivative()
-        position.c[-1] += q
-        return acceleration, velocity, position
-
-    _, velocity, position = integrate(accelerations)
-    off = np.array([-velocity(duration), rest - position(duration)])
-    t = duration
+    _, velocity, position = integrate_accelerations(accelerations, times, v, q)
+    t = float(times[-1])
+    off = np.array([-velocity(t), rest - position(t)])
     line = np.linalg.solve([[t, t**2 / 2], [t**2 / 2, t**3 / 6]], off)
-    return SwingPhase(chain, sign, t, *integrate(accelerations + line[0] + s[:, None] * line[1]))
+    exact = accelerations + line[0] + times[:, None] * line[1]
+    return SwingPhase(chain, sign, t, *integrate_accelerations(exact, times, v, q))
+
+
+def integrate_accelerations(
+    accelerations: Array, times: Array, v: ArrayLike = 0.0, q: ArrayLike = 0.0
+) -> tuple[PPoly, PPoly, PPoly]:
+    """Return acceleration, velocity and position as polynomials, for accelerations at times.
+
+    `v` and `q` are those at the first time; accelerations have one row for each time.
+    """
+    slopes = np.diff(accelerations, axis=0) / np.diff(times)[:, None]
+    acceleration = PPoly(np.array([slopes, accelerations[:-1]]), times)
+    velocity = acceleration.antiderivative()
+    velocity.c[-1] += v
+    position = velocity.antiderivative()
+    position.c[-1] += q
+    return acceleration, velocity, position
 
 
 def swing_chain(leg: Leg) -> KickingChain:

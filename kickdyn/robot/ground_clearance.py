@@ -36,6 +36,11 @@ class Spheres(NamedTuple):
         """Return the spheres at a pose, shape `(4, 4)`."""
         return Spheres(self.centres @ pose[:3, :3].T + pose[:3, 3], self.radii)
 
+    @property
+    def lowest(self) -> float:
+        """Height of the body's lowest point [m]."""
+        return float((self.centres[:, 2] - self.radii).min())
+
 
 class Depth(NamedTuple):
     """How deep a frame's body is under the ground [m], and at which of several configurations."""

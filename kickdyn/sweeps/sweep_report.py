@@ -87,6 +87,52 @@ def extreme_lines(leg: Leg, grid: Grid, kick: Kick, summary: Summary) -> list[Re
     return [replace(line, explanation=_explanation(line, kick)) for line in lines]
 
 
+def page_lines(
+    leg: Leg, grid: Grid, kick: Kick, summary: Summary, lines: Sequence[ReportLine]
+) -> list[ReportLine]:
+    """Return the postures that a page shows, each explained; none where no posture counts.
+
+    They are the best posture with the fastest foot that its joints' speed limits allow, the best,
+    that of least impulse in a joint, and the others of the report.
+    """
+    best = next((line for line in lines if line.label == "best"), None)
+    if best is None:
+        return []
+    least = grid.configuration(leg, int(summary.front[-1, 2]))
+    named = [
+        replace(best, label=f"best, foot {kick.speed:.3g} m/s"),
+        _line(leg, kick, "least joint impulse", least),
+        *(line for line in lines if line is not best),
+    ]
+    shown = [replace(line, explanation=_story(line, kick)) for line in named]
+    use = best.outcome.speed_use
+    if 0.0 < kick.speed / FASTEST < use:
+        fast = replace(kick, speed=kick.speed / use * (1 - 1e-9))  # rounding exceeds no limit
+        line = _line(leg, fast, f"best, foot {fast.speed:.3g} m/s", best.outcome.posture.q)
+        story = _story(line, fast, ", the fastest that its joints' speed limits allow here")
+        usual = f"With the foot at {kick.speed:.3g} m/s it flies {best.values['carry']:.3g} m."
+        shown.insert(0, replace(line, explanation=f"{story} {usual}"))
+    return shown
+
+
+FASTEST = 1e6
+"""Speed of a foot from which on its joints have no speed limit, in effect [m/s]."""
+
+
+def _story(line: ReportLine, kick: Kick, reason: str = "") -> str:
+    """Return what happens in a posture, as sentences; the reason is of the foot's speed."""
+    impact, values = line.outcome.impact, line.values
+    if impact is None:
+        return "The foot cannot move in this direction."
+    return (
+        f"The foot meets the ball at {kick.speed:.3g} m/s{reason}. The leg acts on the ball like a "
+        f"body of {values['effective_mass']:.3g} kg (its effective mass), "
+        f"{values['effective_mass'] / kick.ball.mass:.3g} times the ball's mass. The ball leaves "
+        f"at {values['ball_speed']:.3g} m/s, {values['speed_ratio']:.3g} times the foot's speed, "
+        f"and flies {values['carry']:.3g} m until it is back at its first height."
+    )
+
+
 def _line(leg: Leg, kick: Kick, label: str, q: Array, paper: float | None = None) -> ReportLine:
     """Return the line of one configuration."""
     outcome = kick_from(leg.posture(q), kick)

@@ -19,7 +19,7 @@ LEFT, RIGHT = 0.9 * UP, 1.6 * UP
 
 UP_AXIS = np.array([0.0, 0.0, 1.0])
 
-TOP, BOTTOM = 0.85 * UP, 0.88 * UP
+TOP, BOTTOM = 0.85 * UP, 0.8 * UP
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,8 @@ def camera_for(
 def set_camera(viewer: Any, camera: Camera) -> None:
     """Show a meshcat viewer's scene as the camera sees it.
 
-    meshcat's camera turns about the origin only, so the scene is moved instead of its target.
+    The script of the page keeps the camera above the ground. meshcat's camera turns about the
+    origin only, so the scene is moved instead of its target.
     """
     x, y, z = (camera.position - camera.target).tolist()
     size = math.hypot(x, y, z)

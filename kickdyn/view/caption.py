@@ -10,6 +10,7 @@ from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
 from kickdyn.view.impulses import JOINT, LEAST
+from kickdyn.view.kick_scene import DrawnKick
 from kickdyn.view.marks import ARROW, CURVE
 from kickdyn.view.playback import Pace
 
@@ -20,19 +21,20 @@ Row = tuple[str, str]
 def kick_panel(
     impact: Impact,
     path: Flight | Course,
-    pace: Pace,
-    stripe: float,
+    drawn: DrawnKick,
     text: str,
     warnings: Sequence[str] = (),
 ) -> str:
-    """Return the panel of a kick, with lines of plain text, over stripes so wide [m]."""
-    rows = [
-        *_impact_rows(impact),
-        *_path_rows(path),
-        ("shown", _pace(pace)),
-        ("stripes", f"{stripe:g} m"),
+    """Return the panel of a kick, with lines of plain text."""
+    rows = [*_impact_rows(impact), *_path_rows(path)]
+    shown = [
+        ("flight", _method(path)),
+        ("shown", _pace(drawn.pace)),
+        ("ground marks", f"every {drawn.stripe:g} m"),
+        ("axes", f"x forward, y left, z up; arrows of {drawn.axis:g} m"),
     ]
-    return panel_of(impact.posture.leg.name or "leg", rows, text, _joints(impact), warnings)
+    end = f"{_joints(impact)}{_folded('picture and computation', shown)}"
+    return panel_of(impact.posture.leg.name or "leg", rows, text, end, warnings)
 
 
 def panel_of(
@@ -41,7 +43,7 @@ def panel_of(
     """Return a panel: a title and lines of plain text, a table of HTML, and more HTML."""
     lines = f"<p>{escape(text)}</p>\n" if text else ""
     lines += "".join(f'<p class="warning">{escape(warning)}</p>\n' for warning in warnings)
-    return f'<aside id="caption">\n<h1>{escape(title)}</h1>\n{lines}{_table(rows)}\n{end}</aside>'
+    return f"<h1>{escape(title)}</h1>\n{lines}{_table(rows)}\n{end}"
 
 
 def _table(rows: Sequence[Row]) -> str:
@@ -67,8 +69,14 @@ def _joints(impact: Impact) -> str:
         moves = name in values and impact.v_before[leg.velocity_index(name)]
         if moves or size > LEAST * max(norms):
             rows.append((_name(name), f"{shown}{size:.3g} N s"))
-    summary = f"<summary>{len(rows)} joints: angle and impulse {colour_key(JOINT)}</summary>"
-    return f"<details{' open' * (len(rows) <= 4)}>{summary}\n{_table(rows)}\n</details>\n"
+    summary = f"{len(rows)} joints: angle and impulse {colour_key(JOINT)}"
+    return _folded(summary, rows, is_open=len(rows) <= 4)
+
+
+def _folded(summary: str, rows: Sequence[Row], *, is_open: bool = False) -> str:
+    """Return a table under a line of HTML that folds and unfolds it."""
+    start = f"<details{' open' * is_open}><summary>{summary}</summary>"
+    return f"{start}\n{_table(rows)}\n</details>\n"
 
 
 def _name(name: str) -> str:
@@ -87,6 +95,7 @@ def _impact_rows(impact: Impact) -> list[Row]:
     return [
         (f"impulse {colour_key(ARROW)}", f"{float(np.linalg.norm(impact.impulse)):.4g} N s"),
         (f"worst joint {colour_key(JOINT)}", f"{size:.4g} N s at {_name(name)}"),
+        ("effective mass", f"{impact.effective_mass:.4g} kg"),
         ("foot speed", f"{float(np.linalg.norm(impact.foot_velocity)):.4g} m/s"),
         ("ball speed", f"{float(after.speed):.4g} m/s"),
         *ratio,
@@ -108,8 +117,13 @@ def _path_rows(path: Flight | Course) -> list[Row]:
     return [
         (f"{length} {colour_key(CURVE)}", f"{path.range:.4g} m{aloft}"),
         ("flight time", f"{path.duration:.4g} s"),
-        ("flight", escape(path.method)),
     ]
+
+
+def _method(path: Flight | Course) -> str:
+    """Return how a path is computed, as HTML."""
+    flights = path.flights if isinstance(path, Course) else [path]
+    return escape("; ".join(dict.fromkeys(flight.method for flight in flights)))
 
 
 def colour_key(colour: int) -> str:

@@ -18,9 +18,9 @@ from kickdyn.view.camera import camera_for
 from kickdyn.view.caption import colour_key, panel_of
 from kickdyn.view.document import draw_label
 from kickdyn.view.impulses import LEAST, draw_impulse, impulse_arrows, largest_impulse
-from kickdyn.view.kick_scene import POINTS, THIN, box_corners, set_stage, stripe_width
+from kickdyn.view.kick_scene import LINE_WIDTH, POINTS, THIN, box_corners, set_stage, stripe_width
 from kickdyn.view.leg_figure import draw_leg
-from kickdyn.view.marks import draw_ball, draw_curve, draw_dots, draw_ground
+from kickdyn.view.marks import draw_ball, draw_curve, draw_distances, draw_dots, draw_ground
 
 COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x333333)
 MOST = len(COLOURS)  # flights or impacts of one picture
@@ -57,7 +57,7 @@ def draw_flights(
     forward = forward / length if length else X
     size = max(float(np.ptp(points, axis=0).max()), radius)
     camera = camera_for(box_corners(start[None], 0.2 * size), box_corners(points, radius), forward)
-    set_stage(viewer, camera)
+    set_stage(viewer, camera, points)
     sideways = np.cross(forward, (0.0, 0.0, 1.0))
     for number, curve in enumerate(curves):
         width = 1.5 * THIN * camera.distance(curve)
@@ -70,6 +70,8 @@ def draw_flights(
     stripe = stripe_width(size)
     floor = np.array([*start[:2], points[:, 2].min() - radius])
     draw_ground(viewer["ground"], floor, forward, stripe, 3 * size)
+    line = LINE_WIDTH * float(camera.distance(floor))
+    draw_distances(viewer["distances"], floor, forward, stripe, length, line)
     rows = [
         (
             f"{colour_key(colour)} {escape(name)}",
@@ -79,7 +81,7 @@ def draw_flights(
     ]
     if measured:
         rows.append((f"{colour_key(DOTS)} measured", f"about {MOST_DOTS} positions of each"))
-    return panel_of(title, [*rows, ("stripes", f"{stripe:g} m")])
+    return panel_of(title, [*rows, ("ground marks", f"every {stripe:g} m")])
 
 
 def _length(path: Flight | Course) -> str:
@@ -121,7 +123,7 @@ def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:
         for arrow in impulse_arrows(impact, LEAST * most):
             draw_impulse(node[arrow.node], arrow, scale)
     points, floor = np.vstack(shown), min(float(figure[:, 2].min()) for figure in figures)
-    set_stage(viewer, camera_for(points, points, X))
+    set_stage(viewer, camera_for(points, points, X), points)
     width = float(np.ptp(points[:, 0]))
     centre = np.array([*points.mean(axis=0)[:2], floor])
     draw_ground(viewer["ground"], centre, X, stripe_width(width), 8 * width)

@@ -1,10 +1,14 @@
-"""A meshcat scene in memory, and the HTML that shows it: one file that needs no network.
+"""meshcat scenes in memory, and the HTML that shows them: one file that needs no network.
 
-meshcat's own controls are hidden; `#controls` at the end of the page's address shows them, and
-`#at=1.5` stops its animation at 1.5 s.
+A page shows one scene at a time; buttons choose among several. At the end of the page's address,
+`#scene=2&at=1.5` shows the third scene and stops its animation at 1.5 s, `#picture` hides what
+is of use in a browser only, and `#controls` shows meshcat's own controls.
 """
 
 import base64
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from html import escape
 from importlib.resources import files
@@ -25,6 +29,7 @@ _POLICY = (
 
 _STYLE = """
 body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Arial, sans-serif; }
+[hidden] { display: none !important; }
 #meshcat-pane { position: relative; width: 100vw; height: 100vh; overflow: hidden; }
 .dg.main { display: none; }
 #controls:target ~ .dg.main { display: block; }
@@ -41,6 +46,20 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
 #caption th { padding-right: 12px; white-space: nowrap; font-weight: normal; color: #5b6774; }
 #caption td { font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 #caption details { margin-top: 4px; }
+#caption nav { display: flex; flex-wrap: wrap; gap: 4px; margin-bottom: 8px; }
+button {
+  padding: 2px 8px; border: 1px solid #b9c2cc; border-radius: 5px; font: inherit; font-size: 13px;
+  background: #fff; color: inherit; cursor: pointer;
+}
+button[aria-pressed=true] { background: #1d2733; border-color: #1d2733; color: #fff; }
+#time {
+  position: absolute; right: 14px; bottom: 14px; left: 330px; display: flex; gap: 10px;
+  align-items: center; padding: 6px 12px; border-radius: 8px; color: #1d2733;
+  background: rgba(255, 255, 255, 0.75);
+}
+#time button { width: 64px; }
+#time input { flex: 1; min-width: 60px; }
+#time output { width: 17em; font-variant-numeric: tabular-nums; white-space: nowrap; }
 #caption summary { cursor: pointer; color: #5b6774; }
 #caption details th { white-space: normal; }
 #caption details td { white-space: nowrap; }
@@ -50,12 +69,17 @@ body { margin: 0; font: 14px/1.45 system-ui, "Segoe UI", Roboto, Helvetica, Aria
   font-size: 13px; white-space: nowrap; pointer-events: none; visibility: hidden;
   background: rgba(255, 255, 255, 0.88); color: #1d2733;
 }
+.mark {
+  padding: 0; border: 0; background: none; color: #fff; font-weight: 600;
+  text-shadow: 0 0 3px #000, 0 0 2px #000;
+}
 @media (max-width: 1000px) {  /* a notebook's frame or a telephone has no space beside the leg */
   #meshcat-pane { height: 66vh; }
   #caption {
     position: static; max-width: none; height: 34vh; max-height: none; padding: 8px 14px;
     border-radius: 0; box-shadow: none; font-size: 12px;
   }
+  #time { left: 14px; padding: 2px 10px; font-size: 12px; }
   #caption h1 { font-size: 14px; margin: 0 0 2px; }
   #caption table, #caption tbody { display: block; }
   #caption tbody {
@@ -81,8 +105,13 @@ _PAGE = """<!DOCTYPE html>
 <i id="controls"></i>
 <div id="meshcat-pane">
 {labels}
+<div id="time" hidden>
+<button>pause</button><input type="range" min="0" step="any" aria-label="time"><output></output>
 </div>
-{panel}
+</div>
+<aside id="caption">
+{buttons}{panels}
+</aside>
 <script>{engine}</script>
 <script>
 const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
@@ -97,18 +126,83 @@ viewer.set_3d_pane_size = () => {{
   lens.filmOffset = below.matches ? {aside} * lens.getFilmWidth() : 0;
   resize(width, height);
 }};
-// In order and at once; meshcat's own export fetches each command on its own, in any order.
-for (const command of [
+const commands = [
 {commands}
-]) {{
-  viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
-}}
+].map(text => Uint8Array.from(atob(text), character => character.charCodeAt(0)));
+const scenes = {scenes};  // of each the numbers of its commands, and times: animation, kick [s]
+const sun = viewer.scene_tree.find(["Lights", "FillLight", "<object>"]).object;
+sun.castShadow = true;
+sun.shadow.mapSize.set(2048, 2048);
+const wanted = new URLSearchParams(location.hash.slice(1));
+let knots = null;
+const [toggle, slider, clock] = document.getElementById("time").children;
+const show = number => {{
+  document.querySelectorAll(".scene").forEach(each => {{
+    each.hidden = each.dataset.scene !== String(number);
+  }});
+  document.querySelectorAll("nav button").forEach((button, each) => {{
+    button.setAttribute("aria-pressed", each === number);
+  }});
+  viewer.animator.clear();
+  viewer.delete_path(["meshcat"]);
+  viewer.controls.target.set(0, 0, 0);
+  // In order and at once; meshcat's own export fetches each command on its own, in any order.
+  for (const each of scenes[number].commands) viewer.handle_command_bytearray(commands[each]);
+  viewer.scene.traverse(node => {{  // only bodies cast shadows, and only the ground shows them
+    if (!node.material) return;
+    node.receiveShadow = node.material.type === "ShadowMaterial";
+    node.castShadow = node.material.type === "MeshLambertMaterial" && !node.material.transparent;
+  }});
+  const lens = sun.shadow.camera;
+  lens.top = lens.right = sun.reach;
+  lens.bottom = lens.left = -sun.reach;
+  lens.near = 0.1 * sun.reach;
+  lens.far = 2 * sun.position.length();
+  lens.updateProjectionMatrix();
+  knots = scenes[number].times;
+  document.getElementById("time").hidden = !knots || wanted.has("picture");
+  slider.max = viewer.animator.duration;
+  viewer.set_3d_pane_size();
+}};
+const seek = time => {{
+  if (viewer.animator.playing) viewer.animator.pause();
+  viewer.animator.seek(time);
+}};
+toggle.onclick = () => {{
+  if (viewer.animator.playing) viewer.animator.pause();
+  else viewer.animator.play();
+}};
+slider.oninput = () => seek(Number(slider.value));
+const tell_time = () => {{
+  if (!knots) return;
+  const {{actions, playing}} = viewer.animator;
+  const now = Math.min(actions[0].time, knots[knots.length - 1][0]);
+  const next = knots.findIndex(([shown]) => shown >= now) || 1;
+  const [[start, from], [end, to]] = [knots[next - 1], knots[next]];
+  const time = from + (to - from) * (now - start) / (end - start);
+  toggle.textContent = playing ? "pause" : "play";
+  slider.value = actions[0].time;
+  clock.value = `${{Math.abs(time).toFixed(3)}} s ${{time < 0 ? "before" : "after"}} the impact`;
+}};
+const stay_above_ground = () => {{  // in the axes of the camera, whose y is up
+  const {{controls}} = viewer, {{target, object: lens}} = controls;
+  const ground = viewer.scene_tree.find(["meshcat", "ground"]).object;
+  const floor = ground.getWorldPosition(target.clone()).y;
+  const lift = Math.max(floor - target.y, 0), away = lens.position.distanceTo(target);
+  const steepest = (floor - target.y - lift + 0.02 * away) / away;
+  const most = Math.acos(Math.min(1, Math.max(-1, steepest)));
+  if (lift === 0 && Math.abs(most - controls.maxPolarAngle) < 1e-9) return;
+  target.y += lift;
+  lens.position.y += lift;
+  controls.maxPolarAngle = most;
+  viewer.set_dirty();
+}};
 const seen = node => node.getWorldPosition(node.position.clone()).project(viewer.camera);
 const caption = document.getElementById("caption");
 const place = () => {{  // each label beside its point, ahead of an arrow that ends there
   const width = viewer.dom_element.offsetWidth, height = viewer.dom_element.offsetHeight;
   const placed = [];
-  for (const label of document.querySelectorAll(".label")) {{
+  for (const label of document.querySelectorAll(".scene:not([hidden]) .label")) {{
     const node = viewer.scene_tree.find(label.dataset.node.split("/").slice(1)).object;
     const w = label.offsetWidth, h = label.offsetHeight;
     const end = seen(node), start = seen(node.parent);
@@ -117,6 +211,15 @@ const place = () => {{  // each label beside its point, ahead of an arrow that e
     if (!shown) continue;
     const right = (1 + end.x) / 2 * width + 6, left = right - w - 12;
     let y = (1 - end.y) / 2 * height - h / 2, other;
+    if (label.classList.contains("mark")) {{
+      const x = (left + right) / 2;
+      if (placed.some(p => x < p.x + p.w && p.x < x + w && Math.abs(y - p.y) < h))
+        label.style.visibility = "hidden";
+      else placed.push({{x, y, w}});
+      label.style.left = `${{x}}px`;
+      label.style.top = `${{y}}px`;
+      continue;
+    }}
     const covered = !below.matches && left < caption.offsetLeft + caption.offsetWidth
       && y < caption.offsetTop + caption.offsetHeight;
     const x = right + w > width || (end.x < start.x && !covered) ? left : right;
@@ -126,14 +229,19 @@ const place = () => {{  // each label beside its point, ahead of an arrow that e
     label.style.left = `${{x}}px`;
     label.style.top = `${{y}}px`;
   }}
-  requestAnimationFrame(place);
 }};
-requestAnimationFrame(place);
-const at = /^#at=([0-9.]+)$/.exec(location.hash);
-if (at) {{
-  viewer.animator.pause();
-  viewer.animator.seek(Number(at[1]));
-}}
+const refresh = () => {{
+  stay_above_ground();
+  tell_time();
+  place();
+  requestAnimationFrame(refresh);
+}};
+document.querySelectorAll("nav button").forEach((button, number) => {{
+  button.onclick = () => show(number);
+}});
+show(Math.min(Number(wanted.get("scene")) || 0, scenes.length - 1));
+if (wanted.has("at")) seek(Number(wanted.get("at")));
+requestAnimationFrame(refresh);
 </script>
 </body>
 </html>
@@ -152,8 +260,42 @@ class Recorder:
         self.warnings: list[str] = []  # of what could not be drawn, plain text
 
     def send(self, command: Any) -> None:
-        """Record a meshcat command."""
-        self.commands.append(umsgpack.packb(command.lower()))
+        """Record a meshcat command, equal to the bytes of another that does the same."""
+        self.commands.append(umsgpack.packb(_renumbered(command.lower(), {})))
+
+
+def _renumbered(value: Any, known: dict[str, str]) -> Any:
+    """Return a command with numbers, in order, for the random identifiers of its objects."""
+    if isinstance(value, list):
+        return [_renumbered(each, known) for each in value]
+    if not isinstance(value, dict):
+        return value
+    return {
+        key: known.setdefault(each, f"{len(known)}")
+        if key in IDENTIFIERS and isinstance(each, str)
+        else _renumbered(each, known)
+        for key, each in value.items()
+    }
+
+
+IDENTIFIERS = ("uuid", "geometry", "material")
+"""Keys of three.js's objects under which an identifier stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A scene as a page shows it.
+
+    Attributes:
+        viewer: the `meshcat.Visualizer` of `recording_viewer` into which the scene is drawn.
+        panel: HTML beside it.
+        times: of the animation, and of the kick that it shows then, shape `(n, 2)` [s]; the kick's
+            time is linear in between. None where nothing moves.
+    """
+
+    viewer: Any
+    panel: str
+    times: Array | None = None
 
 
 def recording_viewer() -> Any:
@@ -173,17 +315,41 @@ def draw_label(viewer: Any, text: str, colour: str, point: Array) -> None:
     )
 
 
-def html_document(viewer: Any, title: str, panel: str) -> str:
-    """Return a page that contains a recorded scene, a title in plain text, and a panel of HTML."""
-    commands = (f'"{base64.b64encode(each).decode()}"' for each in viewer.window.commands)
+def draw_mark(viewer: Any, text: str, point: Array) -> None:
+    """Draw a plain text at a point, shape `(3,)` [m], where no other text is in its place."""
+    viewer.set_transform(tf.translation_matrix(point))
+    viewer.window.labels.append(
+        f'<div class="label mark" data-node="{viewer.path.lower()}">{escape(text)}</div>'
+    )
+
+
+def html_document(title: str, recordings: Mapping[str, Recording]) -> str:
+    """Return a page with a title in plain text that shows the first of some scenes.
+
+    Of several, there is a button for each, with its name in plain text.
+    """
+    numbers: dict[bytes, int] = {}  # of commands, each of which is on the page once
+    scenes, labels, panels = [], [], []
+    for each, one in enumerate(recordings.values()):
+        window = one.viewer.window
+        scenes.append({
+            "commands": [numbers.setdefault(c, len(numbers)) for c in window.commands],
+            "times": None if one.times is None else one.times.tolist(),
+        })  # fmt: skip
+        texts = "\n".join(window.labels)
+        labels.append(f'<div class="labels scene" data-scene="{each}">\n{texts}\n</div>')
+        panels.append(f'<section class="scene" data-scene="{each}">\n{one.panel}</section>')
+    buttons = "".join(f"<button>{escape(name)}</button>\n" for name in recordings)
     return _PAGE.format(
         policy=_POLICY,
         title=escape(title),
         style=_STYLE,
-        labels="\n".join(viewer.window.labels),
-        panel=panel,
+        labels="\n".join(labels),
+        buttons=f"<nav>\n{buttons}</nav>\n" if len(recordings) > 1 else "",
+        panels="\n".join(panels),
         engine=_engine(),
-        commands=",\n".join(commands),
+        commands=",\n".join(f'"{base64.b64encode(each).decode()}"' for each in numbers),
+        scenes=json.dumps(scenes),
         panel_width=316,
         left=LEFT / UP,
         right=RIGHT / UP,

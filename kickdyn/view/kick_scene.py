@@ -2,35 +2,68 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import meshcat.transformations as tf
 import numpy as np
+import pinocchio as pin
 from meshcat.animation import Animation
 
 from kickdyn.core.validation import Array
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course
 from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.swing import Swing
-from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.robot.ground_clearance import find_depths, shape_of
+from kickdyn.robot.leg import Leg
 from kickdyn.view.camera import Camera, camera_for, set_camera
 from kickdyn.view.impulses import LEAST, Arrow, draw_impulse, impulse_arrows, largest_impulse
 from kickdyn.view.leg_figure import draw_leg, joint_poses
-from kickdyn.view.marks import CURVE, SHADOW, draw_ball, draw_curve, draw_disc, draw_ground
+from kickdyn.view.marks import (
+    CURVE,
+    draw_axes,
+    draw_ball,
+    draw_curve,
+    draw_disc,
+    draw_distances,
+    draw_ground,
+    draw_tee,
+)
 from kickdyn.view.playback import GROWING, RATE, Pace, ball_pose, kick_pace, leg_configuration
 from kickdyn.view.wall_and_goal import Box, draw_box
 
 SKY = {"top_color": [0.60, 0.78, 0.93], "bottom_color": [0.96, 0.98, 1.0]}
 LIGHTS = {
-    "AmbientLight": 0.55,
-    "FillLight": 0.6,  # from afar: of the same strength everywhere
+    "AmbientLight": 0.6,
+    "FillLight": 0.7,  # from afar: of the same strength everywhere
     "PointLightNegativeX": 0.1,
     "PointLightPositiveX": 0.1,
 }
+SUN = np.array([-0.3, -0.5, 0.81])  # unit vector to the light
+LIFT = 5e-3  # height above the ground from which on a resting ball is on a tee [m]
 THIN = 0.0017  # radius of the curve over its distance from the camera: 3 or 4 pixels on a screen
+LINE_WIDTH = 0.004  # of the line on the ground, likewise
 POINTS = 150  # of a flight's curve
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnKick:
+    """What a page says of a drawn kick.
+
+    Attributes:
+        pace: of the animation.
+        stripe: width of a stripe of the ground, and distance between two marks on it [m].
+        axis: length of the arrows that are the world's axes [m].
+        text: sentences about ground and tee; empty where there is nothing to say.
+    """
+
+    pace: Pace
+    stripe: float
+    axis: float
+    text: str
 
 
 def draw_kick(
@@ -38,68 +71,85 @@ def draw_kick(
     impact: Impact,
     path: Flight | Course,
     scenery: Sequence[Box] = (),
-    swing: Swing | None = None,
-) -> tuple[Pace, float]:
+    swing: Swing | Backswing | None = None,
+    *,
+    lies: bool = True,
+) -> DrawnKick:
     """Draw a kick, from the swing to the landing, over and over, with walls and goals as scenery.
 
     Without a swing from rest to rest through this impact the joints move as `leg_configuration`
-    says.
-
-    Returns:
-        The pace of the animation, and the width of a stripe of the ground [m].
+    says; after a backswing alone, too. Where the ball need not lie on the ground (`lies`), the
+    ground is where a robot stands, or as low as ball and leg come.
     """
     leg, ball, before = impact.posture.leg, impact.ball, impact.ball_before
-    pace = kick_pace(impact, path.duration, None if swing is None else swing.backswing.duration)
+    backswing = swing.backswing if isinstance(swing, Swing) else swing
+    pace = kick_pace(impact, path.duration, None if backswing is None else backswing.duration)
+    moved = [_configuration(impact, swing, time) for time in pace.times]
     curve = path.sample(np.linspace(0.0, path.duration, POINTS)).position
     forward = _forward(impact, curve)
-    floor = _floor(impact, path)
+    bottom = _bottom(impact, path)
+    floor = bottom if lies else _ground_height(impact, moved, bottom)
+    lift = float(before.position[2]) - ball.radius - floor
 
     joints = np.array([pose[:3, 3] for pose in joint_poses(leg, impact.posture.q)[1:]])
     near = box_corners(np.vstack([joints, impact.ball_after.position]), ball.radius)
     figure = draw_leg(viewer["leg"], leg, impact.posture.q)
     far = [box_corners(curve, ball.radius), figure, *(box.corners() for box in scenery)]
     if swing is not None:
-        far.append(box_corners(_swing_points(swing, pace), ball.radius))
+        far.append(box_corners(_swing_points(impact, swing, pace), ball.radius))
     size = float(np.linalg.norm(np.ptp(near, axis=0)))
     most = largest_impulse(impact)
     scale = max(3.2 * ball.radius, 0.45 * size) / most if most > 0 else 0.0
     arrows = impulse_arrows(impact, LEAST * most)
     tips = np.array([arrow.start + scale * arrow.impulse for arrow in arrows]).reshape(-1, 3)
+    foot = np.array([*before.position[:2], floor])
+    axis = stripe_width(1.8 * size)
+    origin = foot + 0.3 * size * np.cross(forward, (0.0, 0.0, 1.0)) - 0.4 * size * forward
+    far.append(np.array([foot, origin, *(origin + axis * np.eye(3))]))
     camera = camera_for(near, np.vstack(far), forward, marks=tips, behind=bool(scenery))
     width = THIN * camera.distance(curve)
+    depth = float(camera.distance(foot))
 
-    set_stage(viewer, camera)
+    set_stage(viewer, camera, np.vstack([near, *far]))
     draw_ball(viewer["ball"], ball.radius, before.position)
-    draw_disc(viewer["shadow"], 0.8 * ball.radius, SHADOW, opacity=0.35)
+    stands = lift > LIFT and not lies and not before.velocity.any()
+    if stands:
+        draw_tee(viewer["tee"], foot + np.array([0.0, 0.0, lift]), lift, ball.radius)
     draw_curve(viewer["curve"], curve, width, np.cross(forward, (0.0, 0.0, 1.0)))
     for arrow in arrows:
         draw_impulse(viewer[arrow.node], arrow, scale)
     for number, box in enumerate(scenery):
         draw_box(viewer[f"scenery/{number}"], box)
-    foot = np.array([*before.position[:2], floor])
     reach = float(np.linalg.norm(curve[-1] - foot)) + 8 * size
-    stripe = stripe_width(float(np.hypot(*(curve[-1] - curve[0])[:2])) + size)
+    length = float(np.hypot(*(curve[-1] - foot)[:2]))
+    stripe = stripe_width(length + size)
     draw_ground(viewer["ground"], foot, forward, stripe, reach)
+    draw_axes(viewer["axes"], origin, axis)
+    draw_distances(viewer["distances"], foot, forward, stripe, length, LINE_WIDTH * depth)
     draw_disc(viewer["landing"], max(0.4 * ball.radius, 6 * float(width[-1])), CURVE)
     viewer["landing"].set_transform(tf.translation_matrix([*curve[-1, :2], floor]))
-    animation = _animation(viewer, impact, path, pace, floor, swing, arrows)
+    animation = _animation(viewer, impact, path, pace, moved, arrows)
     viewer.set_animation(animation, repetitions=math.inf)
-    return pace, stripe
+    text = describe_buried(leg, moved, pace, floor)
+    if stands:
+        text += f" The ball is on a tee, {lift:.2g} m above the ground."
+    elif lift < -LIFT:
+        text += f" The ball is {-lift:.2g} m in the ground on which the robot stands."
+    return DrawnKick(pace, stripe, axis, text.strip())
 
 
-def describe_buried(
-    impact: Impact, path: Flight | Course, pace: Pace, swing: Swing | None = None
-) -> str:
+def describe_buried(leg: Leg, moved: Sequence[Array], pace: Pace, floor: float) -> str:
     """Return which bodies the animation of a kick shows under the ground, as a sentence, or none.
 
-    The deepest one with its depth and time; the ground is the lawn that `draw_kick` draws.
+    The deepest one with its depth and time.
+
+    Args:
+        leg: the leg.
+        moved: its configuration at each of the times of the animation.
+        pace: of the animation.
+        floor: height of the ground [m, world frame].
     """
-    leg = impact.posture.leg
-    shown = [
-        swing.configuration(time) if swing else leg_configuration(impact, time)
-        for time in pace.times
-    ]
-    found = find_depths(leg, shown, _floor(impact, path))
+    found = find_depths(leg, moved, floor)
     if not found:
         return ""
     worst, time = found[0], float(pace.times[found[0].number])
@@ -110,21 +160,42 @@ def describe_buried(
     )
 
 
-def _floor(impact: Impact, path: Flight | Course) -> float:
-    """Return the height of the lawn, under the ball where it starts or ends [m]."""
+def _ground_height(impact: Impact, moved: Sequence[Array], bottom: float) -> float:
+    """Return the height of the ground of a kick that does not name it [m, world frame].
+
+    A robot stands on it with its first support; else it is as low as the ball's lowest position,
+    `bottom`, and the leg at its configurations during the kick.
+    """
+    posture = impact.posture
+    leg = posture.leg
+    if leg.constraints is not None and leg.constraints.supports:
+        name = leg.constraints.supports[0].frame
+        model, data = leg.workspace.model, leg.workspace.data
+        pin.forwardKinematics(model, data, posture.q)
+        placement = pin.updateFramePlacement(model, data, model.getFrameId(name))
+        return float(shape_of(leg, name).moved(placement.homogeneous).lowest)
+    found = find_depths(leg, moved, bottom)
+    return bottom - found[0].depth if found else bottom
+
+
+def _bottom(impact: Impact, path: Flight | Course) -> float:
+    """Return the height of the ball's lowest point where it starts or ends [m]."""
     end = path.sample(path.duration).position
     return float(min(impact.ball_before.position[2], end[2])) - impact.ball.radius
 
 
-def set_stage(viewer: Any, camera: Camera) -> None:
-    """Set sky, light and camera."""
+def set_stage(viewer: Any, camera: Camera, points: Array) -> None:
+    """Set sky, camera, and light that casts the shadows of points, shape `(n, 3)` [m]."""
     for name in ("/Grid", "/Axes"):
         viewer[name].set_property("visible", False)
     for name, colour in SKY.items():
         viewer["/Background"].set_property(name, colour)
     for name, brightness in LIGHTS.items():
         viewer[f"/Lights/{name}/<object>"].set_property("intensity", brightness)
-    viewer["/Lights/FillLight/<object>"].set_property("position", [-2.0, -4.0, 4.0])
+    reach = float(np.linalg.norm(points - camera.target, axis=1).max())
+    sun = viewer["/Lights/FillLight/<object>"]
+    sun.set_property("position", (1.8 * reach * SUN).tolist())
+    sun.set_property("reach", reach)  # the page's script frames the shadows by it
     set_camera(viewer, camera)
 
 
@@ -141,12 +212,19 @@ def box_corners(points: Array, radius: float) -> Array:
     return np.asarray((points[:, None] + radius * corners).reshape(-1, 3))
 
 
-def _swing_points(swing: Swing, pace: Pace) -> Array:
+def _configuration(impact: Impact, swing: Swing | Backswing | None, time: float) -> Array:
+    """Return q of the leg at a time from the impact [s], shape `(nq,)`."""
+    if swing is None or (isinstance(swing, Backswing) and time > 0.0):
+        return leg_configuration(impact, time)
+    return swing.configuration(time)
+
+
+def _swing_points(impact: Impact, swing: Swing | Backswing, pace: Pace) -> Array:
     """Return positions of joints and contact point during a swing, shape `(n, 3)` [m]."""
-    leg = swing.plan.leg
+    leg = impact.posture.leg
     points = []
     for time in pace.times[::8]:  # enough to set the camera
-        q = swing.configuration(time)
+        q = _configuration(impact, swing, time)
         points += [pose[:3, 3] for pose in joint_poses(leg, q)[1:]]
         points.append(leg.posture(q).contact_point)
     return np.array(points)
@@ -167,22 +245,18 @@ def _animation(
     impact: Impact,
     path: Flight | Course,
     pace: Pace,
-    floor: float,
-    swing: Swing | None,
+    moved: Sequence[Array],
     arrows: Sequence[Arrow],
 ) -> Animation:
-    """Return the motion of leg, ball and shadow, and of the arrows that grow at the impact."""
+    """Return the motion of leg and ball, and of the arrows that grow at the impact."""
     animation = Animation(default_framerate=RATE)
     leg = impact.posture.leg
     for picture, time in enumerate(pace.times):
         # All tracks end together, so that they stay together when they repeat.
         for at in (picture, pace.end) if picture == len(pace.times) - 1 else (picture,):
             with animation.at_frame(viewer, at) as frame:
-                pose = ball_pose(impact.ball_before, path, time)
-                frame["ball"].set_transform(pose)
-                frame["shadow"].set_property("position", "vector3", [*pose[:2, 3], floor])
-                q = swing.configuration(time) if swing else leg_configuration(impact, time)
-                for joint, pose in list(enumerate(joint_poses(leg, q)))[1:]:
+                frame["ball"].set_transform(ball_pose(impact.ball_before, path, time))
+                for joint, pose in list(enumerate(joint_poses(leg, moved[picture])))[1:]:
                     frame[f"leg/{joint}"].set_transform(pose)
     grown = pace.impact + GROWING
     for at, scale in ((0, 1e-3), (pace.impact, 1e-3), (grown, 1.0), (pace.end, 1.0)):

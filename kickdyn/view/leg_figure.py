@@ -1,5 +1,6 @@
 """The figure of a leg: the shapes of its file, and sticks between joints without any."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
@@ -26,6 +27,9 @@ MeshReader = Callable[[str, tuple[float, ...]], list[Triangles]]
 
 MOST_VERTICES = 6_000_000
 """Vertices and triangles of all meshes of a robot: a page of 100 MB."""
+
+CREASE = math.radians(40)
+"""Angle between a triangle and the surface around it from which on there is an edge [rad]."""
 
 PLAIN: Rgba = (0.62, 0.67, 0.73, 1.0)
 KNOB: Rgba = (0.25, 0.27, 0.31, 1.0)
@@ -219,6 +223,24 @@ def _material(part: Part) -> Any:
     return shapes.MeshLambertMaterial(
         color=(red << 16) + (green << 8) + blue,
         opacity=part.rgba[3],
-        # three.js smears the light over a mesh without normals; facets show its true shape
-        flatShading=isinstance(part.shape, shapes.TriangularMeshGeometry),
+        flatShading=has_edges(part.shape),
     )
+
+
+def has_edges(shape: Any) -> bool:
+    """Return whether a mesh has edges, over which three.js would smear the light.
+
+    It has none where each triangle's normal is within `CREASE` of the mean normal at its corners.
+    """
+    if not isinstance(shape, shapes.TriangularMeshGeometry):
+        return False
+    faces = np.asarray(shape.faces)
+    corners = np.asarray(shape.vertices, dtype=float)[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    at_vertices = np.zeros_like(shape.vertices, dtype=float)
+    for corner in range(3):
+        np.add.at(at_vertices, faces[:, corner], normals)
+    means = at_vertices[faces]
+    sizes = np.linalg.norm(normals, axis=1)[:, None] * np.linalg.norm(means, axis=2)
+    along = np.einsum("fi,fci->fc", normals, means)
+    return bool((along < math.cos(CREASE) * sizes).any())

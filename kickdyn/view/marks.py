@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
+from kickdyn.view.document import draw_mark
 
-CURVE, ARROW, SHADOW = 0xE63946, 0x2456D6, 0x14301A
+CURVE, ARROW, AXIS, LINE = 0xE63946, 0x2456D6, 0x1D2733, 0xFFFFFF
+TEE = 0xF2C230
 GRASS = (0x86B56B, 0x7DAD63)
 HEXAGON, PENTAGON = 0xF7F7F2, 0x1E2A38
 SIDES = 8  # of a tube that draws a curve
@@ -61,16 +63,63 @@ def draw_ground(viewer: Any, centre: Array, forward: Array, stripe: float, reach
     light, deep = (np.array([c >> 16, c >> 8 & 255, c & 255]) / 255 for c in GRASS)
     colours = light + shade[..., None] * (deep - light)
     corners = 4 * np.arange(len(pieces))[:, None, None]
-    viewer.set_object(
-        shapes.TriangularMeshGeometry(
-            np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3),
-            (corners + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3),
-            colours.reshape(-1, 3),
-        ),
-        shapes.MeshBasicMaterial(vertexColors=True),
+    lawn = shapes.TriangularMeshGeometry(
+        np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3),
+        (corners + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3),
+        colours.reshape(-1, 3),
     )
+    viewer.set_object(lawn, shapes.MeshBasicMaterial(vertexColors=True))
+    viewer["shadow"].set_object(lawn, _Shadow(color=0, opacity=0.4, **NEARER))
     up = np.array([0.0, 0.0, 1.0])
     viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), centre))
+
+
+class _Shadow(shapes.GenericMaterial):  # type: ignore[misc]
+    """three.js's material that is seen only where a shadow falls."""
+
+    _type = "ShadowMaterial"
+
+
+NEARER = {"polygonOffset": True, "polygonOffsetFactor": -1.0, "polygonOffsetUnits": -4.0}
+"""Of the material of what lies in the plane of the ground, so that it is seen."""
+
+
+def draw_distances(
+    viewer: Any, start: Array, forward: Array, step: float, length: float, width: float
+) -> None:
+    """Draw a white line along the ground, with a mark and its distance every `step` metres.
+
+    Args:
+        viewer: the node to draw into.
+        start: on the ground, shape `(3,)` [m].
+        forward: horizontal unit vector of the line, shape `(3,)`.
+        step: between marks [m].
+        length: at which the line ends [m], at the nearest mark beyond or just before it.
+        width: of the line [m].
+    """
+    count = max(1, math.ceil(length / step - 0.05))
+    wide, half = width / 2, max(0.06 * step, 3 * width)
+    marks = [(k * step - wide, k * step + wide, -half, half) for k in range(count + 1)]
+    x0, x1, y0, y1 = np.array([(0.0, count * step, -wide, wide), *marks]).T
+    corners = np.stack([np.stack(c, -1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], 1)
+    vertices = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], 2).reshape(-1, 3)
+    faces = 4 * np.arange(len(corners))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
+    lines = shapes.TriangularMeshGeometry(vertices, faces.reshape(-1, 3))
+    viewer.set_object(lines, shapes.MeshBasicMaterial(color=LINE, **NEARER))
+    for k in range(count + 1):
+        draw_mark(viewer[str(k)], f"{round(k * step, 9):g} m", np.array([k * step, -2 * half, 0.0]))
+    up = np.array([0.0, 0.0, 1.0])
+    viewer.set_transform(pose_of(np.column_stack([forward, np.cross(up, forward), up]), start))
+
+
+def draw_axes(viewer: Any, origin: Array, length: float) -> None:
+    """Draw the directions of the world's axes at a point, shape `(3,)` [m], as arrows this long."""
+    look = shapes.MeshBasicMaterial(color=AXIS)
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        _draw_arrow(viewer[name], length * axis, look)
+        text = f"{name}, {length:g} m" if name == "x" else name
+        draw_mark(viewer[f"{name}/name"], text, 1.15 * length * axis)
+    viewer.set_transform(tf.translation_matrix(origin))
 
 
 def draw_curve(
@@ -110,11 +159,18 @@ def draw_dots(viewer: Any, points: Array, radius: float, colour: int) -> None:
     viewer.set_object(shapes.TriangularMeshGeometry(vertices, every), _overlay(colour))
 
 
-def draw_disc(viewer: Any, radius: float, colour: int, opacity: float = 1.0) -> None:
-    """Draw a level disc: the landing, or the shadow that shows the ball's height."""
-    material = shapes.MeshBasicMaterial(color=colour, opacity=opacity)
+def draw_disc(viewer: Any, radius: float, colour: int) -> None:
+    """Draw a level disc."""
+    material = shapes.MeshBasicMaterial(color=colour)
     viewer["disc"].set_object(shapes.Cylinder(0.02 * radius, radius), material)
     viewer["disc"].set_transform(UPRIGHT)
+
+
+def draw_tee(viewer: Any, top: Array, height: float, radius: float) -> None:
+    """Draw the stand of a ball of this radius, of this height below a point `(3,)` [m]."""
+    stand = shapes.Cylinder(height, radiusTop=0.45 * radius, radiusBottom=0.3 * radius)
+    viewer.set_object(stand, shapes.MeshLambertMaterial(color=TEE))
+    viewer.set_transform(pose_of(UPRIGHT[:3, :3], top - np.array([0.0, 0.0, height / 2])))
 
 
 def draw_arrow(viewer: Any, start: Array, vector: Array, colour: int = ARROW) -> None:
@@ -122,13 +178,18 @@ def draw_arrow(viewer: Any, start: Array, vector: Array, colour: int = ARROW) ->
 
     The start is the origin of `viewer`, about which the arrow can be scaled.
     """
+    _draw_arrow(viewer, vector, _overlay(colour))
+    viewer.set_transform(tf.translation_matrix(start))
+
+
+def _draw_arrow(viewer: Any, vector: Array, look: Any) -> None:
+    """Draw an arrow along `vector` [m] from the origin of `viewer`, of a material."""
     length = float(np.linalg.norm(vector))
     shaft = shapes.Cylinder(NECK * length, SHAFT * length)
     head = shapes.Cylinder((1 - NECK) * length, radiusTop=0.0, radiusBottom=HEAD * length)
     for name, shape, begin, end in (("shaft", shaft, 0.0, NECK), ("head", head, NECK, 1.0)):
-        viewer[name].set_object(shape, _overlay(colour))
+        viewer[name].set_object(shape, look)
         viewer[name].set_transform(cylinder_pose(begin * vector, end * vector))
-    viewer.set_transform(tf.translation_matrix(start))
 
 
 def _overlay(colour: int) -> Any:

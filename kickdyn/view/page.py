@@ -23,6 +23,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
+from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.kick import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
@@ -32,8 +33,8 @@ from kickdyn.scene.simulate import simulate_as_instant
 from kickdyn.scene.simulation import Simulation
 from kickdyn.view.caption import kick_panel
 from kickdyn.view.comparison import draw_flights, draw_impacts
-from kickdyn.view.document import html_document, recording_viewer
-from kickdyn.view.kick_scene import describe_buried, draw_kick
+from kickdyn.view.document import Recording, html_document, recording_viewer
+from kickdyn.view.kick_scene import draw_kick
 from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
 from kickdyn.view.wall_and_goal import Box, plane_boxes
@@ -59,6 +60,7 @@ class Page:
         warnings: a line for each robot with visuals that are not drawn, because a mesh is missing,
             say; the panel shows them too.
         height: of the frame in a notebook [px].
+        others: further pages by name, which buttons on this one show in its place.
     """
 
     def __init__(
@@ -67,11 +69,19 @@ class Page:
         self.viewer, self.title, self.panel, self.pace = viewer, title, panel, pace
         self.warnings: tuple[str, ...] = tuple(viewer.window.warnings)
         self.height = validation.number("height", height, above=0, at_most=1e4, unit="px")
+        self.name, self.others = "", dict[str, Page]()
 
     @property
     def html(self) -> str:
         """The page as one file that needs no network."""
-        return html_document(self.viewer, self.title, self.panel)
+        pages = {self.name: self, **self.others}
+        return html_document(self.title, {name: each.recording for name, each in pages.items()})
+
+    @property
+    def recording(self) -> Recording:
+        """What this page shows without the others."""
+        times = None if self.pace is None else self.pace.knots
+        return Recording(self.viewer, self.panel, times)
 
     def save(self, file: str | PathLike[str], at: float = 0.0) -> None:
         """Write the page, or a picture of it where the name ends in `.png`.
@@ -197,8 +207,9 @@ def page(
 ) -> Page:
     """Return a 3-D page of a kick, or of several flights or impacts to compare.
 
-    A kick moves: an `Impact` with the ball's path, a `KickPlan`, a `Swing`, a `Scene` or the
-    `Simulation` of one. A scene is shown with its wall or goal, and its contact as an instant.
+    A kick moves: an `Impact` with the ball's path, a `KickPlan` (with its `backswing` if it has
+    one), a `Swing`, a `Scene` or the `Simulation` of one. A scene is shown with its wall or goal,
+    and its contact as an instant.
     A `Flight`, `Course`, `Launch` or `Pass`, and up to 8 of them, are curves over one lawn; the
     flights of an `Identification` are curves with the measured positions as dots. Up to 8 impacts
     stand side by side, their impulses to one scale.
@@ -206,6 +217,10 @@ def page(
     A robot is drawn with the visuals of its file, bodies without any as sticks from joint to joint.
     A visual that cannot be drawn, as one whose mesh is missing or lies outside the robot's package,
     is left out, and a line of `Page.warnings` names it.
+
+    The ball of a plan, a scene or a course lies on the ground, or flies above it. A single impact
+    does not say where the ground is: it is drawn where the robot stands, or as low as ball and leg
+    come, and the ball is on a tee.
 
     Args:
         subject: one of these; or several flights, or several impacts, in a list or by their names.
@@ -224,7 +239,7 @@ def page(
         raise InvalidInput(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
         )
-    swing = None
+    swing: Swing | Backswing | None = None
     if isinstance(subject, Scene):
         subject = simulate_as_instant(subject)
     if isinstance(subject, Swing):
@@ -236,6 +251,7 @@ def page(
         scenery = [*scenery, *boxes]
     elif isinstance(subject, KickPlan):
         impact, path = subject.impact, subject.path
+        swing = swing or subject.backswing
     elif isinstance(subject, Impact):
         impact = subject
     else:
@@ -244,11 +260,21 @@ def page(
     if path is None:
         path = fly(impact.ball_after, impact.ball, Air())
     viewer = recording_viewer()
-    pace, stripe = draw_kick(viewer, impact, path, scenery, swing)
-    caption = " ".join(filter(None, [caption, describe_buried(impact, path, pace, swing)]))
+    lies = subject is not impact or isinstance(path, Course)
+    drawn = draw_kick(viewer, impact, path, scenery, swing, lies=lies)
+    caption = " ".join(filter(None, [caption, drawn.text]))
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
-    panel = kick_panel(impact, path, pace, stripe, caption, viewer.window.warnings)
-    return Page(viewer, title, panel, pace, height)
+    panel = kick_panel(impact, path, drawn, caption, viewer.window.warnings)
+    return Page(viewer, title, panel, drawn.pace, height)
+
+
+def page_of_pages(pages: Mapping[str, Page]) -> Page:
+    """Return the first of some pages, with buttons for each of them by its name."""
+    (name, first), *others = pages.items()
+    shown = Page(first.viewer, first.title, first.panel, first.pace, first.height)
+    shown.name, shown.others = name, dict(others)
+    shown.warnings = tuple(dict.fromkeys(line for page in pages.values() for line in page.warnings))
+    return shown
 
 
 def _comparison(

@@ -44,6 +44,16 @@ class Pace:
     flight: float
     end: int
 
+    @property
+    def knots(self) -> Array:
+        """Times of the animation, and of the kick that it shows then, shape `(4, 2)` [s].
+
+        The kick's time is linear in between.
+        """
+        last = len(self.times) - 1
+        numbers = np.unique([0, self.impact, self.impact + round(FOLLOW * RATE), last])
+        return np.column_stack([numbers / RATE, self.times[numbers]])
+
     def animation_time(self, time: float) -> float:
         """Return when the animation shows a time, with its arrows at full length [s].
 

@@ -345,6 +345,24 @@ def test_a_robot_on_a_support_says_how_it_stands(tmp_path):
     assert stance["friction"]["left_ankle_roll_link"] <= 0.7
 
 
+def test_a_robot_on_a_support_has_a_backswing(tmp_path):
+    file, picture = tmp_path / "kick.json", tmp_path / "kick.html"
+    arguments = [*G1, "--swing", "--json", str(file), "--view", str(picture)]
+    ended = CliRunner().invoke(plan, arguments)
+    text = " ".join(ended.output.split())
+    (said,) = re.findall(
+        r"backswing takes (0\.\d+) s from rest; the kicking foot stays (\S+)", text
+    )
+    report = json.loads(file.read_text())
+    backswing = report["backswing"]
+    assert float(said[0]) == pytest.approx(backswing["duration"], rel=1e-2)
+    assert float(said[1]) == pytest.approx(1e3 * backswing["clearance"], abs=0.06)
+    assert backswing["time"][-1] == 0.0
+    degrees = [report["leg"]["q_deg"][name] for name in backswing["joints"]]
+    assert np.degrees(backswing["q"][-1]) == pytest.approx(degrees, abs=1e-9)
+    assert "Under the ground in this picture" not in picture.read_text()
+
+
 def test_feet_under_the_ground_are_announced(tmp_path):
     file = tmp_path / "kick.json"
     arguments = ["--leg", "g1", "--distance", "1.5", "--time", "0.5", "--json", str(file)]
@@ -359,7 +377,7 @@ def test_feet_under_the_ground_are_announced(tmp_path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--swing"], "swing is True: g1 stands, and swings are for fixed bases"),
+        (["--swing", "--plot", "a.png"], "plot is 'a.png': swings are drawn for robots on a fixed"),
         (["--ball-height", "0.5"], "lies on its ground, at 0.109817 m"),
         (["--support", "right_knee_link"], "support right_knee_link is on the kicking limb"),
         (["--support", "pelvis"], "stands on left_ankle_roll_link, pelvis: kicks are planned from"),

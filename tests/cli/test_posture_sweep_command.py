@@ -4,6 +4,7 @@ import io
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,9 +20,12 @@ import xarray as xr
 
 import kickdyn
 from kickdyn.air import AIRS
+from kickdyn.cli import posture_sweep_command
 from kickdyn.cli.command import run
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
+from kickdyn.core import compilation
+from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.sweep_kick import kick_from
 
 SMALL = ["--joint", "hip=0:40:20", "--joint", "knee=10", "--joint", "ankle=0"]
@@ -185,6 +189,20 @@ def test_ctrl_c_says_how_to_go_on(tmp_path, by):
     assert re.search(r"interrupted: \d+ of \d+ chunks are in my s\.zarr, --resume goes on", said)
 
 
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_the_progress_says_what_is_compiled(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with posture_sweep_command._progress_bar(10):
+        compilation.log.info("compiling a kernel")
+    compilation.log.info("compiling for someone else")
+    assert "compiling a kernel; later runs read it from disk" in terminal.getvalue()
+    assert "someone else" not in terminal.getvalue()
+
+
 def test_json_on_stdout_stands_alone():
     ended = door(*SMALL, "--json", "-", "--leg", "testbed")
     report = json.loads(ended.stdout)
@@ -288,6 +306,7 @@ def test_a_joint_must_not_hide_a_result(tmp_path, name):
 def test_odd_names_are_just_names(tmp_path):
     odd = r"$\frac$ [red]"
     leg = urdf_of(tmp_path, hip=odd)
+    shutil.copytree(shipped_urdf("meshes"), tmp_path / "meshes")
     files = ["--out", "x.nc", "--plot", "x.png", "--view", "x.html"]
     ended = door("--leg", leg, "--joint", f"{odd}=0:10:5", *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -310,14 +329,17 @@ def test_what_the_leg_cannot_do_is_said(tmp_path):
 
 
 def test_a_missing_mesh_costs_no_result(tmp_path):
-    text = kickdyn.Leg.human().file.text
-    box = '<box size="0.1 0.22 0.08" />'
+    text = kickdyn.Leg.testbed().file.text
+    box = '<box size="0.1 0.14 0.08" />'
+    assert box in text
     (tmp_path / "mine.urdf").write_text(text.replace(box, '<mesh filename="no.stl"/>'))
     files = ["--out", "x.nc", "--json", "x.json", "--view", "x.html"]
     ended = door("--leg", "mine.urdf", *SMALL, *files, cwd=tmp_path)
     assert ended.returncode == 0
     (warning,) = ended.stderr.splitlines()
-    assert warning.startswith("warning: 1 of 7 visuals of leg_human is not drawn: mesh 'no.stl' is")
+    assert warning.startswith(
+        "warning: 1 of 7 visuals of leg_testbed is not drawn: mesh 'no.stl' is"
+    )
     assert {"x.nc", "x.json", "x.html"} < {file.name for file in tmp_path.iterdir()}
     assert "mesh &#x27;no.stl&#x27; is missing" in (tmp_path / "x.html").read_text()
 

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 import kickdyn as kd
-from kickdyn.cli.tune_mujoco_command import tune_mujoco
+from kickdyn.cli.tune_mujoco_command import find_foot, tune_mujoco
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -56,6 +56,95 @@ def test_the_files_are_models_of_mujoco(scene, tmp_path):
 def test_the_ball_can_go_to_a_pipe(scene):
     ended = run(scene, "--out", "-")
     assert mujoco.MjModel.from_xml_string(ended.stdout).nv == 6
+
+
+ROBOT = """<mujoco model="leg">
+  <compiler inertiafromgeom="true"/>
+  <default><geom type="capsule" size="0.05" margin="0.001" rgba="1 0 0 1"/></default>
+  <option integrator="RK4" solver="PGS" timestep="0.003"/>
+  <worldbody>
+    <body name="thigh" pos="0 0 1">
+      <joint name="hip" axis="0 -1 0"/>
+      <geom fromto="0 0 0 0 0 -0.4"/>
+      <body name="shank" pos="0 0 -0.4">
+        <joint name="knee" axis="0 -1 0"/>
+        <geom fromto="0 0 0 0 0 -0.3"/>
+        <body name="foot" pos="0 0 -0.4">
+          <geom name="shoe" type="box" size="0.05 0.05 0.12"/>
+          <site name="toe" pos="0.05 0 0"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def kicked_in_bare_mujoco(folder, robot, v):
+    """Velocity of the ball after a kick in the robot's own file, 5 m/s forward at the toe."""
+    path = folder / "field.xml"
+    path.write_text(robot.replace("</mujoco>", '<include file="ball.xml"/></mujoco>'))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qvel[:2] = v
+    mujoco.mj_integratePos(model, data.qpos, data.qvel, -0.001)
+    while data.time < 0.020:
+        mujoco.mj_step(model, data)
+    fallen = -9.81 * 0.009  # after the contact
+    return model, data.qvel[2:5] - (0, 0, fallen)
+
+
+@pytest.mark.parametrize("friction", [0, 0.3])
+def test_from_the_mjcf_of_a_robot_to_a_ball_that_bounces_as_asked(tmp_path, friction):
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT)
+    ended = run(
+        "--leg", file, "--frame", "toe", "--speed", 5, "--restitution", 0.75,
+        "--friction", friction, "--out", tmp_path / "ball.xml",
+    )  # fmt: skip
+    assert (ended.exit_code, ended.stderr) == (0, "")
+    posture = kd.Leg.from_mjcf(file, "toe").posture([0, 0])
+    v, contact = posture.joint_velocity((5, 0, 0)), kd.Contact((1, 0, 0), 0.75, friction)
+    hit = kd.collide(posture, v, kd.Ball(), contact, dissipation="hunt-crossley")
+    model, velocity = kicked_in_bare_mujoco(tmp_path, ROBOT, v)
+    assert velocity == pytest.approx(hit.ball_after.velocity, abs=0.03 * hit.ball_after.speed)
+    assert model.body("ball").mass[0] == pytest.approx(kd.Ball().mass)
+    assert model.body("ball").inertia == pytest.approx([kd.Ball().inertia] * 3)
+    assert model.npair == (friction > 0)
+
+
+SHOE = '<geom name="shoe" type="box" size="0.05 0.05 0.12"/>'
+
+
+@pytest.mark.parametrize("frame", ["toe", "foot", "shoe"])
+def test_the_geom_of_a_frame_is_found(tmp_path, frame):
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT)
+    assert find_foot(kd.Leg.from_mjcf(file, frame)) == ("shoe",)
+    assert find_foot(kd.Leg.human()) == ()
+
+
+@pytest.mark.parametrize(
+    ("shoes", "known"),
+    [(SHOE + SHOE.replace("shoe", "heel"), "shoe, heel"), ("<geom/>", "none with a name")],
+)
+def test_of_several_geoms_the_command_asks_which(tmp_path, shoes, known):
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT.replace(SHOE, shoes.replace("<geom/>", '<geom type="sphere"/>')))
+    ended = run("--leg", file, "--frame", "toe")
+    assert str(ended.exception) == (
+        "which geom of 'toe' strikes the ball? MuJoCo needs its name for friction: name it with "
+        f"--foot (there are {known}), or choose --friction 0"
+    )
+
+
+def test_a_scene_has_the_whole_kick(scene):
+    ended = run(scene, "--speed", 3, "--leg", "human")
+    assert str(ended.exception).startswith("--leg and --speed cannot be named beside the scene ")
+    ended = run("--speed", 3)
+    assert str(ended.exception) == "there is no kick: name a SCENE, or a leg with --leg"
+    ended = run("--leg", "human", "--joint", "knee=0:10:5")
+    assert str(ended.exception) == "joint 'knee' has 3 values: a kick has one posture"
 
 
 @pytest.mark.parametrize(

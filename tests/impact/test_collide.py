@@ -471,17 +471,35 @@ def test_of_a_closed_loop_it_tends_to_the_strike():
     assert FOURBAR.posture(hit.q_after).leg is FOURBAR  # it would refuse an open loop
 
 
+def test_hinges_without_motors_transmit_nothing_about_their_axes():
+    """While the leg turns by 10 degrees."""
+    impulses = human(contact=kd.Contact((1, 0, 0.3), 0.7, friction=0.4)).joint_impulses
+    assert np.abs(impulses[:, 4]).max() < 1e-12 * np.abs(impulses).max()
+    assert not impulses.flags.writeable
+
+
+def test_a_rail_takes_what_the_ball_gets_across_it():
+    leg = slider()
+    contact = kd.Contact((1, 0.2, 0.3), 0.7, friction=0.4)
+    hit = kd.collide(leg.posture([0.0]), [8.0], kd.Ball(), contact)
+    assert hit.joint_impulses[0, 0] == pytest.approx(0.0, abs=1e-12)
+    assert hit.joint_impulses[0, 1:3] == pytest.approx(hit.impulse[1:], rel=1e-5)
+
+
 def _tends_to_the_strike(kick):
     """Linearly in the contact time, and the constraints hold at the end."""
-    strike, errors = kd.strike(*kick), []
+    strike, errors, inside = kd.strike(*kick), [], []
     for time in (1e-3, 1e-4):
         hit = kd.collide(*kick, contact_time=time, tol=1e-8)
         errors.append(np.linalg.norm(hit.impulse - strike.impulse))
+        inside.append(np.abs(hit.joint_impulses - strike.joint_impulses).max())
         assert hit.energy_residual < 1e-6
         rows = kick[0].leg.posture(hit.q_after).constraint_projector.rows
         assert np.abs(rows @ hit.v_after).max() < 1e-8
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.1)
     assert errors[1] < 0.01 * np.linalg.norm(strike.impulse)
+    assert inside[1] < 0.12 * inside[0]
+    assert inside[1] < 0.01 * np.abs(strike.joint_impulses).max()
     return hit
 
 

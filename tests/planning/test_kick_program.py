@@ -190,7 +190,7 @@ def test_the_threads_of_blas_are_as_before_a_solution():
     if found is None:
         pytest.skip("another BLAS than SciPy's own")
     count = ctypes.CDLL(_fblas.__file__).scipy_openblas_get_num_threads
-    with kick_program._one_blas_thread():
+    with kick_program.one_blas_thread():
         assert count() == 1
     assert count() == found[1]
 

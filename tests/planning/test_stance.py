@@ -8,7 +8,7 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.impact.constraint_impulses import footing
-from kickdyn.planning.stance import LENGTH, TILT, Condition, Stance
+from kickdyn.planning.stance import CLEARANCE, LENGTH, TILT, Condition, Stance
 from kickdyn.robot.standing import StandingRobot
 
 FOOT = "left_ankle_roll_link"
@@ -17,6 +17,7 @@ ROBOT = kd.Leg.from_robot("g1", base="floating", legs_only=True)
 STANDING = StandingRobot(ROBOT.with_supports(kd.Support(FOOT, friction=0.6, sole=CORNERS)))
 IMPULSE = np.array([3.0, 0.5, 1.5])
 LEG = STANDING.leg
+REST = np.zeros(LEG.nv)
 
 
 def postures():
@@ -29,12 +30,12 @@ def test_slopes_are_those_of_differences(impulse):
     stance, vs, step = Stance(STANDING, impulse), np.arange(LEG.nv), 1e-6
     for posture in postures():
         ends = [
-            [stance.margins(LEG.posture(posture.q + sign * step * unit)) for sign in (-1, 1)]
+            [stance.margins(LEG.posture(posture.q + sign * step * unit), REST) for sign in (-1, 1)]
             for unit in np.eye(LEG.nq)
         ]
         slopes = np.array([(high - low) / (2 * step) for low, high in ends]).T
-        assert stance.slopes(posture, vs) == pytest.approx(slopes, abs=1e-5)
-        assert stance.slopes(posture, vs[2:5]) == pytest.approx(slopes[:, 2:5], abs=1e-5)
+        assert stance.slopes(posture, REST, vs)[0] == pytest.approx(slopes, abs=1e-5)
+        assert stance.slopes(posture, REST, vs[2:5])[0] == pytest.approx(slopes[:, 2:5], abs=1e-5)
 
 
 def test_the_centre_of_mass_is_that_of_the_robot_on_its_support():
@@ -62,7 +63,7 @@ def test_the_impulse_of_the_support_is_that_of_a_strike():
 
 def test_margins_agree_with_the_verdict_on_a_support():
     (support,) = STANDING.robot.constraints.supports
-    plain, draw = len(Stance(STANDING).margins(postures()[0])), np.random.default_rng(1)
+    plain, draw = len(Stance(STANDING).margins(postures()[0], REST)), np.random.default_rng(1)
     seen = set()
     for _ in range(300):
         impulse = draw.normal(size=3)
@@ -71,7 +72,7 @@ def test_margins_agree_with_the_verdict_on_a_support():
         p = stance.support_impulse(posture)
         about = p[3:] - np.cross(STANDING.placement.translation, p[:3])
         verdict = footing(support, [*p[:3], *about], STANDING.placement.rotation, 1.0)
-        assert (verdict == "stands") == (stance.margins(posture)[plain:] >= 0.0).all()
+        assert (verdict == "stands") == (stance.margins(posture, REST)[plain:] >= 0.0).all()
         seen.add(verdict)
     assert seen == {"stands", "slips", "tips", "lifts-off"}
 
@@ -79,21 +80,23 @@ def test_margins_agree_with_the_verdict_on_a_support():
 def test_the_kicking_foot_is_as_high_as_its_lowest_corner():
     stance = Stance(STANDING)
     level = LEG.posture(LEG.configuration())  # both soles are on one level
-    heights = stance.margins(level)[4:-1] * LENGTH
+    heights = stance.margins(level, REST)[4:-1] * LENGTH
     assert abs(heights.min()) < 2e-3
     bend = {"right_hip_pitch_joint": -0.8, "right_knee_joint": 0.8}
     raised = LEG.posture(LEG.configuration(bend))
-    assert (stance.margins(raised)[4:-1] * LENGTH).min() > 0.03
+    assert (stance.margins(raised, REST)[4:-1] * LENGTH).min() > 0.03
 
 
 def test_the_trunk_is_upright_within_30_degrees_of_the_vertical():
     stance, draw, seen = Stance(STANDING), np.random.default_rng(5), set()
-    assert stance.margins(LEG.posture(LEG.configuration()))[-1] == pytest.approx(1.0, abs=1e-12)
+    assert stance.margins(LEG.posture(LEG.configuration()), REST)[-1] == pytest.approx(
+        1.0, abs=1e-12
+    )
     for _ in range(50):
         posture = LEG.posture(draw.uniform(-0.6, 0.6, size=LEG.nq))
         q, _ = STANDING.whole(posture.q, np.zeros(LEG.nv))
         height = pin.Quaternion(q[3:7]).matrix()[2, 2]  # of the base's vertical axis
-        found = stance.margins(posture)[-1]
+        found = stance.margins(posture, REST)[-1]
         assert found == pytest.approx((height - math.cos(TILT)) / (1 - math.cos(TILT)), abs=1e-9)
         assert (found >= 0.0) == (math.degrees(math.acos(height)) <= 30.0)
         seen.add(bool(found >= 0.0))
@@ -105,9 +108,9 @@ def test_a_trunk_that_is_the_foot_is_upright():
         kd.Support("pelvis", sole=[(0.1, 0.1, -0.1), (-0.1, 0.1, -0.1), (0.0, -0.1, -0.1)])
     )
     stance = Stance(standing := StandingRobot(robot))
-    posture = standing.leg.posture(np.full(standing.leg.nq, 0.1))
-    assert stance.margins(posture)[-1] == pytest.approx(1.0)
-    assert not stance.slopes(posture, np.arange(standing.leg.nv))[-1].any()
+    posture, still = standing.leg.posture(np.full(standing.leg.nq, 0.1)), np.zeros(standing.leg.nv)
+    assert stance.margins(posture, still)[-1] == pytest.approx(1.0)
+    assert not stance.slopes(posture, still, np.arange(len(still)))[0][-1].any()
 
 
 @pytest.mark.parametrize("condition", Condition)
@@ -119,7 +122,30 @@ def test_a_condition_is_left_out(condition):
     }
     posture, vs = postures()[0], np.arange(LEG.nv)
     every, fewer = Stance(STANDING), Stance(STANDING, without=condition)
-    margins, slopes = every.margins(posture), every.slopes(posture, vs)
+    margins, slopes = every.margins(posture, REST), every.slopes(posture, REST, vs)[0]
     left = np.delete(np.arange(len(margins)), rows[condition])
-    assert fewer.margins(posture) == pytest.approx(margins[left], abs=1e-12)
-    assert fewer.slopes(posture, vs) == pytest.approx(slopes[left], abs=1e-12)
+    assert fewer.margins(posture, REST) == pytest.approx(margins[left], abs=1e-12)
+    assert fewer.slopes(posture, REST, vs)[0] == pytest.approx(slopes[left], abs=1e-12)
+
+
+def test_a_foot_that_rises_is_higher():
+    """By the rule for each corner, and with slopes by q and v as of differences."""
+    stance, plain, lift = Stance(STANDING, lift=20.0), Stance(STANDING), 20.0
+    draw, step, vs = np.random.default_rng(7), 1e-6, np.arange(LEG.nv)
+    for posture in postures():
+        v = draw.normal(size=LEG.nv)
+        off = (plain.margins(posture, v) - stance.margins(posture, v))[4:-1] * LENGTH - CLEARANCE
+        rising = plain.slopes(posture, v, vs)[0][4:-1] * LENGTH @ v  # of each corner
+        assert off == pytest.approx(rising.clip(min=0.0) ** 2 / (2 * lift), abs=1e-9)
+        for side, (by_q, by_v) in enumerate([(1.0, 0.0), (0.0, 1.0)]):
+            ends = [
+                [
+                    stance.margins(
+                        LEG.posture(posture.q + by_q * sign * unit), v + by_v * sign * unit
+                    )
+                    for sign in (-step, step)
+                ]
+                for unit in np.eye(LEG.nv)
+            ]
+            slopes = np.array([(high - low) / (2 * step) for low, high in ends]).T
+            assert stance.slopes(posture, v, vs)[side] == pytest.approx(slopes, abs=1e-4)

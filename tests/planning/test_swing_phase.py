@@ -16,7 +16,7 @@ END = Q + W * TIME / 2
 def part(sign=1, off=1e-6):
     even = np.tile(-W / TIME, (MANY + 1, 1))
     even[::2] += off
-    return make_phase(CHAIN, sign, Q, W, even, TIME, END)
+    return make_phase(CHAIN, sign, Q, W, even, np.linspace(0.0, TIME, MANY + 1), END)
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -29,7 +29,9 @@ def test_both_ends_are_met_exactly(sign):
 
 def test_the_torque_is_looked_for_between_the_nodes():
     w = np.array([9.0, -15.0, 0.0])
-    one = make_phase(CHAIN, 1, Q, w, np.tile(-w / TIME, (2, 1)), TIME, Q + w * TIME / 2)
+    one = make_phase(
+        CHAIN, 1, Q, w, np.tile(-w / TIME, (2, 1)), np.array([0.0, TIME]), Q + w * TIME / 2
+    )
     model, data = CHAIN.model, CHAIN.model.createData()
     torques = [
         np.abs(pin.rnea(model, data, *row) / CHAIN.effort_limit).max()

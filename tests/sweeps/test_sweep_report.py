@@ -6,7 +6,15 @@ import kickdyn as kd
 from kickdyn.sweeps.grid import Grid, read_postures
 from kickdyn.sweeps.summary import summarize
 from kickdyn.sweeps.sweep_kick import kick_from
-from kickdyn.sweeps.sweep_report import as_json, extreme_lines, paper_lines, show, table, text
+from kickdyn.sweeps.sweep_report import (
+    as_json,
+    extreme_lines,
+    page_lines,
+    paper_lines,
+    show,
+    table,
+    text,
+)
 
 LEG, KICK = kd.Leg.human(), kd.Kick()
 
@@ -170,3 +178,46 @@ def test_both_effective_masses_of_stiff_joints():
     assert float(row.split()[-1]) == pytest.approx(free, rel=1e-3)
     plain = swept("knee=10")[2][0].as_json()
     assert plain["free_effective_mass"] == plain["effective_mass"]
+
+
+def of_the_page(*joints, kick=KICK, leg=LEG, where=None):
+    data, summary, lines = swept(*joints, kick=kick, leg=leg, where=where)
+    grid = Grid.of(leg, read_postures(leg, joints))
+    return data, lines, page_lines(leg, grid, kick, summary, lines)
+
+
+def test_a_page_starts_with_the_best_posture_and_the_fastest_foot_of_its_joints():
+    data, (best, worst), shown = of_the_page("hip=0:40:20", "knee=10:30:20", "ankle=-20:20:20")
+    fast, usual, least, last = shown
+    assert [line.label for line in shown] == [
+        f"best, foot {1 / best.values['speed_use']:.3g} m/s",
+        "best, foot 1 m/s",
+        "least joint impulse",
+        "worst",
+    ]
+    assert fast.angles == usual.angles == best.angles
+    assert last.angles == worst.angles
+    velocity = fast.outcome.impact.v_before
+    assert np.max(np.abs(velocity) / LEG.velocity_limit) == pytest.approx(1.0, abs=1e-8)
+    assert fast.values["ball_speed"] * best.values["speed_use"] == pytest.approx(
+        best.values["ball_speed"]
+    )
+    loads = data["worst_joint_impulse"].values
+    assert least.values["worst_joint_impulse"] == pytest.approx(loads.min())
+    assert f"ball leaves at {fast.values['ball_speed']:.3g} m/s" in fast.explanation
+    assert f"{fast.values['carry']:.3g} m until" in fast.explanation
+    assert f"1 m/s it flies {best.values['carry']:.3g} m." in fast.explanation
+    assert "fastest" not in usual.explanation
+
+
+def test_a_page_of_joints_without_speed_limits_has_no_fastest_foot():
+    model = LEG.model
+    model.velocityLimit[:] = np.inf
+    model.upperVelocityLimit[:] = np.inf
+    leg = kd.Leg.from_model(model, "toe")
+    *_, shown = of_the_page("hip=0:10:10", "knee=10", leg=leg)
+    assert [line.label for line in shown] == ["best, foot 1 m/s", "least joint impulse", "worst"]
+
+
+def test_a_page_of_no_posture_is_none():
+    assert of_the_page("hip=0:10:10", "knee=10", where="hip > 90")[2] == []

@@ -8,12 +8,14 @@ import pytest
 
 import kickdyn as kd
 from kickdyn.view.caption import kick_panel
+from kickdyn.view.kick_scene import DrawnKick
 from kickdyn.view.playback import Pace, kick_pace
 
 
 def panel(kick, caption=""):
     hit, _, path = kick
-    return kick_panel(hit, path, kick_pace(hit, path.duration), 1.0, caption)
+    drawn = DrawnKick(kick_pace(hit, path.duration), stripe=1.0, axis=0.2, text="")
+    return kick_panel(hit, path, drawn, caption)
 
 
 def rows(text):
@@ -28,6 +30,7 @@ def numbers(**changed):
     impact = {
         "posture": leg.posture(np.radians([20.0, 30.0, -12.5])),
         "impulse": np.array([0.0, -0.6, 0.8]),
+        "effective_mass": 1.25,
         "joint_impulses": np.array([[0, 0, 0.25], [1.2, 0, 1.6], [0, 0.5, 0]]) @ np.eye(3, 6),
         "worst_joint": ("knee", 2.0),
         "foot_velocity": np.array([3.0, 0.0, 4.0]),
@@ -40,16 +43,17 @@ def numbers(**changed):
     return SimpleNamespace(**{**impact, **changed})
 
 
-PACE = Pace(np.zeros(1), 0, 115.0, 0.5, 1)
+DRAWN = DrawnKick(Pace(np.zeros(1), 0, 115.0, 0.5, 1), stripe=2.0, axis=0.2, text="")
 FLIGHT = {"method": "DOP853, drag", "status": "landed", "range": 17.25, "height": 3.5,
           "duration": 1.5}  # fmt: skip
 
 
 def test_says_the_numbers():
-    said = rows(kick_panel(numbers(), SimpleNamespace(**FLIGHT), PACE, 2.0, ""))
+    said = rows(kick_panel(numbers(), SimpleNamespace(**FLIGHT), DRAWN, ""))
     assert said == {
         "impulse": "1 N s",
         "worst joint": "2 N s at knee",
+        "effective mass": "1.25 kg",
         "foot speed": "5 m/s",
         "ball speed": "10 m/s",
         "ball / foot": "2",
@@ -59,18 +63,19 @@ def test_says_the_numbers():
         "flight time": "1.5 s",
         "flight": "DOP853, drag",
         "shown": "strike 115 times slower, flight 2 times faster",
-        "stripes": "2 m",
+        "ground marks": "every 2 m",
+        "axes": "x forward, y left, z up; arrows of 0.2 m",
         "knee": "30.0°, 2 N s",
         "ankle": "-12.5°, 0.5 N s",
         "hip": "20.0°, 0.25 N s",
     }
-    assert list(said)[-3:] == ["knee", "ankle", "hip"]  # by their impulses
+    assert list(said)[10:13] == ["knee", "ankle", "hip"]  # by their impulses
 
 
 def test_a_joint_that_neither_moves_nor_transmits_is_not_listed():
     impulses = np.array([[0, 0, 0.09], [1.2, 0, 1.6], [0, 0.05, 0]]) @ np.eye(3, 6)
     impact = numbers(joint_impulses=impulses, v_before=np.array([0.0, 0.0, 1.0]))
-    text = kick_panel(impact, SimpleNamespace(**FLIGHT), PACE, 2.0, "")
+    text = kick_panel(impact, SimpleNamespace(**FLIGHT), DRAWN, "")
     said = rows(text)
     assert "2 joints: angle and impulse" in text
     assert "hip" not in said
@@ -82,7 +87,7 @@ def test_a_course_along_the_ground():
     ball, felt = kd.Ball(), kd.Surface("felt", 0.5, 0.5, rolling_deceleration=1.0)
     launch = kd.BallState(velocity=(4, 0, 0), spin=(0, 4 / ball.radius, 0))
     course = kd.follow(launch, ball, ground=kd.Ground(-ball.radius, felt))
-    said = rows(kick_panel(numbers(), course, PACE, 2.0, ""))
+    said = rows(kick_panel(numbers(), course, DRAWN, ""))
     assert said["path"] == "8 m along the ground"
     assert said["time"] == "4 s"
     assert said["speed there"] == "0 m/s"
@@ -154,7 +159,8 @@ def test_many_joints_are_folded_the_most_loaded_first():
     posture = leg.posture(leg.configuration({"right_knee_joint": 0.5}))
     hit = kd.strike(posture, posture.joint_velocity([4, 0, 1]), kd.Ball(),
                        kd.Contact([4, 0, 1], 0.8))  # fmt: skip
-    plain, folded = panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball()))).split("<details>")
+    text = panel((hit, kd.Ball(), kd.fly(hit.ball_after, kd.Ball())))
+    plain, folded, _ = text.split("<details>")
     name, size = hit.worst_joint
     assert rows(plain)["worst joint"] == f"{size:.4g} N s at {name}"
     assert not any(joint in rows(plain) for joint in leg.joint_names)

@@ -1,3 +1,4 @@
+import json
 import re
 import subprocess
 import sys
@@ -8,11 +9,15 @@ import numpy as np
 import psutil
 import umsgpack
 
-from kickdyn.view.document import draw_label, html_document, recording_viewer
+from kickdyn.view.document import Recording, draw_label, draw_mark, html_document, recording_viewer
+
+
+def html_of(viewer, title="t"):
+    return html_document(title, {"": Recording(viewer, "")})
 
 
 def test_needs_nothing_from_elsewhere():
-    html = html_document(recording_viewer(), "t", "")
+    html = html_of(recording_viewer())
     assert not re.findall(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", html)
     assert not re.findall(r"<(?:link|iframe|img)\b|@import|<script[^>]+src", html)
     policy = re.search(r'Content-Security-Policy" content="([^"]+)"', html)[1]
@@ -22,7 +27,7 @@ def test_needs_nothing_from_elsewhere():
 
 
 def test_title_is_escaped():
-    html = html_document(recording_viewer(), "</title><script>alert(1)</script>", "")
+    html = html_of(recording_viewer(), "</title><script>alert(1)</script>")
     assert "alert(1)</script>" not in html
     assert "<title>&lt;/title&gt;&lt;script&gt;alert(1)" in html
 
@@ -30,7 +35,7 @@ def test_title_is_escaped():
 def test_a_label_is_escaped_and_names_its_node():
     viewer = recording_viewer()
     draw_label(viewer["x"]["label"], "<b> & c", "#ff8800", np.array([1.0, 2.0, 3.0]))
-    html = html_document(viewer, "t", "")
+    html = html_of(viewer)
     assert (
         '<div class="label" data-node="/meshcat/x/label" style="border-color: #ff8800">'
         "&lt;b&gt; &amp; c</div>"
@@ -56,7 +61,7 @@ def test_no_socket_and_no_child():
     sockets, children = process.net_connections("all"), process.children()
     viewer = recording_viewer()
     viewer["ball"].set_object(shapes.Sphere(0.1))
-    html_document(viewer, "t", "")
+    html_of(viewer)
     assert process.net_connections("all") == sockets
     assert process.children() == children
 
@@ -73,3 +78,75 @@ def test_keeps_what_a_browser_needs_in_order():
         ("set_property", "/meshcat/a", "visible"),
         ("set_property", "/meshcat/a", "color"),
     ]
+
+
+def ball_at(x):
+    viewer = recording_viewer()
+    viewer["ball"].set_object(shapes.Sphere(0.1))
+    viewer["ball"].set_transform(tf.translation_matrix((x, 0, 0)))
+    draw_mark(viewer["m"], f"{x} m", np.zeros(3))
+    return Recording(viewer, f"<p>ball at {x}</p>")
+
+
+def test_what_two_scenes_share_is_on_the_page_once(commands_of):
+    html = html_document("t", {"<near>": ball_at(1), "far": ball_at(2)})
+    assert [command["type"] for command in commands_of(html)] == [
+        "set_object",
+        "set_transform",
+        "set_transform",
+        "set_transform",
+    ]
+    scenes = json.loads(re.search("const scenes = (.*?);  //", html)[1])
+    assert [scene["commands"] for scene in scenes] == [[0, 1, 2], [0, 3, 2]]
+    assert re.findall("<button>(.*?)</button>", html) == ["pause", "&lt;near&gt;", "far"]
+    assert html == html_document("t", {"<near>": ball_at(1), "far": ball_at(2)})  # no random names
+
+
+SWITCH = """<script>setTimeout(() => {
+  const seen = () => [
+    [...document.querySelectorAll("section.scene")].map(each => each.offsetHeight > 0),
+    [...document.querySelectorAll(".labels.scene")].map(each => !each.hidden),
+    viewer.scene_tree.find(["meshcat", "ball"]).object.position.x,
+  ];
+  const all = [seen()];
+  for (const each of [1, 0]) {
+    document.querySelectorAll("nav button")[each].click();
+    all.push(seen());
+  }
+  document.title = JSON.stringify(all);
+}, 500);</script></body>"""
+
+
+def test_buttons_choose_the_scene(chromium, tmp_path):
+    html = html_document("t", {"near": ball_at(1), "far": ball_at(2)})
+    file = tmp_path / "page.html"
+    file.write_text(html.replace("</body>", SWITCH))
+    near, far = [[True, False], [True, False], 1], [[False, True], [False, True], 2]
+    for start, shown in (("", [near, far, near]), ("#scene=1", [far, far, near])):
+        dom = chromium(file.as_uri() + start, "--dump-dom")
+        assert json.loads(re.search("<title>(.*?)</title>", dom)[1]) == shown
+
+
+LOW = """<script>setTimeout(() => {
+  const {controls, camera} = viewer, {target} = controls, floor = 2;
+  const lowest = [];
+  for (const pan of [0, -5, 3]) {
+    target.y += pan;
+    camera.position.set(3, target.y - 4, 0);  // below the ground
+    stay_above_ground();
+    viewer.render();
+    lowest.push([camera.position.y - floor, target.y - floor]);
+  }
+  document.title = JSON.stringify(lowest);
+}, 500);</script></body>"""
+
+
+def test_the_camera_stays_above_the_ground(chromium, tmp_path):
+    viewer = recording_viewer()
+    viewer["ground"].set_transform(tf.translation_matrix((0, 0, 2)))
+    file = tmp_path / "page.html"
+    file.write_text(html_of(viewer).replace("</body>", LOW))
+    dom = chromium(file.as_uri(), "--dump-dom")
+    for camera, target in json.loads(re.search("<title>(.*?)</title>", dom)[1]):
+        assert camera > 0.0
+        assert target >= -1e-9

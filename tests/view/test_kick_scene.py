@@ -1,18 +1,20 @@
 import math
 import re
-from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import umsgpack
 
 import kickdyn as kd
+from kickdyn.planning.backswing import Backswing
+from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.view import kick_scene
 from kickdyn.view.camera import BOTTOM, LEFT, RIGHT, TOP
 from kickdyn.view.document import recording_viewer
 from kickdyn.view.kick_scene import describe_buried, draw_kick, stripe_width
 from kickdyn.view.leg_figure import joint_poses
-from kickdyn.view.playback import kick_pace
+from kickdyn.view.playback import kick_pace, leg_configuration
 
 
 def film(viewer):
@@ -36,7 +38,7 @@ def draw(viewer, kick):
 @pytest.fixture(scope="module")
 def scene(kick):
     viewer = recording_viewer()
-    return viewer, draw_kick(viewer, kick[0], kick[2])[0]
+    return viewer, draw_kick(viewer, kick[0], kick[2]).pace
 
 
 def test_it_plays_by_itself_for_ever_and_in_step(scene):
@@ -47,21 +49,17 @@ def test_it_plays_by_itself_for_ever_and_in_step(scene):
 
 
 def test_what_moves(scene, kick):
-    hit, ball, path = kick
+    hit, _, path = kick
     tracks, _ = film(scene[0])
     assert {name for name, _ in tracks} == {
         *(f"/meshcat/leg/{joint}" for joint in (1, 2, 3)),
         *(f"/meshcat/joint_arrows/{joint}" for joint in (1, 2, 3)),
-        *(f"/meshcat/{name}" for name in ("ball", "shadow", "arrow")),
+        *(f"/meshcat/{name}" for name in ("ball", "arrow")),
     }
     _, places = tracks["/meshcat/ball", ".position"]
     impact = scene[1].impact
     np.testing.assert_allclose(places[:impact], np.tile(hit.ball_after.position, (impact, 1)))
     np.testing.assert_allclose(places[-1], path.landing.position, atol=1e-12)
-    floor = hit.ball_after.position[2] - ball.radius
-    _, shadow = tracks["/meshcat/shadow", ".position"]
-    np.testing.assert_allclose(shadow[:, :2], places[:, :2])
-    np.testing.assert_allclose(shadow[:, 2], floor)
 
 
 def test_the_largest_arrow_is_as_long_as_three_balls_or_half_the_leg(scene, kick):
@@ -122,6 +120,16 @@ def test_a_whole_swing_is_beside_the_caption():
         assert -BOTTOM < up < TOP
 
 
+def test_a_backswing_is_followed_by_joints_that_come_to_rest(kick, monkeypatch):
+    hit, moved = kick[0], np.array([0.1, 0.2, 0.3])
+    monkeypatch.setattr(Backswing, "configuration", lambda _, time: moved * time)
+    backswing = Backswing(None, None)
+    for time in (-0.4, -0.1, 0.0):
+        assert np.array_equal(kick_scene._configuration(hit, backswing, time), moved * time)
+    after = leg_configuration(hit, 0.1)
+    assert np.array_equal(kick_scene._configuration(hit, backswing, 0.1), after)
+
+
 def test_the_ball_rests_on_the_ground(scene, kick):
     said = [umsgpack.unpackb(packed) for packed in scene[0].window.commands]
     (ground,) = (c["matrix"] for c in said
@@ -129,15 +137,11 @@ def test_the_ball_rests_on_the_ground(scene, kick):
     assert ground[14] == pytest.approx(kick[0].ball_after.position[2] - kick[1].radius)
 
 
-def test_the_shadow_is_smaller_than_the_ball_and_the_lawn_ends_beyond_the_landing(
-    kick, monkeypatch
-):
-    discs, lawns = [], []
-    monkeypatch.setattr(kick_scene, "draw_disc", lambda *drawn, **_: discs.append(drawn[1]))
+def test_the_lawn_ends_beyond_the_landing(kick, monkeypatch):
+    lawns = []
     monkeypatch.setattr(kick_scene, "draw_ground", lambda *drawn: lawns.append(drawn))
     viewer = recording_viewer()
     draw(viewer, kick)
-    assert discs[0] == pytest.approx(0.8 * kick[1].radius)
     ((_, foot, _, _, reach),) = lawns
     away = np.linalg.norm(kick[2].landing.position - foot)
     assert reach > away + 7.0  # eight times the leg and ball, which are about 1 m tall
@@ -174,12 +178,58 @@ def test_stripes_are_round_numbers(extent, width):
 
 
 def test_bodies_under_the_lawn_are_announced(make_kick):
-    hit, _, path = make_kick(kd.Leg.human(), 5.0, degrees=(20, 40, 0))
-    low = SimpleNamespace(
-        duration=path.duration,
-        sample=lambda _: SimpleNamespace(position=hit.ball_before.position - [0.0, 0.0, 5.0]),
-    )
+    hit, ball, path = make_kick(kd.Leg.human(), 5.0, degrees=(20, 40, 0))
     pace = kick_pace(hit, path.duration)
-    assert describe_buried(hit, low, pace) == ""
-    said = describe_buried(hit, path, pace)
+    moved = [leg_configuration(hit, time) for time in pace.times]
+    floor = hit.ball_before.position[2] - ball.radius
+    assert describe_buried(hit.posture.leg, moved, pace, floor - 5.0) == ""
+    said = describe_buried(hit.posture.leg, moved, pace, floor)
+    assert said == draw_kick(recording_viewer(), hit, path).text
     assert re.fullmatch(r"Under the ground in this picture: .* m, \d+ ms (before|after) .*\.", said)
+
+
+def height_of_the_ground(viewer):
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
+    (ground,) = (c["matrix"] for c in said
+                 if c["path"] == "/meshcat/ground" and c["type"] == "set_transform")  # fmt: skip
+    return ground[14]
+
+
+def test_a_ball_that_need_not_lie_on_the_ground_is_on_a_tee_above_the_lowest_point_of_the_leg(
+    make_kick,
+):
+    hit, ball, path = make_kick(kd.Leg.human(), 5.0, degrees=(40, 30, -20))
+    viewer = recording_viewer()
+    drawn = draw_kick(viewer, hit, path, lies=False)
+    floor, bottom = height_of_the_ground(viewer), hit.ball_before.position[2] - ball.radius
+    moved = [leg_configuration(hit, time) for time in drawn.pace.times]
+    assert find_depths(hit.posture.leg, moved, floor) == []
+    assert find_depths(hit.posture.leg, moved, floor + 5e-3) != []
+    assert drawn.text == f"The ball is on a tee, {bottom - floor:.2g} m above the ground."
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
+    (stand,) = (c["object"]["geometries"][0] for c in said
+                if c["path"] == "/meshcat/tee" and c["type"] == "set_object")  # fmt: skip
+    assert stand["height"] == pytest.approx(bottom - floor)
+
+
+def test_a_robot_stands_on_the_ground_also_where_the_ball_is_lower():
+    leg = kd.Leg.from_model(
+        pin.buildModelFromXML(kd.Leg.human().file.text, pin.JointModelFreeFlyer()), "toe"
+    )
+    leg = leg.with_model(_with_a_trunk(leg.model)).with_supports("base")
+    posture = leg.posture(leg.configuration({"knee": 0.3}))
+    hit = kd.strike(posture, posture.joint_velocity([4, 0, 3]), kd.Ball(),
+                    kd.Contact([4, 0, 3], 0.8))  # fmt: skip
+    viewer = recording_viewer()
+    drawn = draw_kick(viewer, hit, kd.fly(hit.ball_after, kd.Ball()), lies=False)
+    assert height_of_the_ground(viewer) == pytest.approx(0.0)  # of the frame that is held
+    depth = kd.Ball().radius - hit.ball_before.position[2]
+    assert drawn.text.endswith(
+        f" The ball is {depth:.2g} m in the ground on which the robot stands."
+    )
+
+
+def _with_a_trunk(model):
+    model = model.copy()
+    model.inertias[1] = pin.Inertia(10.0, np.zeros(3), 0.2 * np.eye(3))
+    return model

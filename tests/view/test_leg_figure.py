@@ -1,6 +1,7 @@
 import io
 import re
 
+import meshcat.geometry as shapes
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +13,7 @@ import kickdyn as kd
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
 from kickdyn.view import leg_figure
 from kickdyn.view.document import recording_viewer
-from kickdyn.view.leg_figure import KNOB, PLAIN, draw_leg, joint_poses, leg_parts
+from kickdyn.view.leg_figure import KNOB, PLAIN, draw_leg, has_edges, joint_poses, leg_parts
 from kickdyn.view.marks import UPRIGHT
 
 
@@ -91,10 +92,13 @@ def test_drawing():
     draw_leg(viewer["leg"], leg, q)
     said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
     objects = [command for command in said if command["type"] == "set_object"]
-    assert len(objects) == len(leg_parts(leg)[0]) == 7
+    assert len(objects) == len(leg_parts(leg)[0]) == 9
     assert {command["object"]["materials"][0]["color"] for command in objects} == {
-        0xD9A37D,
-        0x40454F,
+        0xD9A37D,  # skin
+        0x40454F,  # pins of the joints
+        0x293D73,  # shorts
+        0x292B33,  # boot
+        0xEDEDE6,  # its sole
     }
     moved = {c["path"]: np.reshape(c["matrix"], (4, 4)).T
              for c in said if c["type"] == "set_transform"}  # fmt: skip
@@ -207,7 +211,7 @@ def test_colours(leg_looking_like, material, rgba):
 
 def test_a_colour_is_found_by_its_name():
     visuals = leg_parts(kd.Leg.human())[0]
-    assert {visual.rgba for visual in visuals} == {(0.85, 0.64, 0.49, 1), (0.25, 0.27, 0.31, 1)}
+    assert {visual.rgba for visual in visuals} >= {(0.85, 0.64, 0.49, 1), (0.25, 0.27, 0.31, 1)}
 
 
 def test_a_colour_named_in_another_visual(leg_looking_like):
@@ -332,3 +336,21 @@ def test_a_mesh_is_read_once_and_all_together_are_bounded(leg_looking_like, tmp_
     parts, warning = leg_parts(leg)
     assert len([part for part in parts if part.joint == 1]) == 2
     assert "1 of 3 visuals of leg is not drawn: mesh 'box.obj' is too much: at most 59" in warning
+
+
+def test_only_meshes_with_edges_are_drawn_with_facets():
+    for mesh, edges in ((trimesh.creation.box(), True), (trimesh.creation.icosphere(3), False)):
+        assert has_edges(shapes.TriangularMeshGeometry(mesh.vertices, mesh.faces)) is edges
+    assert not has_edges(shapes.Box([1, 1, 1]))  # three.js knows its normals
+
+
+def test_the_boot_ends_at_the_contact_point():
+    """The nearest point of its surface, and what lies ahead of it."""
+    leg = kd.Leg.human()
+    foot = leg.workspace.model.getJointId("ankle")
+    (boot,) = (part for part in leg_parts(leg)[0] if part.rgba == (0.16, 0.17, 0.2, 1))
+    assert boot.joint == foot
+    mesh = trimesh.Trimesh(boot.shape.vertices, boot.shape.faces)
+    _, (gap,), _ = trimesh.proximity.closest_point_naive(mesh, [leg.contact_lever])
+    assert gap < 0.006
+    assert mesh.bounds[1, 0] == pytest.approx(leg.contact_lever[0], abs=0.002)

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 import umsgpack
@@ -60,7 +62,9 @@ def test_the_arrow_starts_at_the_contact_and_points_along_the_impulse():
 
 def test_the_ground_is_level_and_turned_to_the_flight():
     forward = np.array([0.0, 1.0, 0.0])
-    ((vertices,), said) = drawn(marks.draw_ground, np.array([1.0, 2.0, -3.0]), forward, 0.5, 10.0)
+    (lawn, shaded), said = drawn(marks.draw_ground, np.array([1.0, 2.0, -3.0]), forward, 0.5, 10.0)
+    np.testing.assert_array_equal(lawn, shaded)  # else they would cover each other in patches
+    vertices = lawn
     place = place_of(said, "/meshcat/x")
     np.testing.assert_allclose(place[:3, 0], forward)
     np.testing.assert_allclose(place[:3, 2], (0, 0, 1))
@@ -68,6 +72,35 @@ def test_the_ground_is_level_and_turned_to_the_flight():
     assert not vertices[:, 2].any()
     near = vertices[np.abs(vertices).max(axis=1) < 9.7, 0]  # the seam is at 9.8
     np.testing.assert_allclose(np.unique(near), 0.5 * np.arange(-19, 20))
+
+
+@pytest.mark.parametrize(
+    ("length", "last"), [(0.0, 1), (1.9, 1), (2.05, 1), (2.2, 2), (11.0, 6), (12.0, 6)]
+)
+def test_marks_stand_along_the_flight_at_their_distances(length, last):
+    start, forward = np.array([1.0, 2.0, -3.0]), np.array([0.0, 1.0, 0.0])
+    viewer = recording_viewer()
+    marks.draw_distances(viewer["x"], start, forward, 2.0, length, 0.01)
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
+    texts = [re.sub("<.*?>", "", label) for label in viewer.window.labels]
+    assert texts == [f"{2 * k} m" for k in range(last + 1)]
+    line = place_of(said, "/meshcat/x")
+    for k in range(last + 1):
+        point = line @ place_of(said, f"/meshcat/x/{k}")[:, 3]
+        assert (point[:3] - start) @ forward == pytest.approx(2 * k)
+        assert point[2] == pytest.approx(-3.0)
+
+
+def test_axes_are_those_of_the_world():
+    origin = np.array([1.0, 2.0, 3.0])
+    viewer = recording_viewer()
+    marks.draw_axes(viewer["x"], origin, 0.5)
+    said = [umsgpack.unpackb(packed) for packed in viewer.window.commands]
+    np.testing.assert_allclose(place_of(said, "/meshcat/x")[:3, 3], origin)
+    for name, axis in zip("xyz", np.eye(3), strict=True):
+        np.testing.assert_allclose(place_of(said, f"/meshcat/x/{name}/head")[:3, 1], axis)
+    texts = [re.sub("<.*?>", "", label) for label in viewer.window.labels]
+    assert texts == ["x, 0.5 m", "y", "z"]
 
 
 @pytest.mark.parametrize("end", [(1, 0, 0), (0, -2, 0), (0, 0, 1e-9), (3, 4, -5)])

@@ -16,7 +16,7 @@ import trimesh
 import kickdyn as kd
 from kickdyn.view import marks
 from kickdyn.view.camera import LEFT, RIGHT, UP
-from kickdyn.view.page import _of_scene
+from kickdyn.view.page import _of_scene, page_of_pages
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +97,33 @@ def test_swapped_arguments_of_save_are_refused_in_a_short_line(tmp_path, kick, m
     assert list(tmp_path.iterdir()) == []
 
 
+def test_one_page_of_several(make_kick, tmp_path):
+    pages = {
+        f"{speed} m/s": kd.page(make_kick(kd.Leg.human(), speed)[0], height=300) for speed in (1, 2)
+    }
+    made = page_of_pages(pages)
+    assert made.height == 300
+    assert made.title == pages["1 m/s"].title
+    assert re.findall("<button>(.* m/s)</button>", made.html) == ["1 m/s", "2 m/s"]
+    for one in pages.values():
+        assert one.panel in made.html
+    assert len(made.html) < sum(len(one.html) for one in pages.values()) - 1_000_000
+
+
+def test_a_bare_impact_is_drawn_above_the_lowest_point_of_the_leg(make_kick):
+    """An impact does not say where the ground is, but a plan, a scene and a course do."""
+    hit, ball, _ = make_kick(kd.Leg.human(), 2.0, degrees=(40, 30, -20))
+    assert "on a tee" in kd.page(hit).html
+    scene = kd.Scene(hit.posture.leg, hit.posture.q, hit.v_before, ball, hit.contact)
+    course = kd.follow(
+        hit.ball_after, ball, ground=kd.Ground(hit.ball_before.position[2] - ball.radius, "turf")
+    )
+    for subject in ((scene,), (hit, course)):
+        shown = kd.page(*subject).html
+        assert "on a tee" not in shown
+        assert "Under the ground in this picture" in shown
+
+
 def test_the_page_in_a_browser(page, chromium, tmp_path):
     file, picture = tmp_path / "kick.html", tmp_path / "kick.png"
     file.write_text(page, encoding="utf-8")
@@ -143,7 +170,7 @@ def test_the_page_plays_for_ever(page, chromium, tmp_path):
     )
     assert playing
     assert time > 0.2
-    assert actions == 9
+    assert actions == 8
     assert for_ever
     assert fetched == 0
 
@@ -153,7 +180,7 @@ LABELS = """<script>setTimeout(() => {
   const {scrollWidth, scrollHeight} = document.documentElement;
   document.title = JSON.stringify([innerWidth, innerHeight,
     right, bottom, scrollWidth, scrollHeight,
-    [...document.querySelectorAll(".label")].map(each => {
+    [...document.querySelectorAll(".label:not(.mark)")].map(each => {
       const {left, top, width, height} = each.getBoundingClientRect();
       return [each.innerText, each.style.visibility, left, top, width, height];
     })]);

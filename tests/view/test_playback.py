@@ -153,3 +153,10 @@ def test_a_support_stays_where_it_is():
         pin.framesForwardKinematics(leg.model, data, motion.leg_configuration(hit, time))
         places.append(data.oMf[leg.model.getFrameId(foot)].copy())
     assert all(place.isApprox(places[0], 1e-12) for place in places)
+
+
+@pytest.mark.parametrize("backswing", [None, 0.3])
+def test_the_clock_of_the_page_shows_the_times_of_the_pictures(backswing):
+    pace = motion.kick_pace(hit_with([30.0], [20.0]), 2.5, backswing)
+    shown = np.interp(np.arange(len(pace.times)) / motion.RATE, *pace.knots.T)
+    np.testing.assert_allclose(shown, pace.times, atol=1e-12)

@@ -1,0 +1,33 @@
+"""Options of command lines that take several numbers."""
+
+import math
+from collections.abc import Callable
+
+import click
+
+from kickdyn.errors import InvalidInput
+
+
+def _numbers(separator: str, count: int) -> Callable[..., list[float] | None]:
+    """Return a callback of click that reads so many numbers."""
+
+    def read(_: click.Context, option: click.Option, text: str | None) -> list[float] | None:
+        """Return the numbers of an option's text; None where it is not given."""
+        if text is None:
+            return None
+        try:
+            values = [float(part) for part in text.split(separator)]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(map(math.isfinite, values)):
+            name = option.opts[0].lstrip("-")
+            raise InvalidInput(
+                f"{name} is {text!r}: it must be {count} numbers, as {option.metavar}"
+            )
+        return values
+
+    return read
+
+
+PAIR, TRIPLE = _numbers(":", 2), _numbers(",", 3)
+"""Callbacks of options such as `--over DISTANCE:HEIGHT` and `--offset X,Y,Z`."""

@@ -45,7 +45,7 @@ def fly_many(
 
     The answers are those of `fly`, hundreds of times as fast, without its planes, orientation and
     samples in between. The first call in a process takes about a second to load, the very first
-    some twenty to compile, and each new air or ball another one.
+    some five to compile, and each new air or ball another one.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape

@@ -1,16 +1,26 @@
-"""Time the sweep's kernels beside a Python loop of the same Pinocchio calls, in one run.
+"""Time the sweep's kernels beside loops of the same Pinocchio calls, in one run on one thread.
 
     python benchmarks/sweep.py
 
-The loop: `pin.crba`, `pin.computeFrameJacobian` and LAPACK's Cholesky solve for the impulse along
-the normal; with the flight, `solve_ivp` (RK45, 1e-9) to the landing. One thread; each figure is the
-best of several rounds, taken in turn.
+The loops, over the same postures: in C++ (`pinocchio_loop.cpp`, which is compiled here for this
+processor, in two minutes; g++ and Eigen's headers are needed, Debian's libeigen3-dev), and in
+Python. Both call `crba`, take the frame's Jacobian and solve for the impulse along the normal with
+Cholesky factors, without friction; "with joints" adds `rnea` for the impulses inside the joints.
+The kernels compute more: friction, and with joints the least use of the speed limits and residuals.
+Answers are compared to 1e-12. To the landing, the loop is Python's with `solve_ivp` (RK45, 1e-9).
+Times are processor times per posture, the shortest of rounds that are taken in turn.
 """
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -18,46 +28,102 @@ from by_hand import fly_by_hand
 from scipy.linalg import lapack
 
 import kickdyn as kd
+from kickdyn.core.validation import Array
 from kickdyn.sweeps.carry_table import launches
 from kickdyn.sweeps.chunk_solver import ChunkSolver
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.kernels import Kernel
+from kickdyn.sweeps.kernels import DOUBT, MOBILITY, WORST, Kernel
 from kickdyn.sweeps.sweep import CARRY_TOLERANCE
 from kickdyn.sweeps.sweep_kick import Kick
 
 KICK = Kick(speed=12.0)
-FEW, MANY, FLOWN, ROUNDS = 3000, 200_000, 60, 5
+FEW, MANY, FLOWN, ROUNDS = 3000, 200_000, 60, 15
+PUSH = (1.0 + KICK.restitution_used) * KICK.speed
+"""Change of the foot's velocity relative to the ball [m/s]."""
+
+Run = Callable[[], "tuple[float, ...]"]
+"""Something to time: returns its processor times per posture [us]."""
 
 
-def loop(leg: kd.Leg) -> Callable[[], list[float]]:
-    """Return what most people would write."""
+def timed(work: Callable[[], object], count: int) -> Run:
+    """Return the run of some Python code that computes `count` postures."""
+
+    def run() -> tuple[float, ...]:
+        begin = time.process_time()
+        work()
+        return ((time.process_time() - begin) / count * 1e6,)
+
+    return run
+
+
+def shortest(*runs: Run) -> list[float]:
+    """Return the shortest times of each run, rounds taken in turn."""
+    rounds = [[t for run in runs for t in run()] for _ in range(ROUNDS)]
+    return [min(times) for times in zip(*rounds, strict=True)]
+
+
+def python_loop(leg: kd.Leg, postures: Array) -> Callable[[], Array]:
+    """Return what most people would write: inverse effective masses [1/kg] and impulses [N s]."""
     model, frame, n = leg.model, leg.frame_id, KICK.direction
-    data, draw = model.createData(), np.random.default_rng(0)
-    postures = draw.uniform(-0.5, 0.7, (FEW, leg.nq))
+    data = model.createData()
 
-    def impulses() -> list[float]:
+    def compute() -> Array:
         found = []
         for q in postures:
             inertia = pin.crba(model, data, q)
             jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
             row = n.dot(jacobian[:3])
             give = row.dot(lapack.dposv(inertia, row, lower=1)[1])
-            found.append(1.8 * KICK.speed / (give + 1.0 / KICK.ball.mass))
-        return found
+            found.append((give, PUSH / (give + 1.0 / KICK.ball.mass)))
+        return np.array(found)
 
-    return impulses
+    return compute
 
 
-def best(*runs: tuple[Callable[[], object], int]) -> list[float]:
-    """Return the shortest time per posture of each [us], rounds taken in turn."""
-    times = [float("inf")] * len(runs)
-    for _ in range(ROUNDS):
-        for i, (run, count) in enumerate(runs):
-            begin = time.perf_counter()
-            run()
-            times[i] = min(times[i], (time.perf_counter() - begin) / count * 1e6)
-    return times
+def compile_cpp_loop(folder: Path) -> Path | None:
+    """Return the program of the loop in C++, or None where it cannot be compiled, and say why."""
+    source, program = Path(__file__).with_name("pinocchio_loop.cpp"), folder / "pinocchio_loop"
+    prefix = Path(pin.__file__).parents[4]  # of the wheel: its headers and libraries
+    places = [prefix / "include" / "eigen3", Path("/usr/include/eigen3")]
+    eigen = next((place for place in places if (place / "Eigen").is_dir()), None)
+    compiler = shutil.which(os.environ.get("CXX", "g++"))
+    if compiler is None or eigen is None or not (prefix / "include" / "pinocchio").is_dir():
+        missing = "compiler g++" if compiler is None else "headers of Eigen or Pinocchio"
+        print(f"No {missing}: there is no loop in C++ to compare with.\n")
+        return None
+    options = [
+        "-O3", "-march=native", "-DNDEBUG", "-std=c++17", "-w",
+        # as Pinocchio's own CMake files say
+        "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
+        "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
+        f"-I{prefix / 'include'}", f"-I{eigen}", f"-L{prefix / 'lib'}",
+        f"-Wl,-rpath,{prefix / 'lib'}",
+    ]  # fmt: skip
+    command = [compiler, *options, str(source), "-o", str(program), "-lboost_serialization"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if "error" in line]
+        print(f"The loop in C++ cannot be compiled: {(lines or ['no reason given'])[0]}\n")
+        return None
+    return program
+
+
+def cpp_loop(program: Path, leg: kd.Leg, postures: Array) -> tuple[Run, Callable[[], Array]]:
+    """Return the run of the loop in C++, and a function that reads its answers."""
+    model, given, answers = (program.with_name(name) for name in ("model", "given", "answers"))
+    leg.model.saveToText(str(model))
+    postures.tofile(given)
+    numbers = (*KICK.direction, PUSH, 1.0 / KICK.ball.mass)
+    command = [program, model, given, len(postures), leg.frame_id, *map(float, numbers), answers]
+
+    def run() -> tuple[float, ...]:
+        done = subprocess.run(
+            [str(each) for each in command], capture_output=True, text=True, check=True
+        )
+        return tuple(map(float, done.stdout.split()))
+
+    return run, lambda: np.fromfile(answers).reshape(-1, 2)
 
 
 def fine(names: tuple[str, ...]) -> Grid:
@@ -81,28 +147,62 @@ def arm() -> kd.Leg:
     return kd.Leg.from_model(model, "toe")
 
 
+def compare(
+    name: str, leg: kd.Leg, planar: bool | None, target: float, program: Path | None
+) -> str:
+    """Return a row of the table."""
+    model = KernelModel.of(leg, KICK, planar)
+    level = KernelModel.of(leg, replace(KICK, friction=0.0), planar)
+    assert model is not None
+    assert level is not None
+    grid = fine(leg.joint_names)
+    numbers = np.random.default_rng(0).choice(MANY, FEW, replace=False)
+    postures = np.array([grid.configuration(leg, int(number)) for number in numbers])
+    kernel, frictionless = Kernel(model, leg, grid), Kernel(level, leg, grid)
+    answers = frictionless(0, MANY)[:, numbers]
+    loop = python_loop(leg, postures)
+    sure = frictionless(0, MANY, full=False)[DOUBT, numbers] == 0.0
+    gaps = [answers[MOBILITY] / loop()[:, 0] - 1.0]
+    runs = [
+        timed(loop, FEW),
+        timed(lambda: kernel(0, MANY, full=False), MANY),
+        timed(lambda: kernel(0, MANY), MANY),
+    ]
+    if program is not None:
+        cpp, read = cpp_loop(program, leg, postures)
+        python, bare, whole, cpp_bare, cpp_whole = shortest(*runs, cpp)
+        gives, worst = read().T
+        gaps += [answers[MOBILITY] / gives - 1.0, answers[WORST] / worst - 1.0]
+    else:
+        python, bare, whole = shortest(*runs)
+        cpp_bare = cpp_whole = np.nan
+    gap = max(float(np.abs(each[sure]).max()) for each in gaps)
+    if not gap <= 1e-12:
+        raise SystemExit(f"{name}: kernel and loop differ by {gap:.1e}")
+    return (
+        f"| {name} | {'planar' if model.planar else 'general'} | {cpp_bare:.3f} | {python:.2f} "
+        f"| {bare:.4f} | **{cpp_bare / bare:.1f}** (target {target:g}), {python / bare:.0f} "
+        f"| {cpp_whole:.3f} | {whole:.4f} | {cpp_whole / whole:.1f} | {gap:.0e} |"
+    )
+
+
 def main() -> None:
-    """Print the table."""
+    """Print the table, and the times from posture to landing."""
     human, g1 = kd.Leg.human(), kd.Leg.from_robot("g1", legs_only=True)
     chain = g1.locked({name: 0.0 for name in g1.joint_names if name.startswith("left")})
-    print("| chain | kernel | loop | impulse only | with joints | ratios |")
-    print("|---|---|---|---|---|---|")
-    cases: tuple[tuple[str, kd.Leg, bool | None], ...] = (
-        ("human leg, 3 joints", human, None), ("human leg, 3 joints", human, False),
-        ("arm, 7 joints", arm(), None), ("G1 leg, 6 joints", chain, None),
+    cases: tuple[tuple[str, kd.Leg, bool | None, float], ...] = (
+        ("human leg, 3 joints", human, None, 12), ("human leg, 3 joints", human, False, 7),
+        ("arm, 7 joints", arm(), None, 2), ("G1 leg, 6 joints", chain, None, 1.5),
     )  # fmt: skip
-    for name, leg, planar in cases:
-        model = KernelModel.of(leg, KICK, planar)
-        assert model is not None
-        kernel = Kernel(model, leg, fine(leg.joint_names))
-        peer, bare, whole = best(
-            (loop(leg), FEW),
-            (lambda k=kernel: k(0, MANY, full=False), MANY),  # type: ignore[misc]
-            (lambda k=kernel: k(0, MANY), MANY),  # type: ignore[misc]
-        )
-        kind = "planar" if model.planar else "general"
-        print(f"| {name} | {kind} | {peer:.2f} us | {bare:.3f} us | {whole:.3f} us | "
-              f"{peer / bare:.0f}, {peer / whole:.0f} |")  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        program = compile_cpp_loop(Path(folder))
+        print("| chain | kernel | C++ [us] | Python [us] | impulse alone [us] | times faster than "
+              "C++, Python | C++ with joints [us] | with joints [us] | times faster | largest "
+              "difference |\n|---|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+        for name, leg, planar, target in cases:
+            print(compare(name, leg, planar, target, program), flush=True)
+    load = ", ".join(f"{each:.1f}" for each in os.getloadavg())
+    print(f"load of the machine, {os.cpu_count()} cores: {load}")
     model = KernelModel.of(human, KICK)
     assert model is not None
     assert KICK.air is not None
@@ -112,11 +212,12 @@ def main() -> None:
     read.prepare()
     kernel = Kernel(model, human, postures)
     launched = launches(model, kernel(0, MANY)[:3, :: MANY // FLOWN].T)
-    struck, by_hand, flown, swept = best(
-        (loop(human), FEW),
-        (lambda: fly_by_hand(launched, KICK.ball, air), len(launched.position)),
-        (lambda: exact(0, 50_000), 50_000),
-        (lambda: read(0, MANY), MANY),
+    few = np.random.default_rng(0).uniform(-0.5, 0.7, (FEW, human.nq))
+    struck, by_hand, flown, swept = shortest(
+        timed(python_loop(human, few), FEW),
+        timed(lambda: fly_by_hand(launched, KICK.ball, air), len(launched.position)),
+        timed(lambda: exact(0, 50_000), 50_000),
+        timed(lambda: read(0, MANY), MANY),
     )
     peer = struck + by_hand
     print(f"posture to landing: loop {peer:.0f} us; every ball flown {flown:.2f} us, ratio "

@@ -90,14 +90,14 @@ def mechanical_limb() -> Iterator[Row]:
     slow, fast = (head_on(speed, MODEL, stiffness=HERTZ) for speed in (SLOW, FAST))
     balls = [float(hit.ball_after.speed) for hit in (slow, fast)]
     ratios = balls[0] / SLOW, balls[1] / FAST
+    fitted = f"e is `{MODEL}`, a line through these data; the effective mass is that of M2"
     yield Row(
         "M1", "ball speed, foot at 9.1 and 21.2 m/s", "13.0 and 29.7 m/s",
-        f"{balls[0]:.1f} and {balls[1]:.1f} m/s", "fitted",
-        f"e is `{MODEL}`, a line through these data; the effective mass is that of M2",
+        f"{balls[0]:.1f} and {balls[1]:.1f} m/s", "fitted", fitted,
     )  # fmt: skip
     yield Row(
         "M1", "ball over foot speed", "1.37 to 1.48", f"{ratios[1]:.3f} to {ratios[0]:.3f}",
-        "fitted", "as above",
+        "fitted", fitted,
     )  # fmt: skip
     trend = ratios[1] / ratios[0] - 1.0
     yield Row(
@@ -168,9 +168,9 @@ def punts() -> Iterator[Row]:
         yield Row(
             "M2", f"mean force of distance kicks, ball gains 22.7 m/s, {name}", "834 +- 107 N",
             f"{mean:.0f} N", within(834 - 107, 834 + 107, mean),
-            f"{which}; a soccer ball with Hertz's spring, {other:.0f} N with the spring from "
-            "pressure. The abstract has no ball speed for accuracy kicks (588 +- 64 N), so that "
-            "these cannot be compared",
+            f"{which}; ours is of a soccer ball with Hertz's spring, and {other:.0f} N with the "
+            "spring from pressure. The abstract has no ball speed for accuracy kicks (588 +- 64 "
+            "N), so that these cannot be compared",
         )  # fmt: skip
     for name, duration in (
         ("of the visible contact", "visible_contact_time"),
@@ -186,9 +186,9 @@ def punts() -> Iterator[Row]:
         yield Row(
             "M3", f"peak over mean force, mean {name}", "1.97", f"{ratio:.2f}",
             close((ratio, 1.97)),
-            f"{which}; Hertz's spring, {other:.2f} with the spring from pressure. No choice of "
-            "mean, spring and dissipation has both M2 and M3 inside. The forces (2062 and 1045 N) "
-            "have no ball speed",
+            f"{which}; ours is of Hertz's spring, and {other:.2f} of the spring from pressure. No "
+            "choice of mean, spring and dissipation has both M2 and M3 inside. The forces (2062 "
+            "and 1045 N) have no ball speed",
             f"peak over mean force, mean {name}",
         )  # fmt: skip
     assert not both, "a remark on M3 says so"
@@ -214,7 +214,7 @@ def punts() -> Iterator[Row]:
     share = hit.contact_time / hit.visible_contact_time
     yield Row(
         "M5", "time of acceleration over visible contact", "about 3/4", f"{share:.2f}",
-        close((share, 0.75)), "the hysteretic spring at e = 0.7; a damped spring has 1",
+        close((share, 0.75)), "of the hysteretic spring at e = 0.7; a damped spring has 1",
     )  # fmt: skip
     torque = 0.1 * np.sign(compliance.V) * compliance.LEG.effort_limit
     changes = []
@@ -344,7 +344,7 @@ def plans() -> Iterator[Row]:
     measured = "28.60 to 34.48 m/s; straight approach 25.64 to 32.26 m/s"
     limits = (
         "all joints at the speed limits of `Leg.human()`, in the posture of the largest ball "
-        "speed, along 30 deg, e = 0.7; the toe, which is farther from the joints than the instep"
+        "speed, along 30 deg, e = 0.7, at the toe, which is farther from the joints than the instep"
     )
     yield Row(
         "M10", "ball speed of maximal instep kicks, hip at rest", measured,
@@ -477,8 +477,19 @@ PARTS: tuple[Callable[[], Iterator[Row]], ...] = (
 
 def lines(rows: "list[Row]") -> list[str]:
     """Return the table of docs/explanation/validation.md."""
-    head = ["| | quantity | measured | kickdyn | verdict | remark |", "|---|---|---|---|---|---|"]
-    return [*head, *("| " + " | ".join(row[:6]) + " |" for row in rows)]
+    head = ["| | quantity | measured | kickdyn | verdict |", "|---|---|---|---|---|"]
+    return [*head, *("| " + " | ".join(row[:5]) + " |" for row in rows)]
+
+
+def remarks(rows: "list[Row]") -> list[str]:
+    """Return the remarks under that table, those of equal words once."""
+    of_rows: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if row.why:
+            of_rows.setdefault((row.number, row.why), []).append(row.what)
+    return [
+        f"- **{number}, {'; '.join(names)}:** {why}." for (number, why), names in of_rows.items()
+    ]
 
 
 def short_lines(rows: "list[Row]") -> list[str]:
@@ -489,9 +500,9 @@ def short_lines(rows: "list[Row]") -> list[str]:
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the table, its remarks, and the rows of README.md."""
     rows = [row for part in PARTS for row in part()]
-    print("\n".join([*lines(rows), "", *short_lines(rows)]))
+    print("\n".join([*lines(rows), "", *remarks(rows), "", *short_lines(rows)]))
 
 
 if __name__ == "__main__":

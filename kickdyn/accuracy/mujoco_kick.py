@@ -254,7 +254,8 @@ def scene(
     face = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).matrix()
     foot = (
         f'<geom name="foot" type="box" size="1 1 0.1" quat="{quaternion(face)}" '
-        f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0"/>'
+        f'pos="{row(posture.contact_lever - 0.1 * normal)}" contype="0" conaffinity="0" '
+        'rgba="0.5 0.5 0.5 0.3"/>'
     )
 
     order: list[int] = []
@@ -263,8 +264,13 @@ def scene(
         """Return a body with those that it carries, and add them to the order of MuJoCo's."""
         order.append(joint)
         inside = "".join(body(child) for child in children[joint])
-        face = foot if joint == posture.leg.contact_joint else ""
-        return f"{_body(model, joint)}{face}{inside}</body>\n    "
+        ends = [model.jointPlacements[child].translation for child in children[joint]]
+        face = ""
+        if joint == posture.leg.contact_joint:
+            face = foot
+            ends.append(posture.contact_lever)
+        links = "".join(_link(end) for end in ends)
+        return f"{_body(model, joint)}{face}{links}{inside}</body>\n    "
 
     bodies = "".join(body(joint) for joint in children[0])
     weight = row(model.gravity.linear) if gravity else "0 0 0"
@@ -330,6 +336,18 @@ def _body(model: Any, joint: int) -> str:
         f'quat="{quaternion(placement.rotation)}">'
         f'<inertial pos="{row(inertia.lever)}" mass="{inertia.mass!r}" '
         f'fullinertia="{row(moments)}"/>{element}'
+    )
+
+
+def _link(end: Array) -> str:
+    """Return a geom from the origin of a body to a point, which is seen but collides with nothing.
+
+    Empty for a point near the origin, to which MuJoCo draws none.
+    """
+    if np.linalg.norm(end) < 1e-3:
+        return ""
+    return (
+        f'<geom type="capsule" fromto="0 0 0 {row(end)}" size="0.02" contype="0" conaffinity="0"/>'
     )
 
 

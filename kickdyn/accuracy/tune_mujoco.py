@@ -180,7 +180,8 @@ class MujocoTuning(ReprMixin):
         """Return a model with the ball and its contact, for an `<include>` in a robot's MJCF.
 
         The ball is where the kick strikes it, in the world frame of the leg. The options are those
-        on which the fit depends; they replace those of the robot's file.
+        on which the fit depends; they replace those of the robot's file. Where that file has
+        `inertiafromgeom="true"`, MuJoCo gives the ball the inertia of a shell, 2/3 m r^2.
 
         Args:
             feet: names of the geoms that strike the ball, `foot` by default; only a contact with

@@ -17,6 +17,7 @@ supply to the supporting foot. They are kept where the solver finds such a motio
 `Backswing.warnings` names those that are not.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
 from kickdyn.impact.constraint_impulses import Footing, footing
 from kickdyn.planning.kick_program import one_blas_thread
-from kickdyn.planning.stance import LENGTH, Condition, Stance
+from kickdyn.planning.stance import LENGTH, TILT, UPRIGHT, Condition, Stance
 from kickdyn.planning.swing_phase import (
     LONGEST,
     Motion,
@@ -57,6 +58,13 @@ GAP = 2e-3
 
 MARGIN = 5e-3
 """Distance of the centre of mass at the start from the edge of the sole that it aims at [m]."""
+
+LEAN = math.radians(45)
+"""Largest angle between the trunk and its direction in the robot that stands upright [rad]: more
+than `TILT` at the impact, so that a trunk can come from where it swings back."""
+
+LEAN_MARGIN = (math.cos(LEAN) - math.cos(TILT)) / UPRIGHT
+"""Margin of the stance where the trunk is so far from upright."""
 
 SHARE = 0.01
 """Share of each limit (range, speed and torque of a joint, tilt of the trunk) that the solver
@@ -191,10 +199,13 @@ class Backswing(ReprMixin):
         if fast.max() > 1.0:
             return f"{chain.names[int(np.argmax(fast))]} is faster than its limit"
         rest, still = motion.q[0], np.zeros(len(chain.names))
-        if min(stance.margins(chain.leg.posture(q), still)[-1] for q in motion.q) < 0.0:
-            return "its trunk is more than 30 deg from upright"
+        leg = self.standing.leg  # with the joints that stay at 0: one of them may carry the trunk
+        wholes = [chain.whole(leg, q, still) for q in motion.q]
+        upright = min(stance.margins(leg.posture(q), v)[-1] for q, v in wholes)
+        if upright < LEAN_MARGIN:
+            return f"its trunk is more than {math.degrees(LEAN):.0f} deg from upright"
         weight = pin.rnea(chain.model, chain.model.createData(), rest, still, still)
-        if stance.balance(chain.leg.posture(rest)) < 0.0:
+        if stance.balance(leg.posture(wholes[0][0])) < 0.0:
             return "it does not stand at the start: its centre of mass is beside the sole"
         if (np.abs(weight) > chain.effort_limit).any():
             return "it cannot stand at the start within its torque limits"
@@ -385,7 +396,7 @@ class _BackswingProblem:
                 _hinged(kinematic / RANGE, half - np.abs(off), by_q, none, none),
                 _hinged(kinematic / RANGE, 1.0 - SHARE - np.abs(fast), none, by_v, none),
                 self._above(q, kinematic / HEIGHT),
-                self._placed(q, kinematic, slice(-1, None), SHARE),
+                self._placed(q, kinematic, slice(-1, None), LEAN_MARGIN + SHARE),
             ]
         return _joined(parts)
 
@@ -416,9 +427,11 @@ class _BackswingProblem:
 
     def _placed(self, q: Array, weight: float, rows: slice, gap: float = 0.0) -> _Terms:
         """Return the margins of the stance that count: balance of the sole's edges, then trunk."""
-        posture, still = self._chain.leg.posture(q), np.zeros(self._n)
+        standing, chain = self.stance.standing.leg, self._chain
+        whole, still = chain.whole(standing, q, np.zeros(self._n))
+        posture = standing.posture(whole)
         margins = self.stance.margins(posture, still)[rows]
-        slopes = self.stance.slopes(posture, still, np.arange(self._n))[0][rows]
+        slopes = self.stance.slopes(posture, still, chain.vs)[0][rows]
         none, scale = np.zeros_like(slopes), weight * LENGTH / HEIGHT
         return _hinged(scale, margins - gap, slopes, none, none)
 

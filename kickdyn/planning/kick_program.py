@@ -38,7 +38,7 @@ from kickdyn.impact.strike import strike
 from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
-from kickdyn.planning.stance import LEFT, Condition, Stance
+from kickdyn.planning.stance import Condition, Stance
 from kickdyn.robot.kicking_chain import kicking_chain
 from kickdyn.robot.leg import Leg, Posture
 
@@ -51,6 +51,11 @@ STEP = 1e-7
 
 UNLIMITED = 100.0
 """Scale of the speed of a joint without a limit [rad/s]."""
+
+
+RANGE_LEFT = 0.02
+"""Share of the range of each joint that remains at either end at the impact, where there must be a
+backswing: a joint that is at an end and moves away from it came from beyond."""
 
 
 class KickObjective(StrEnum):
@@ -367,7 +372,7 @@ class KickProgram:
             scale = abs(cost(first.posture, first.v)) or 1.0
         most = np.where(np.isfinite(self.velocity_limit) & self.limits, 1.0 - FEASIBLE, math.inf)
         has_backswing = self.stance is not None and self.stance.lift is not None
-        gap = (LEFT if has_backswing else 0.0) * (self.upper - self.lower)
+        gap = (RANGE_LEFT if has_backswing else 0.0) * (self.upper - self.lower)
         low = np.array([*(self.lower + gap), *-most, 0.0 if cost is None else 1.0])
         high = np.array([*(self.upper - gap), *most, 1.0])
         latest = ProgramPoint(self, np.clip(start, low, high), cost, scale)

@@ -36,10 +36,6 @@ who leans over the ball.
 UPRIGHT = 1.0 - math.cos(TILT)
 """Scale of the height of the trunk's axis over that at the largest tilt."""
 
-LEFT = 0.02
-"""Share of the trunk's tilt, and of the range of each joint, that remains at the impact where there
-must be a backswing: what is at its end and moves away from it came from beyond."""
-
 CLEARANCE = 3e-3
 """Height of the corners of the kicking foot that remains for the rest of it where there must be a
 backswing [m]: a foot of rounded shape is up to 1 mm lower than these corners."""
@@ -98,15 +94,12 @@ class Stance:
 
         The joint velocity of the leg counts where there is a `lift`.
         """
-        rise: Array | float = 0.0
-        left = 0.0
-        if self.lift is not None:
-            rise, left = self._rise(posture, v)[0], LEFT
+        rise = 0.0 if self.lift is None else self._rise(posture, v)[0]
         centre = self.centre_of_mass(posture)[:2]  # it brings the joints' placements up to date
         known = {
             Condition.BALANCE: (self.offsets - self.normals @ centre) / LENGTH,
             Condition.CLEARANCE: (self._points(posture)[:, 2] - self._radii - rise) / LENGTH,
-            Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT - left,
+            Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT,
         }
         parts = [rows for name, rows in known.items() if name != self.without]
         if self.impulse is not None:

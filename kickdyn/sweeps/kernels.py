@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from kickdyn.core import simd
 from kickdyn.core.compilation import compiled, is_kept, named
-from kickdyn.core.simd import BATCH, any_of, batches
+from kickdyn.core.simd import BATCH, any_of, batches, choose
 from kickdyn.core.validation import Array
 from kickdyn.robot.leg import Leg
 from kickdyn.sweeps import (
@@ -70,13 +70,17 @@ class Kernel:
         self._kernel, self._motion = compiled_kernel(model.planar), _kinematics(model.planar)
         joints = [1 + leg.joint_names.index(name) for name in grid.axes]
         slides = [bool(model.slides[k]) for k in joints]
-        tables = [_motion(q, s) for q, s in zip(grid.axes.values(), slides, strict=True)]
         steps = np.array(grid.shape, np.int64)
+        repeats = np.append(np.cumprod(steps[:0:-1])[::-1], 1)
+        tables = [_motion(q, s) for q, s in zip(grid.axes.values(), slides, strict=True)]
+        for a in np.flatnonzero(repeats < BATCH):  # one row per posture, until they begin anew
+            steps[a], table = steps[a] * repeats[a], np.repeat(tables[a], repeats[a], axis=0)
+            tables[a], repeats[a] = np.resize(table, (steps[a] + BATCH, 2)), 1
         self._still = np.concatenate([_motion(np.zeros(1), bool(slide)) for slide in model.slides])
-        self._repeats = np.append(np.cumprod(steps[:0:-1])[::-1], 1)
+        lengths = np.array([len(table) for table in tables])
         self._grid = (
-            steps, np.array(joints, np.int64), np.cumsum(steps) - steps, self._repeats,
-            np.ascontiguousarray(np.concatenate(tables)),
+            steps, np.array(joints), np.cumsum(lengths) - lengths, repeats,
+            np.ascontiguousarray(np.concatenate(tables).T),
         )  # fmt: skip
         kick, ball = model.kick, model.kick.ball
         # what the ball adds to the Delassus matrix along the tangents and along the normal
@@ -93,9 +97,8 @@ class Kernel:
         Rows are as above. Without `full`, the impulse alone is computed, the first five rows.
         """
         answer = np.empty((ROWS, -(-count // BATCH), BATCH))
-        steps, *_ = self._grid
-        digits, done = (first // self._repeats) % steps, first % self._repeats
-        at = np.ascontiguousarray(np.column_stack([digits, done]))
+        steps, _, _, repeats, _ = self._grid
+        at = np.column_stack([(first // repeats) % steps, first % repeats])
         self._kernel(*self._grid, at, *self._model, full, *self._memory(), answer)
         return answer.reshape(ROWS, -1)[:, :count]
 
@@ -106,7 +109,9 @@ class Kernel:
         x[1:, motion.COS], x[1:, motion.SIN] = self._still[1:, :1], self._still[1:, 1:]
         x[0, motion.UNIT] = 1.0  # the base is not rotated
         inertia, rows = np.zeros((n, n, BATCH)), np.zeros((n, motion.AXES, BATCH))
-        return x, inertia, rows, np.zeros((n, BATCH)), np.zeros((_WORK_ROWS, BATCH))
+        work = np.zeros((WORK_ROWS, BATCH))
+        work[-1] = np.arange(BATCH)
+        return x, inertia, rows, np.zeros((n, BATCH)), work
 
 
 def fill_variables(
@@ -157,20 +162,26 @@ def _motion(values: Array, slide: bool) -> NDArray[np.float64]:
 
 
 @njit
-def _deal_axis(first, second, table, repeat, a, at):  # type: ignore[no-untyped-def]
-    """Fill in a joint's first two rows from where axis `a` of the grid is, and move it on."""
-    digit, done, i = at[a, 0], at[a, 1], 0
-    while i < BATCH:
-        run = min(repeat - done, BATCH - i)
-        x, y = table[digit, 0], table[digit, 1]
-        for j in range(i, i + run):
-            first[j], second[j] = x, y
-        i, done = i + run, done + run
-        if done == repeat:
-            done, digit = 0, digit + 1
-            if digit == len(table):
-                digit = 0
-    at[a, 0], at[a, 1] = digit, done
+def _deal_axis(own, first, values, steps, repeat, at, number):  # type: ignore[no-untyped-def]
+    """Fill in a joint's first two rows, from row `first` on, and move its axis of the grid on.
+
+    `values` are those of the axis in two rows. Where `repeat` is 1, they go on beyond `steps` from
+    the beginning; else `repeat` is at least `BATCH`, and a batch has two values at most. `at` is
+    where the axis is, the number of the value and how many postures have had it. `number` counts
+    the postures of a batch.
+    """
+    digit, done = at[0], at[1] + BATCH
+    for row in range(2):
+        if repeat == 1:
+            own[first + row] = batches(values[row, digit : digit + BATCH])[()]
+        else:
+            x, y = values[row, digit], values[row, (digit + 1) % steps]
+            own[first + row] = choose(number >= float(BATCH - (done - repeat)), y, x)
+    if repeat == 1:
+        digit, done = (digit + BATCH) % steps, 0
+    elif done >= repeat:
+        digit, done = (digit + 1) % steps, done - repeat
+    at[0], at[1] = digit, done
 
 
 motion: Any = spatial_kernel
@@ -179,7 +190,9 @@ motion: Any = spatial_kernel
 WIDTH = 3
 """Columns of the Jacobian; 2 in a plane."""
 
-_WORK_ROWS = 19
+WORK_ROWS = 20
+"""Rows of the memory `work`: contact point (4), Delassus matrix (6), impulse (3), what
+`joint_impulses` returns (3), energy lost, doubt, use of the speed limits, and 0, 1, 2 ..."""
 
 
 def _sweep(steps, joints, offsets, repeats, table, at, parent, slides, carries, constants,  # type: ignore[no-untyped-def]
@@ -187,22 +200,22 @@ def _sweep(steps, joints, offsets, repeats, table, at, parent, slides, carries, 
     """Fill in the answers of consecutive postures, `BATCH` at a time.
 
     `steps` is the number of values of each axis of the grid, `joints` its joint, `offsets` where it
-    begins in `table`, which has the first two rows of a joint for every value of every axis;
-    `repeats` is how many postures in a row share a value of the axis. `at` has, of each axis, the
-    number of the first posture's value and how many postures before it share that. `x`, `inertia`,
-    `rows`, `jump` and `work` are memory of the caller's, because code that allocates none compiles
-    in three quarters of the time. The other arguments are those of `impact_kernel`.
+    begins in `table`, which has the first two rows of a joint for every value of every axis, and
+    `repeats` how many postures in a row share a value, see `_deal_axis`; `at` has, of each axis,
+    the number of the first posture's value and how many postures before it share that. `x`,
+    `inertia`, `rows`, `jump` and `work` are memory of the caller's, because code that allocates
+    none compiles in three quarters of the time. The other arguments are those of `impact_kernel`.
     """
     n = len(parent)
     across, along, speed, e, mu = kick
-    motions, floats, inertia, rows = x, work, batches(inertia), batches(rows)
-    x, jump, work, answer = batches(x), batches(jump), batches(work), batches(answer)
+    floats, x, inertia, rows = work, batches(x), batches(inertia), batches(rows)
+    jump, work, answer = batches(jump), batches(work), batches(answer)
     point, delassus, impulse, reaction = work[:4], work[4:10], work[10:13], work[13:16]
-    lost, doubt, use = work[16:17], work[17:18], work[18:]
+    lost, doubt, use, number = work[16:17], work[17:18], work[18:19], work[19]
     for c in range(answer.shape[1]):
         for a in range(len(steps)):
-            own, values = motions[joints[a]], table[offsets[a] : offsets[a] + steps[a]]
-            _deal_axis(own[motion.COS], own[motion.SIN], values, repeats[a], a, at)
+            own, values = x[joints[a]], table[:, offsets[a] :]
+            _deal_axis(own, motion.COS, values, steps[a], repeats[a], at[a], number)
         doubt[0] = 0.0
         motion.place_bodies(parent, slides, constants, x)
         motion.joint_space_inertia(parent, slides, constants, x, inertia)

@@ -72,6 +72,15 @@ def test_mujoco_has_the_same_leg(kick):
     assert at_toe == pytest.approx(kick.foot_velocity, abs=1e-9)
 
 
+def test_a_viewer_shows_the_links(kick):
+    """From each joint to the next one, and to the toe; they collide with nothing."""
+    model = MujocoKick(kick, 1e-4, MujocoContact()).model
+    links = [g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_CAPSULE]
+    assert len(links) >= 3
+    assert not model.geom_contype[links].any()
+    assert not model.geom_conaffinity[links].any()
+
+
 def _row(model, data, k):
     """A row of MuJoCo's joint-space inertia."""
     moved = np.zeros(model.nv)

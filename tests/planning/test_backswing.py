@@ -12,13 +12,13 @@ import pytest
 import kickdyn as kd
 from kickdyn.planning import backswing as backswing_module
 from kickdyn.planning.backswing import (
+    LEAN,
     WEIGHTS,
     Backswing,
     _BackswingProblem,
     _Dynamics,
     find_backswing,
 )
-from kickdyn.planning.stance import TILT
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
 BALL, AIR, FOOT = kd.Ball(), kd.Air(), "left_ankle_roll_link"
@@ -93,7 +93,7 @@ def test_joints_and_trunk_keep_their_limits(plan):
         assert (q[7:] >= leg.lower[7:]).all()
         assert (q[7:] <= leg.upper[7:]).all()
         assert (np.abs(v[6:]) <= leg.velocity_limit[6:]).all()
-        assert pin.Quaternion(q[3:7]).matrix()[2, 2] >= math.cos(TILT) - 1e-9
+        assert pin.Quaternion(q[3:7]).matrix()[2, 2] >= math.cos(LEAN) - 1e-9
 
 
 def test_it_starts_in_a_posture_that_stands(plan):
@@ -228,5 +228,6 @@ def test_a_humanoid_of_an_mjcf_file_has_a_backswing():
         for foot, height in (("right_foot", plan.backswing.clearance - 5e-4), ("left_foot", -1e-9)):
             pose = pin.updateFramePlacement(model, data, model.getFrameId(foot))
             assert pose.act(np.array([0.0, 0.0, 0.1]))[2] - 0.075 >= height  # a sphere
+        assert data.oMi[1].rotation[2, 2] >= math.cos(LEAN) - 1e-9  # the torso, above its waist
     assert plan.backswing.clearance >= 0.0
     assert not any("under the ground" in line for line in plan.warnings)

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -248,3 +250,17 @@ def test_a_variable_that_the_kernel_does_not_fill_in_ends_the_sweep(monkeypatch)
     )
     with pytest.raises(KeyError, match="added"):
         fill_variables(answer, model, rows, np.zeros(2, np.int8))
+
+
+@pytest.mark.parametrize("shape", [(3, 7, 13), (2, 2, 40), (5, 41, 1), (4, 1, 33), (1, 1, 80)])
+def test_postures_are_those_of_the_grid_wherever_a_range_begins(shape):
+    rng = np.random.default_rng(0)
+    axes = {n: rng.uniform(-0.5, 0.7, k) for n, k in zip(LEG.joint_names, shape, strict=True)}
+    model, kick = KernelModel.of(LEG, Kick()), Kick()
+    alone = [
+        answers(LEG, kick, {n: np.array([q]) for n, q in zip(axes, values, strict=True)})[1][:, 0]
+        for values in itertools.product(*axes.values())
+    ]
+    kernel, size = Kernel(model, LEG, Grid(axes)), len(alone)
+    for first, count in ((0, size), (1, 32), (size // 2 + 3, 33), (size - 1, 1), (17, 50)):
+        assert np.array_equal(kernel(first, count), np.transpose(alone[first : first + count]))

@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -70,11 +71,15 @@ def first_flights() -> None:
 
 def synced(folder: Path) -> int:
     """Let every file of a folder reach the disk; return their size [bytes]."""
-    files = [file for file in folder.rglob("*") if file.is_file()]
-    for file in files:
+
+    def sync(file: Path) -> int:
+        """Let a file reach the disk; return its size [bytes]."""
         with file.open("rb+") as opened:
             os.fsync(opened.fileno())
-    return sum(file.stat().st_size for file in files)
+        return file.stat().st_size
+
+    with ThreadPoolExecutor(16) as pool:  # one after the other, they take ten times as long
+        return sum(pool.map(sync, (file for file in folder.rglob("*") if file.is_file())))
 
 
 def stored(place: Path | None, **how: int) -> tuple[float, float, int, int]:

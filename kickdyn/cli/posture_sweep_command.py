@@ -42,6 +42,7 @@ from kickdyn.sweeps.sweep_report import (
     paper_lines,
     show,
 )
+from kickdyn.view.screenshot import find_browser
 
 if TYPE_CHECKING:
     from kickdyn.view.page import Page
@@ -93,11 +94,9 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
               "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and variables.")  # fmt: skip
 @click.option("--json", "json_file", metavar="FILE", help="Write the table; - is stdout.")
 @click.option("--plot", metavar="FILE.png", help="Draw the sweep (.png, .svg, .pdf).")
-@click.option(
-    "--view",
-    metavar="FILE.html",
-    help="Write a 3-D page of the best kick, and of others in the table.",
-)
+@click.option("--view", metavar="FILE.html|.png",
+              help="Write a 3-D page of the best kick, with buttons for others in the table, or a "
+              "picture of it.")  # fmt: skip
 @click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
 def posture_sweep(
     leg_options: LegOptions,
@@ -149,6 +148,8 @@ def posture_sweep(
 
         check_name(plot)
     check_outputs(file, plot, view, json_file=json_file)
+    if view is not None and Path(view).suffix.lower() == ".png":
+        find_browser(view)
     if store is None and (resume or workers is not None):
         raise InvalidInput("--resume and --workers are for a Zarr store: name it --out DIR.zarr")
     if out is None and variables is not None:

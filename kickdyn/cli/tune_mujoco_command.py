@@ -106,7 +106,7 @@ def tune_mujoco(
 
     The kick is that of a leg, or of SCENE, a TOML file or the name of one that comes with kickdyn.
     The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
-    its velocity.
+    its velocity. A scene whose contact is an instant is tuned for a contact of 10 ms.
 
     Example: kickdyn tune-mujoco --leg human --joint knee=30 --timestep 0.002 --out ball.xml
     """

@@ -1,8 +1,8 @@
 """meshcat scenes in memory, and the HTML that shows them: one file that needs no network.
 
 A page shows one scene at a time; buttons choose among several. At the end of the page's address,
-`#scene=2&at=1.5` shows the third scene and stops its animation at 1.5 s, and `#controls` shows
-meshcat's own controls, which are hidden otherwise.
+`#scene=2&at=1.5` shows the third scene and stops its animation at 1.5 s, `#picture` hides what
+is of use in a browser only, and `#controls` shows meshcat's own controls.
 """
 
 import base64
@@ -133,6 +133,7 @@ const scenes = {scenes};  // of each the numbers of its commands, and times: ani
 const sun = viewer.scene_tree.find(["Lights", "FillLight", "<object>"]).object;
 sun.castShadow = true;
 sun.shadow.mapSize.set(2048, 2048);
+const wanted = new URLSearchParams(location.hash.slice(1));
 let knots = null;
 const [toggle, slider, clock] = document.getElementById("time").children;
 const show = number => {{
@@ -159,7 +160,7 @@ const show = number => {{
   lens.far = 2 * sun.position.length();
   lens.updateProjectionMatrix();
   knots = scenes[number].times;
-  document.getElementById("time").hidden = !knots;
+  document.getElementById("time").hidden = !knots || wanted.has("picture");
   slider.max = viewer.animator.duration;
   viewer.set_3d_pane_size();
 }};
@@ -238,7 +239,6 @@ const refresh = () => {{
 document.querySelectorAll("nav button").forEach((button, number) => {{
   button.onclick = () => show(number);
 }});
-const wanted = new URLSearchParams(location.hash.slice(1));
 show(Math.min(Number(wanted.get("scene")) || 0, scenes.length - 1));
 if (wanted.has("at")) seek(Number(wanted.get("at")));
 requestAnimationFrame(refresh);

@@ -52,7 +52,13 @@ def save_picture(html: str, path: str | PathLike[str], at: float = 0.0) -> None:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
         files = [f"--user-data-dir={folder}/profile", f"--screenshot={draft}"]
-        command = [browser, *_FLAGS.split(), *rooted, *files, f"{page.as_uri()}#at={at:.6f}"]
+        command = [
+            browser,
+            *_FLAGS.split(),
+            *rooted,
+            *files,
+            f"{page.as_uri()}#picture&at={at:.6f}",
+        ]
         try:
             done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:

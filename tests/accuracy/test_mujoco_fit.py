@@ -114,16 +114,16 @@ def test_a_margin_lets_friction_act_at_the_surface_of_the_foot():
     assert found[1] > 1.05 * own
 
 
-def test_the_force_that_ends_ends_the_kick():
-    """At e = 0.3 the foot, turning on without a motor, pushes the ball again 20 ms later."""
-    (kick, *_) = cases(0.3)
-    k, b = closed_form_contact(0.3, 0.010, 5e-4)
+def test_a_kick_ends_when_the_force_does():
+    """At e = 0.2 the foot, turning on without a motor, pushes the ball again before they part."""
+    (kick, *_) = cases(0.2)
+    k, b = closed_form_contact(0.2, 0.010, 0.002)
     contact = MujocoContact((-k, -b), (0.9999, 0.9999, 1.0, 0.5, 1.0))
-    run = MujocoKick(kick.approach, 5e-4, contact, "Euler", True)
-    ball = run.run(0.5, afterwards=0.030)
-    assert np.linalg.norm(ball.velocity) == pytest.approx(kick.target.speed, rel=0.03)
+    run = MujocoKick(kick.approach, 0.002, contact, "Euler", True)
+    ball = run.run(0.5, afterwards=0.044)
+    assert np.linalg.norm(ball.velocity) == pytest.approx(kick.target.speed, rel=0.04)
     assert ball.second_push > 1.0
-    assert run.run(0.5, afterwards=0.010).second_push < 0.01
+    assert run.run(0.5, afterwards=0.002).second_push < 0.01
 
 
 def test_a_kick_that_lasts_too_long_is_an_error():

@@ -20,9 +20,11 @@ import xarray as xr
 
 import kickdyn
 from kickdyn.air import AIRS
+from kickdyn.cli import posture_sweep_command
 from kickdyn.cli.command import run
 from kickdyn.cli.named_legs import load_leg
 from kickdyn.cli.posture_sweep_command import posture_sweep
+from kickdyn.core import compilation
 from kickdyn.robot.urdf_file import shipped_urdf
 from kickdyn.sweeps.sweep_kick import kick_from
 
@@ -185,6 +187,20 @@ def test_ctrl_c_says_how_to_go_on(tmp_path, by):
     assert (stopped.returncode, out) == (1, "")
     assert said.count("\n") == 1
     assert re.search(r"interrupted: \d+ of \d+ chunks are in my s\.zarr, --resume goes on", said)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_the_progress_says_what_is_compiled(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with posture_sweep_command._progress_bar(10):
+        compilation.log.info("compiling a kernel")
+    compilation.log.info("compiling for someone else")
+    assert "compiling a kernel; later runs read it from disk" in terminal.getvalue()
+    assert "someone else" not in terminal.getvalue()
 
 
 def test_json_on_stdout_stands_alone():

@@ -2,9 +2,8 @@
 
 DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wanner, Solving Ordinary
 Differential Equations I, II.5. Coefficients, error estimate, step sizes and interpolant are
-scipy's, and so are the numbers; the steps are our own, because scipy's spend more time on
-bookkeeping than on a ball's acceleration, and because an interpolant is computed only when it is
-read.
+scipy's; the steps are our own, because scipy's spend more time on bookkeeping than on a ball's
+acceleration, and because an interpolant is computed only when it is read.
 """
 
 import math
@@ -26,7 +25,7 @@ Rates = Callable[[float, Array], list[float]]
 
 _STAGES = DOP853.n_stages
 _ERRORS = np.array([DOP853.E5, DOP853.E3])
-_ROWS = [np.ascontiguousarray(row[:k]) for k, row in enumerate([*DOP853.A, DOP853.B])]
+_WEIGHTS = np.vstack([DOP853.A, DOP853.B])
 _EXTRA = [row[: _STAGES + 1 + k] for k, row in enumerate(DOP853.A_EXTRA)]
 _TIMES, _EXTRA_TIMES = DOP853.C.tolist(), DOP853.C_EXTRA.tolist()
 
@@ -210,13 +209,13 @@ class _Solver:
         least, most = 10.0 * (math.nextafter(t, math.inf) - t), 10.0
         h = max(min(h, self.longest), least)
         while True:
-            end = min(t + h, bound)
+            end = t + h if h < (1.0 - 1e-9) * (bound - t) else bound  # and leave no rest
             h = end - t
-            k = np.empty((_STAGES + 1, len(y)))
-            k[0] = rate
+            k = np.zeros((_STAGES + 1, len(y)))
+            k[0], earlier, weights = rate, k[:_STAGES], h * _WEIGHTS
             for i in range(1, _STAGES):
-                k[i] = self.rates(t + _TIMES[i] * h, y + h * (_ROWS[i] @ k[:i]))
-            new = y + h * (_ROWS[_STAGES] @ k[:_STAGES])
+                k[i] = self.rates(t + _TIMES[i] * h, y + weights[i].dot(earlier))
+            new = y + weights[_STAGES].dot(earlier)
             k[_STAGES] = self.rates(end, new)
             self.evaluations += _STAGES
             if self.evaluations > MAX_EVALUATIONS:
@@ -270,7 +269,14 @@ class _Solver:
         """
         began = start[0]
         end = max(end, math.nextafter(began, math.inf))
-        for last_try in (False, False, True):
+        ahead = 1e-7 * (end - began)
+
+        def missing(state: Array, rate: Array) -> float:
+            """Return the time from a state to the event [s], by its rate."""
+            fall = event(state) - event(state + ahead * rate)
+            return event(state) * ahead / fall if fall > 0.0 else 0.0
+
+        for _ in range(5):
             t, state, rate = start
             pieces: list[Step] = []
             h = end - t
@@ -278,19 +284,17 @@ class _Solver:
                 step, h = self.step(t, state, rate, h, end)
                 t, state, rate = step.t, step.end, step.slopes[_STAGES]
                 pieces.append(step)
-            late = 0.0
-            for _ in range(4):
-                ahead = 1e-7 * (end - began)
-                fall = event(state) - event(state + ahead * rate)  # within `ahead`
-                more = -event(state) * ahead / fall if fall > 0.0 else 0.0
-                if abs(more) <= 4e-16 * end:
-                    break
-                late -= more
-                state, rate = step.near_end(late)
-            if last_try or abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
-                break
+            late = more = missing(state, rate)
+            if abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
+                for _ in range(3):
+                    if abs(more) <= 4e-16 * end:
+                        break
+                    state, rate = step.near_end(late)
+                    more = missing(state, rate)
+                    late += more
+                return pieces, end + late, state
             end = max(end + late, math.nextafter(began, math.inf))
-        return pieces, end + late, state
+        return pieces, t, state
 
 
 def _given_up(t: float, reason: str) -> KickdynError:

@@ -49,8 +49,8 @@ from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
 LIFT = 100.0
 """Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
 
-It is a choice: where the foot of G1 and that of gymnasium's humanoid need more in kicks over 1.5 to
-4 m, no backswing is found.
+It is a choice, about ten times gravity: with less, fewer kicks have a backswing; with more, the
+backswing takes more torque.
 """
 
 TRIED = 2

@@ -149,7 +149,7 @@ def test_the_error_of_many_circles_is_at_or_above_the_truth(tol):
     assert true < path.error < 10 * true
 
 
-@pytest.mark.parametrize("tol", [1e-6, 1e-10, 1e-12, 1e-13])
+@pytest.mark.parametrize("tol", [1e-6, 1e-10, 1e-12])
 def test_the_error_is_within_ten_times_the_truth_in_the_median(tol):
     """Against landings computed with 20 digits."""
     paths, true = [], []

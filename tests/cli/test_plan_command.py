@@ -35,10 +35,14 @@ def test_text_and_files(tmp_path):
     files = ["--view", "kick.html", "--json", "kick.json"]
     ended = door("--distance", "30", "--time", "1.5", "--leg", "human", *files, cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
-    for words in ("The ball comes to (30, 0, 0) m after 1.5 s", "launch  24.85", "wrote kick.html"):
+    for words in (
+        "The ball reaches the target (30, 0, 0) m after 1.5 s",
+        "launch  24.85",
+        "wrote kick.html",
+    ):
         assert words in ended.stdout
     page = (tmp_path / "kick.html").read_text()
-    assert "The ball comes to (30, 0, 0) m" in page
+    assert "The ball reaches the target (30, 0, 0) m" in page
     assert "still aloft" not in page
     report = json.loads((tmp_path / "kick.json").read_text())
     assert report["status"] == "met"
@@ -70,8 +74,8 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
         (["--distance", "20000"], "distance is 20000.0: .* at most 10000"),
         (["--robust", "speed=-1"], "robust is 'speed=-1': spread of speed is -1.0"),
         (["--robust", "sped=1"], "robust is 'sped=1': source 'sped' is unknown"),
-        (["--ball-height", "0", "--ball-at", "0,0,0"], "ball-height and ball-at are named"),
-        (["--swing", "--no-limits"], "swing and no-limits are named"),
+        (["--ball-height", "0", "--ball-at", "0,0,0"], "ball-height and ball-at are both given"),
+        (["--swing", "--no-limits"], "swing and no-limits are both given"),
     ],
 )
 def test_messages_have_the_words_of_the_options(words, said):
@@ -105,8 +109,8 @@ def test_a_free_kick_over_a_wall_into_the_corner(tmp_path):
     where = ["--distance", "20", "--left", "3.4", "--height", "2.1", "--wall", "9.15:1.9", "--goal"]
     ended = door(*where, "--view", "free.html", "--json", "free.json", cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert "Its lower edge clears the wall by 0.1 m." in ended.stdout
-    assert "It goes in" in (tmp_path / "free.html").read_text()
+    assert "The lower edge of the ball clears the wall by 0.1 m." in ended.stdout
+    assert "The ball enters the goal" in (tmp_path / "free.html").read_text()
     report = json.loads((tmp_path / "free.json").read_text())
     assert report["goal"]["over"] == [9.15, 2.0]
     assert report["wall"]["above"] == pytest.approx(0.1, abs=1e-6)
@@ -190,9 +194,9 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
-        (["--distance", "30"], "nothing is named beside the target"),
+        (["--distance", "30"], "nothing is given beside the target"),
         (["--distance", "30", "--time", "1", "--launch-speed", "20"], "time and launch-speed are"),
-        (["--distance", "30"], "name one of time, apex, launch-speed, over"),
+        (["--distance", "30"], "give exactly one of time, apex, launch-speed, over"),
         (["--distance", "30", "--launch-speed", "-1"], "launch-speed is -1.0"),
         (["--distance", "30", "--time", "1", "--height", "nan"], "height is nan"),
         (["--distance", "30", "--time", "1", "--left", "inf"], "left is inf"),
@@ -257,7 +261,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
                 "--objective",
                 "kinetic-energy",
             ],
-            "robust and objective are named",
+            "robust and objective are both given",
         ),
         (
             ["--distance", "10", "--time", "1", "--robust", "angle=0.01", "--swing"],
@@ -335,7 +339,7 @@ G1 = ["--leg", "g1", "--support", "left_ankle_roll_link:0.7", "--distance", "3",
 def test_a_robot_on_a_support_says_how_it_stands(tmp_path):
     file = tmp_path / "kick.json"
     ended = CliRunner().invoke(plan, [*G1, "--json", str(file)])
-    assert "It stands on left_ankle_roll_link, its centre of mass" in ended.output
+    assert "The robot stands on left_ankle_roll_link, with its centre of mass" in ended.output
     assert "that foot stands, with friction of 0." in ended.output
     stance = json.loads(file.read_text())["stance"]
     assert stance["footing"] == {"left_ankle_roll_link": "stands"}

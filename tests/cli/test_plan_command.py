@@ -190,7 +190,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
-        (["--distance", "30"], "nothing is named beside the target"),
+        (["--distance", "30"], "nothing is given besides the target"),
         (["--distance", "30", "--time", "1", "--launch-speed", "20"], "time and launch-speed are"),
         (["--distance", "30"], "name one of time, apex, launch-speed, over"),
         (["--distance", "30", "--launch-speed", "-1"], "launch-speed is -1.0"),

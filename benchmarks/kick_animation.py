@@ -21,7 +21,7 @@ FILE = Path(__file__).resolve().parent.parent / "docs" / "images" / "kick.webp"
 SIZE = 880, 495
 """Width and height of the animation [px]."""
 
-PICTURES = 10
+PICTURES = 8
 """Number of pictures per second."""
 
 LAST = 1.5
@@ -29,7 +29,7 @@ LAST = 1.5
 
 
 def page() -> Page:
-    """Return the page of a humanoid robot that stands on its left foot and kicks a ball 3 m far."""
+    """Return the page of a kick over 3 m by a humanoid robot that stands on its left foot."""
     robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
     standing = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
     return kd.page(kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air()))

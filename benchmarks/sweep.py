@@ -3,12 +3,13 @@
     python benchmarks/sweep.py
 
 The loops, over the same postures: in C++ (`pinocchio_loop.cpp`, which is compiled here for this
-processor, in two minutes; g++ and Eigen's headers are needed, Debian's libeigen3-dev), and in
-Python. Both call `crba`, take the frame's Jacobian and solve for the impulse along the normal with
-Cholesky factors, without friction; "with joints" adds `rnea` for the impulses inside the joints.
-The kernels compute more: friction, and with joints the least use of the speed limits and residuals.
-Answers are compared to 1e-12. To the landing, the loop is Python's with `solve_ivp` (RK45, 1e-9).
-Times are processor times per posture, the shortest of rounds that are taken in turn.
+processor; that takes two minutes, 3.5 GB of memory, g++ and Eigen's headers, Debian's
+libeigen3-dev), and in Python. Both call `crba`, take the frame's Jacobian and solve for the impulse
+along the normal with Cholesky factors, without friction; "with joints" adds `rnea` for the impulses
+inside the joints. The kernels compute more: friction, and with joints the least use of the speed
+limits and residuals. Answers are compared to 1e-12. To the landing, the loop is Python's with
+`solve_ivp` (RK45, 1e-9). Times are processor times per posture, the shortest of rounds that are
+taken in turn.
 """
 
 from __future__ import annotations
@@ -179,11 +180,12 @@ def compare(
     gap = max(float(np.abs(each[sure]).max()) for each in gaps)
     if not gap <= 1e-12:
         raise SystemExit(f"{name}: kernel and loop differ by {gap:.1e}")
-    return (
+    row = (
         f"| {name} | {'planar' if model.planar else 'general'} | {cpp_bare:.3f} | {python:.2f} "
         f"| {bare:.4f} | **{cpp_bare / bare:.1f}** (target {target:g}), {python / bare:.0f} "
         f"| {cpp_whole:.3f} | {whole:.4f} | {cpp_whole / whole:.1f} | {gap:.0e} |"
     )
+    return row.replace("nan", "-")
 
 
 def main() -> None:

@@ -28,13 +28,15 @@ author = "The kickdyn authors"
 copyright = "2026, the kickdyn authors, BSD-3-Clause"
 version = release = kickdyn.__version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_math_renderer = "mathml"
 html_title = f"kickdyn {version}"
 html_static_path = ["equations.css"]
 html_css_files = ["equations.css"]
+
+smartquotes = False  # it takes the two hyphens of an option for a dash
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3

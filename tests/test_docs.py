@@ -147,6 +147,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
     """The notebooks are not executed here; their own tests do that."""
     pytest.importorskip("sphinx")
     pytest.importorskip("latex2mathml")
+    pytest.importorskip("sphinx_click")
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q"]
     options = ["-D", "nb_execution_mode=off", "-d", tmp_path / "trees", DOCS, tmp_path / "site"]
     ended = subprocess.run([*command, *options], capture_output=True, text=True)

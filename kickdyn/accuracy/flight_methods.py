@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from kickdyn.accuracy.heyoka_flight import heyoka_landings
+from kickdyn.accuracy.heyoka_flight import heyoka_batch_landings, heyoka_landings
 from kickdyn.accuracy.measurement import Measurement, mark_front, shortest_time
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
@@ -120,6 +120,7 @@ def _methods(scene: str, ball: Ball, air: Air, tolerances: Sequence[float]) -> d
         }
         if compiled:
             methods["heyoka"] = _heyoka(compiled)
+            methods["heyoka, batch of 8"] = _heyoka_batch(ball, air, tolerances)
     return methods
 
 
@@ -179,6 +180,22 @@ def _heyoka(compiled: dict[float, Callable[[BallState], tuple[Array, int]]]) -> 
         """Return the first landings, steps per flight and the number of flights."""
         landings, steps = compiled[tol](_repeated(states))
         return landings[: len(states)], steps / len(landings), len(landings)
+
+    return land
+
+
+def _heyoka_batch(ball: Ball, air: Air, tolerances: Sequence[float]) -> Landings:
+    """Return the landings of heyoka's batch integrators, eight flights at once to their events."""
+    compiled = {tol: heyoka_batch_landings(ball, air, tol, "event") for tol in tolerances}
+
+    def land(states: list[BallState], tol: float) -> tuple[Array, float, int]:
+        """Return the first landings, steps per flight and the number of flights."""
+        many, run = _repeated(states), compiled[tol]
+        assert run is not None
+        n = len(many.position) // 8 * 8
+        many = BallState(many.position[:n], many.velocity[:n], many.spin[:n], np.zeros(n))
+        landings, steps = run(many, np.zeros(n))
+        return landings[: len(states)], steps / n, n
 
     return land
 

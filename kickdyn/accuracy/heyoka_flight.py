@@ -1,4 +1,4 @@
-"""Landing points of a Brazuca by heyoka's Taylor integrator, and its equations of motion."""
+"""Landing points by heyoka's Taylor integrators, and the equations of motion they take."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from kickdyn.aerodynamics import drag, lift
+from kickdyn.aerodynamics.coefficient_model import ConstantCoefficient
 from kickdyn.aerodynamics.spin_decay import smits_smith
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
@@ -19,10 +20,11 @@ def acceleration(
 ) -> tuple[list[Any], Any]:
     """Return acceleration and rate of spin decay in still air, in any arithmetic.
 
-    They are those of `acceleration_function` for the drag `brazuca`, the lift `saturating` and the
-    torque `smits-smith` between Re 7e4 and 5.1e5, where each of these is one analytic formula. The
-    arithmetic `m` has `sqrt` and `exp`: a module of heyoka or a context of mpmath. Velocity and
-    spin are three of its numbers or expressions; without spin (None) there is no lift.
+    They are those of `acceleration_function` where drag, lift and torque all have constant
+    coefficients, and for the drag `brazuca`, the lift `saturating` and the torque `smits-smith`
+    between Re 7e4 and 5.1e5, where each of these is one analytic formula. The arithmetic `m` has
+    `sqrt` and `exp`: a module of heyoka or a context of mpmath. Velocity and spin are three of its
+    numbers or expressions; without spin (None) there is no lift.
     """
     vx, vy, vz = velocity
     speed = m.sqrt(vx * vx + vy * vy + vz * vz)
@@ -43,12 +45,16 @@ def acceleration(
     eighth = m.sqrt(m.sqrt(m.sqrt(1.0 + part * part * part * part)))
     cd = level + drag.SPIN_DRAG * parameter / eighth
     gate = (fit.a - level) / (fit.a - lift.LEAST_DRAG)
-    cl = gate * 0.47 * parameter / (0.135 + parameter)
+    cl, beta = gate * 0.47 * parameter / (0.135 + parameter), smits_smith(1e5, 0.0)
+    models = air.drag, air.lift, air.torque
+    values = [model.value for model in models if isinstance(model, ConstantCoefficient)]
+    if len(values) == 3:
+        cd, cl, beta = values
     pull, push = pressure * cd * speed, pressure * cl * speed * speed / across
     ax, ay, az = (push * side - pull * v for side, v in ((mx, vx), (my, vy), (mz, vz)))
-    beta = air.density * ball.cross_section * ball.radius**2 / ball.inertia * smits_smith(1e5, 0.0)
+    brake = air.density * ball.cross_section * ball.radius**2 / ball.inertia * beta
     creep = 8.0 * math.pi * air.viscosity * ball.radius**3 / ball.inertia
-    return [ax, ay, az - downward(ball, air)], beta * speed + creep
+    return [ax, ay, az - downward(ball, air)], brake * speed + creep
 
 
 def equations(hy: Any, ball: Ball, air: Air) -> list[tuple[Any, Any]]:
@@ -90,9 +96,79 @@ def heyoka_landings(
             ta.reset_cooldowns()
             ta.time = 0.0
             state[:] = begin[i]
+            state[2] = 1e-14  # from 0 it overlooks a landing within the first step
             spin[:] = spins[i]
             steps += ta.propagate_until(100.0)[3]
             landed[i] = state[:3]
         return states.position + landed, steps
+
+    return fly
+
+
+def heyoka_batch_landings(
+    ball: Ball, air: Air, tol: float, ending: str, width: int = 8
+) -> Callable[[BallState, Array], tuple[Array, int]] | None:
+    """Return a function of many launches and their flight times [s]: landing points and steps.
+
+    `width` flights are integrated at once with vector instructions; None without heyoka. The
+    `ending` says how a flight finds its end: `event` is a terminal event, at which all flights of
+    the batch stop, so that those still in the air are continued; `dense output` integrates to 1 %
+    beyond the flight time and finds the root on the interpolant, by Newton's method for the batch
+    at once; `known time` integrates for the flight time and finds nothing, a lower limit.
+    """
+    try:
+        import heyoka as hy
+    except ImportError:
+        return None
+    options: dict[str, Any] = {"pars": np.ones((3, width)), "tol": tol}
+    if ending == "event":
+        down = hy.event_direction.negative
+        options["t_events"] = [hy.t_event_batch(hy.make_vars("z"), direction=down)]
+    ta = hy.taylor_adaptive_batch(equations(hy, ball, air), np.ones((7, width)), **options)
+    goes_on = hy.taylor_outcome.success
+
+    def to_event() -> tuple[Array, int]:
+        """Return landing points and steps of the loaded flights, each up to its event."""
+        ends, steps = np.full(width, 100.0), 0
+        for _ in range(width):
+            ta.propagate_until(ends)
+            outcomes = np.array([result[0] != goes_on for result in ta.propagate_res])
+            steps += sum(result[3] for result in ta.propagate_res)
+            ends = np.where(outcomes, np.minimum(ends, ta.time), ends)
+            if outcomes.all():
+                break
+        return ta.state[:3], steps
+
+    def to_root(times: Array) -> tuple[Array, int]:
+        """Return landing points, read off the interpolant, and steps of the loaded flights."""
+        end = 1.01 * times
+        path = ta.propagate_until(end, c_output=True)[0]
+        for _ in range(6):
+            state = path(end)
+            late = state[2] / state[5]
+            end = end - late
+            if np.abs(late).max() < 1e-6:  # the error is its square
+                break
+        return path(end)[:3], sum(result[3] for result in ta.propagate_res)
+
+    def fly(states: BallState, times: Array) -> tuple[Array, int]:
+        """Return landing points `(n, 3)` [m] and the steps of all; n is a multiple of `width`."""
+        moved, steps = np.empty_like(states.position), 0
+        for first in range(0, len(moved), width):
+            these = slice(first, first + width)
+            ta.set_time(0.0)
+            ta.state[:3], ta.state[3:6], ta.state[6] = 0.0, states.velocity[these].T, 1.0
+            ta.pars[:] = states.spin[these].T
+            if ending == "event":
+                ta.state[2] = 1e-12  # from 0 it overlooks a landing within the first step
+                ta.reset_cooldowns()
+                landed, taken = to_event()
+            elif ending == "dense output":
+                landed, taken = to_root(times[these])
+            else:
+                ta.propagate_until(times[these])
+                landed, taken = ta.state[:3], sum(result[3] for result in ta.propagate_res)
+            moved[these], steps = landed.T, steps + taken
+        return states.position + moved, steps
 
     return fly

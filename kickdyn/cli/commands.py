@@ -25,8 +25,8 @@ COMMANDS = {
 }
 """Each command and its summary: `plan` is the function `plan` of `kickdyn.cli.plan_command`.
 
-Tests require an example and the option `--json` in its help, and its row in
-`docs/reference/commands.md`.
+Tests require an example and the option `--json` in its help, and its row
+and options in `docs/reference/commands.md`.
 """
 
 

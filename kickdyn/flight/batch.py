@@ -2,6 +2,7 @@
 
 import math
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from kickdyn.aerodynamics.coefficient_model import CoefficientModel
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
+from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
@@ -26,7 +28,7 @@ from kickdyn.flight.flight_result import (
 )
 from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
-from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march
+from kickdyn.flight.march import ALOFT, FAILED, LANDED, compiled_march, march, march_is_kept
 from kickdyn.ground import Ground
 
 
@@ -45,7 +47,7 @@ def fly_many(
 
     The answers are those of `fly`, hundreds of times as fast, without its planes, orientation and
     samples in between. The first call in a process takes about a second to load, the very first
-    some twenty to compile, and each new air or ball another one.
+    some five to compile, and each new air or ball another one.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
@@ -100,8 +102,12 @@ def fly_many(
     return xr.Dataset(data, {"axis": ["x", "y", "z"]}, attributes)
 
 
+@lru_cache(maxsize=16)
 def compile_flights(ball: Ball, air: Air) -> None:
-    """Compile what `fly_many` calls, or read it from the disk."""
+    """Compile what `fly_many` calls, in two processes at once, or read it from disk."""
+    if march_is_kept() is False:
+        with calling_beside("the equations of motion of a ball", compiled_rates, ball, air):
+            compiled_march()
     compiled_march()
     compiled_rates(ball, air)
 
@@ -195,6 +201,7 @@ def _integrate(
     scenes: Array, velocities: Array, ball: Ball, air: Air, tol: float, time_limit: float
 ) -> tuple[Array, NDArray[np.int8], NDArray[np.int64]]:
     """Return nodes, status and evaluations of flights through the air."""
+    compile_flights(ball, air)
     rates, velocities = compiled_rates(ball, air), np.array(velocities)  # which can be written to
     limits = max(tol, 100 * float(np.finfo(float).eps)), tol, time_limit
     try:

@@ -108,8 +108,8 @@ class Flight(ReprMixin):
 
         It is twice what the landing moves, in space or along the path in its time, when the
         tolerance is 10,000 times tighter (at tightest 1e-13). Below 1e-11, where that is not tight
-        enough to tell, it is at least 1.5 times what it moves when the tolerance is 5 times wider,
-        and 0.7 times when it is 10 times wider. It is never less than a thousandth of the
+        enough to tell, it is at least 1.4 times what it moves when the tolerance is 5 times wider,
+        and 0.6 times when it is 10 times wider. It is never less than a thousandth of the
         tolerance's share of the flight's length or 3e-14 of it, and the rounding of the position is
         added. In the median it is 2 to 10 times the error (`benchmarks/batch_flight.py`). For a
         closed form the rounding is all. Each of those flights is computed on first use; where the
@@ -224,7 +224,7 @@ def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float,
     known = all(model is None or is_known(model) for model in models)
     own = air is not None and (callable(air.wind) or not known)
     finer = (max(1e-4 * tol, 1e-13), duration / 500 if own else None, 2.0)
-    return [finer, (5 * tol, None, 1.5), (10 * tol, None, 0.7)] if tol < 1e-11 else [finer]
+    return [finer, (5 * tol, None, 1.4), (10 * tol, None, 0.6)] if tol < 1e-11 else [finer]
 
 
 def least_error(tol: float) -> float:

@@ -2,9 +2,8 @@
 
 DOP853 is an explicit Runge-Kutta method of order 8(5,3): Hairer, Norsett & Wanner, Solving Ordinary
 Differential Equations I, II.5. Coefficients, error estimate, step sizes and interpolant are
-scipy's, and so are the numbers; the steps are our own, because scipy's spend more time on
-bookkeeping than on a ball's acceleration, and because an interpolant is computed only when it is
-read.
+scipy's; the steps are our own, because scipy's spend more time on bookkeeping than on a ball's
+acceleration, and because an interpolant is computed only when it is read.
 """
 
 import math
@@ -13,7 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
+from scipy.integrate import DOP853, DenseOutput
 from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
@@ -26,7 +25,7 @@ Rates = Callable[[float, Array], list[float]]
 
 _STAGES = DOP853.n_stages
 _ERRORS = np.array([DOP853.E5, DOP853.E3])
-_ROWS = [np.ascontiguousarray(row[:k]) for k, row in enumerate([*DOP853.A, DOP853.B])]
+_WEIGHTS = np.vstack([DOP853.A, DOP853.B])
 _EXTRA = [row[: _STAGES + 1 + k] for k, row in enumerate(DOP853.A_EXTRA)]
 _TIMES, _EXTRA_TIMES = DOP853.C.tolist(), DOP853.C_EXTRA.tolist()
 
@@ -60,25 +59,26 @@ class Step(DenseOutput):  # type: ignore[misc]
         super().__init__(t_old, t)
         self.begin, self.end, self.slopes = begin, end, slopes
         self._rates = rates
-        self._terms: list[Array] = []
+        self._terms: Array | None = None
 
-    def _call_impl(self, t: Array) -> Array:
-        """Return the states at one time or n, shape `(m,)` or `(m, n)`."""
-        h = self.t - self.t_old
-        if not self._terms:
+    def terms(self) -> Array:
+        """Return the terms of the interpolant, shape `(7, m)`, which takes three evaluations."""
+        if self._terms is None:
+            h = self.t - self.t_old
             k = np.empty((_STAGES + 1 + len(_EXTRA), len(self.begin)))
             k[: _STAGES + 1] = self.slopes
             for i, (row, part) in enumerate(zip(_EXTRA, _EXTRA_TIMES, strict=True), _STAGES + 1):
                 k[i] = self._rates(self.t_old + part * h, self.begin + h * (row @ k[:i]))
             moved = self.end - self.begin
             bent = h * k[0] - moved, 2.0 * moved - h * (k[_STAGES] + k[0])
-            self._terms = [moved, *bent, *(h * (DOP853.D @ k))]
-        x = (t - self.t_old) / h
+            self._terms = np.array([moved, *bent, *(h * (DOP853.D @ k))])
+        return self._terms
+
+    def _call_impl(self, t: Array) -> Array:
+        """Return the states at one time or n, shape `(m,)` or `(m, n)`."""
+        x = (t - self.t_old) / (self.t - self.t_old)
         x = x if np.ndim(x) == 0 else np.asarray(x)[:, None]
-        a, b, c, d, e, f, g = self._terms
-        z = 1.0 - x
-        y = a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))
-        return np.asarray(self.begin + x * y).T
+        return np.asarray(self.begin + _moved(x, self.terms())).T
 
     def near_end(self, late: float) -> tuple[Array, Array]:
         """Return states and rates shortly before or after the end, of the cubic through both ends.
@@ -91,6 +91,13 @@ class Step(DenseOutput):  # type: ignore[misc]
         skew = (last + first - 2.0 * moved / h) / (h * h)
         states = self.end + late * (last + late * (bend + late * skew))
         return states, last + late * (2.0 * bend + late * 3.0 * skew)
+
+
+def _moved(x: Array, terms: Array) -> Array:
+    """Return how far the states have moved after a fraction of a step, from the terms of it."""
+    a, b, c, d, e, f, g = terms
+    z = 1.0 - x
+    return np.asarray(x * (a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))))
 
 
 class FlightArc(NamedTuple):
@@ -120,13 +127,19 @@ def joined(arcs: Sequence[FlightArc], begin: Array) -> Callable[[Array], Array]:
     Without any arc they are those at the beginning.
     """
     pieces = [piece for arc in arcs for piece in arc.pieces]
-    path = OdeSolution([pieces[0].t_old, *(p.t for p in pieces)], pieces) if pieces else None
+    begins = np.array([piece.t_old for piece in pieces])
 
     def states(t: Array) -> Array:
         """Return the states at times, shape `(states, n)`."""
-        if path is None or not t.size:  # scipy's solution takes no empty array
+        if not pieces or not t.size:
             return np.tile(begin[:, None], (1, t.size))
-        return np.asarray(path(t))
+        which = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
+        first = int(which.min())
+        few, which = pieces[first : int(which.max()) + 1], which - first
+        began, ended = np.array([(piece.t_old, piece.t) for piece in few])[which].T
+        terms = np.array([piece.terms() for piece in few]).transpose(1, 0, 2)[:, which]
+        x = ((t - began) / (ended - began))[:, None]
+        return np.asarray((np.array([piece.begin for piece in few])[which] + _moved(x, terms)).T)
 
     return states
 
@@ -210,13 +223,13 @@ class _Solver:
         least, most = 10.0 * (math.nextafter(t, math.inf) - t), 10.0
         h = max(min(h, self.longest), least)
         while True:
-            end = min(t + h, bound)
+            end = t + h if h < (1.0 - 1e-9) * (bound - t) else bound  # and leave no rest
             h = end - t
-            k = np.empty((_STAGES + 1, len(y)))
-            k[0] = rate
+            k = np.zeros((_STAGES + 1, len(y)))
+            k[0], earlier, weights = rate, k[:_STAGES], h * _WEIGHTS
             for i in range(1, _STAGES):
-                k[i] = self.rates(t + _TIMES[i] * h, y + h * (_ROWS[i] @ k[:i]))
-            new = y + h * (_ROWS[_STAGES] @ k[:_STAGES])
+                k[i] = self.rates(t + _TIMES[i] * h, y + weights[i].dot(earlier))
+            new = y + weights[_STAGES].dot(earlier)
             k[_STAGES] = self.rates(end, new)
             self.evaluations += _STAGES
             if self.evaluations > MAX_EVALUATIONS:
@@ -270,7 +283,14 @@ class _Solver:
         """
         began = start[0]
         end = max(end, math.nextafter(began, math.inf))
-        for last_try in (False, False, True):
+        ahead = 1e-7 * (end - began)
+
+        def missing(state: Array, rate: Array) -> float:
+            """Return the time from a state to the event [s], by its rate."""
+            fall = event(state) - event(state + ahead * rate)
+            return event(state) * ahead / fall if fall > 0.0 else 0.0
+
+        for _ in range(5):
             t, state, rate = start
             pieces: list[Step] = []
             h = end - t
@@ -278,19 +298,17 @@ class _Solver:
                 step, h = self.step(t, state, rate, h, end)
                 t, state, rate = step.t, step.end, step.slopes[_STAGES]
                 pieces.append(step)
-            late = 0.0
-            for _ in range(4):
-                ahead = 1e-7 * (end - began)
-                fall = event(state) - event(state + ahead * rate)  # within `ahead`
-                more = -event(state) * ahead / fall if fall > 0.0 else 0.0
-                if abs(more) <= 4e-16 * end:
-                    break
-                late -= more
-                state, rate = step.near_end(late)
-            if last_try or abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
-                break
+            late = more = missing(state, rate)
+            if abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
+                for _ in range(3):
+                    if abs(more) <= 4e-16 * end:
+                        break
+                    state, rate = step.near_end(late)
+                    more = missing(state, rate)
+                    late += more
+                return pieces, end + late, state
             end = max(end + late, math.nextafter(began, math.inf))
-        return pieces, end + late, state
+        return pieces, t, state
 
 
 def _given_up(t: float, reason: str) -> KickdynError:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from kickdyn.core import lanes
-from kickdyn.core.compilation import compiled, named
+from kickdyn.core.compilation import compiled, is_kept, named
 from kickdyn.core.lanes import HOW, LANES, WITHIN
 from kickdyn.core.validation import Array
 from kickdyn.flight import compiling
@@ -103,10 +103,20 @@ def compiled_march() -> Any:
         numba.types.FunctionType(SIGNATURE), matrix, matrix, *(numba.float64,) * 3,
         matrix, numba.int8[::1], numba.int64[::1], *(matrix,) * 4,
     )  # fmt: skip
+    return compiled(_named_march(), signature, "the integration of flights", **_OPTIONS)
+
+
+def march_is_kept() -> bool | None:
+    """Return whether `_march` is on disk as machine code; None where it cannot be kept."""
+    return is_kept(_named_march())
+
+
+@cache
+def _named_march() -> Any:
+    """Return `_march` under the name that it is kept by."""
     # numba looks for changes in this file only; the others are part of the name
     sources = b"".join(Path(str(file.__file__)).read_bytes() for file in (lanes, compiling))
-    name = f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}"
-    return compiled(named(_march, name), signature, "the integration of flights", **_OPTIONS)
+    return named(_march, f"march_{zlib.crc32(sources, MAX_EVALUATIONS):08x}")
 
 
 def _march(

@@ -8,7 +8,7 @@ from references.exact_flight import landing
 
 import kickdyn as kd
 from kickdyn.accuracy.flight_methods import kicks
-from kickdyn.accuracy.heyoka_flight import equations, heyoka_landings
+from kickdyn.accuracy.heyoka_flight import equations, heyoka_batch_landings, heyoka_landings
 from kickdyn.flight.forces import acceleration_function
 
 BALL, AIR = kd.Ball(), kd.Air(drag="brazuca")
@@ -52,6 +52,18 @@ def test_the_landings_are_those_of_fly():
     assert steps > 5
 
 
+@pytest.mark.parametrize("air", [AIR, kd.Air(drag=0.2, lift=0.15, torque=0.01)])
+@pytest.mark.parametrize("ending", ["event", "dense output", "known time"])
+def test_batches_land_where_fly_many_does(air, ending):
+    pytest.importorskip("heyoka")
+    states = kd.BallState(velocity=[state.velocity for state in kicks(4)], spin=(3, -30, 20))
+    many = kd.fly_many(states, BALL, air, tol=1e-13)
+    fly = heyoka_batch_landings(BALL, air, 1e-14, ending, 4)
+    landed, steps = fly(states, many.duration.values)
+    assert landed == pytest.approx(many.landing_position.values, abs=1e-9)
+    assert steps > 8
+
+
 def test_without_heyoka_there_is_nothing(monkeypatch):
     found = builtins.__import__
 
@@ -62,3 +74,4 @@ def test_without_heyoka_there_is_nothing(monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", lacking)
     assert heyoka_landings(BALL, AIR, 1e-9) is None
+    assert heyoka_batch_landings(BALL, AIR, 1e-9, "event") is None

@@ -68,6 +68,7 @@ def test_commands_are_alike(name):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_is_on_the_page(name):
     assert f"`kickdyn {name}`" in PAGE
+    assert f":prog: kickdyn {name}\n" in PAGE
 
 
 def test_completion_knows_commands_and_options(monkeypatch):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
+from kickdyn.accuracy.flight_methods import LANDINGS, kicks
 from kickdyn.aerodynamics import drag as drag_models
 from kickdyn.aerodynamics.drag import constant
 from kickdyn.flight import integrate
@@ -146,6 +147,32 @@ def test_the_error_of_many_circles_is_at_or_above_the_truth(tol):
     exact = radius * np.array([math.sin(angle), 1 - math.cos(angle), 0])
     true = np.linalg.norm(path.landing.position - exact)
     assert true < path.error < 10 * true
+
+
+@pytest.mark.parametrize("tol", [1e-6, 1e-10, 1e-12])
+def test_the_error_is_within_ten_times_the_truth_in_the_median(tol):
+    """Against landings computed with 20 digits."""
+    paths, true = [], []
+    for scene, torque in (("drag only", None), ("full", "smits-smith")):
+        air = kd.Air(drag="brazuca", torque=torque)
+        for state, landing in zip(kicks(), LANDINGS[scene], strict=True):
+            spin = (0, 0, 0) if torque is None else state.spin
+            paths.append(
+                kd.fly(kd.BallState(velocity=state.velocity, spin=spin), BALL, air, tol=tol)
+            )
+            true.append(math.dist(paths[-1].landing.position[:2], landing))
+    position, velocity, spin = (
+        [getattr(path.launch, name) for path in paths[6:]]
+        for name in ("position", "velocity", "spin")
+    )
+    states = kd.BallState(position, velocity, spin)
+    many = kd.fly_many(states, BALL, kd.Air(drag="brazuca"), tol=tol, error=True)
+    off = np.linalg.norm(many.landing_position.values[:, :2] - LANDINGS["full"], axis=1)
+    for error, truth in (
+        (np.array([path.error for path in paths]), true),
+        (many.error.values, off),
+    ):
+        assert 1.0 < np.median(error / np.array(truth)) < 10.0
 
 
 def test_the_error_counts_the_rounding_of_a_far_position():

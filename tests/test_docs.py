@@ -50,8 +50,8 @@ def test_snippets_print_the_outputs_shown(page, tmp_path):
     """Blocks of a page run one after the other, as a reader would run them.
 
     In the tutorial and the how-to guides these are the commands of `sh` blocks too, and those whose
-    output is shown after a `$`. Blocks of `bash` are not run: they take long, or need files that the
-    repository does not contain.
+    output is shown after a `$`. Blocks of `bash` are not run: they take long, or need files that
+    the repository does not contain.
     """
     for folder in ("urdf", "scenes", "data"):
         shutil.copytree(ROOT / folder, tmp_path / folder)

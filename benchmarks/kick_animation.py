@@ -21,7 +21,7 @@ FILE = Path(__file__).resolve().parent.parent / "docs" / "images" / "kick.webp"
 SIZE = 880, 495
 """Width and height of the animation [px]."""
 
-PICTURES = 10
+PICTURES = 8
 """Number of pictures per second."""
 
 LAST = 1.5
@@ -32,8 +32,7 @@ def page() -> Page:
     """Return the page of a kick over 3 m by a humanoid robot that stands on its left foot."""
     robot = kd.Leg.from_robot("g1", base="floating", legs_only=True)
     standing = robot.with_supports(kd.Support("left_ankle_roll_link", friction=0.7))
-    plan = kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air(), swing=True)
-    return kd.page(plan)
+    return kd.page(kd.plan_kick(standing, kd.Goal(3, time=0.4), kd.Ball(), kd.Air()))
 
 
 def main(file: Path) -> None:

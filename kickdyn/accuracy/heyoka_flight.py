@@ -96,6 +96,7 @@ def heyoka_landings(
             ta.reset_cooldowns()
             ta.time = 0.0
             state[:] = begin[i]
+            state[2] = 1e-14  # from 0 it overlooks a landing within the first step
             spin[:] = spins[i]
             steps += ta.propagate_until(100.0)[3]
             landed[i] = state[:3]

@@ -12,7 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
+from scipy.integrate import DOP853, DenseOutput
 from scipy.optimize import brentq
 
 from kickdyn.core.validation import Array
@@ -59,25 +59,26 @@ class Step(DenseOutput):  # type: ignore[misc]
         super().__init__(t_old, t)
         self.begin, self.end, self.slopes = begin, end, slopes
         self._rates = rates
-        self._terms: list[Array] = []
+        self._terms: Array | None = None
 
-    def _call_impl(self, t: Array) -> Array:
-        """Return the states at one time or n, shape `(m,)` or `(m, n)`."""
-        h = self.t - self.t_old
-        if not self._terms:
+    def terms(self) -> Array:
+        """Return the terms of the interpolant, shape `(7, m)`, which takes three evaluations."""
+        if self._terms is None:
+            h = self.t - self.t_old
             k = np.empty((_STAGES + 1 + len(_EXTRA), len(self.begin)))
             k[: _STAGES + 1] = self.slopes
             for i, (row, part) in enumerate(zip(_EXTRA, _EXTRA_TIMES, strict=True), _STAGES + 1):
                 k[i] = self._rates(self.t_old + part * h, self.begin + h * (row @ k[:i]))
             moved = self.end - self.begin
             bent = h * k[0] - moved, 2.0 * moved - h * (k[_STAGES] + k[0])
-            self._terms = [moved, *bent, *(h * (DOP853.D @ k))]
-        x = (t - self.t_old) / h
+            self._terms = np.array([moved, *bent, *(h * (DOP853.D @ k))])
+        return self._terms
+
+    def _call_impl(self, t: Array) -> Array:
+        """Return the states at one time or n, shape `(m,)` or `(m, n)`."""
+        x = (t - self.t_old) / (self.t - self.t_old)
         x = x if np.ndim(x) == 0 else np.asarray(x)[:, None]
-        a, b, c, d, e, f, g = self._terms
-        z = 1.0 - x
-        y = a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))
-        return np.asarray(self.begin + x * y).T
+        return np.asarray(self.begin + _moved(x, self.terms())).T
 
     def near_end(self, late: float) -> tuple[Array, Array]:
         """Return states and rates shortly before or after the end, of the cubic through both ends.
@@ -90,6 +91,13 @@ class Step(DenseOutput):  # type: ignore[misc]
         skew = (last + first - 2.0 * moved / h) / (h * h)
         states = self.end + late * (last + late * (bend + late * skew))
         return states, last + late * (2.0 * bend + late * 3.0 * skew)
+
+
+def _moved(x: Array, terms: Array) -> Array:
+    """Return how far the states have moved after a fraction of a step, from the terms of it."""
+    a, b, c, d, e, f, g = terms
+    z = 1.0 - x
+    return np.asarray(x * (a + z * (b + x * (c + z * (d + x * (e + z * (f + x * g)))))))
 
 
 class FlightArc(NamedTuple):
@@ -119,13 +127,19 @@ def joined(arcs: Sequence[FlightArc], begin: Array) -> Callable[[Array], Array]:
     Without any arc they are those at the beginning.
     """
     pieces = [piece for arc in arcs for piece in arc.pieces]
-    path = OdeSolution([pieces[0].t_old, *(p.t for p in pieces)], pieces) if pieces else None
+    begins = np.array([piece.t_old for piece in pieces])
 
     def states(t: Array) -> Array:
         """Return the states at times, shape `(states, n)`."""
-        if path is None or not t.size:  # scipy's solution takes no empty array
+        if not pieces or not t.size:
             return np.tile(begin[:, None], (1, t.size))
-        return np.asarray(path(t))
+        which = np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
+        first = int(which.min())
+        few, which = pieces[first : int(which.max()) + 1], which - first
+        began, ended = np.array([(piece.t_old, piece.t) for piece in few])[which].T
+        terms = np.array([piece.terms() for piece in few]).transpose(1, 0, 2)[:, which]
+        x = ((t - began) / (ended - began))[:, None]
+        return np.asarray((np.array([piece.begin for piece in few])[which] + _moved(x, terms)).T)
 
     return states
 

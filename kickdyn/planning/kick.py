@@ -187,8 +187,9 @@ class KickPlan(ReprMixin):
         """
         impact, held = self.impact, self.impact.footing
         lines = [
-            f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
-            "(unilateral_strike computes the kick from ground that only pushes)"
+            f"{name} {state.replace('-', ' ')}: the plan assumes that it stays at rest, which "
+            "takes an impulse that the ground cannot supply (kd.unilateral_strike computes the "
+            "impact with ground that can only push)"
             for name, state in held.items()
             if state != Footing.STANDS
         ]
@@ -202,8 +203,8 @@ class KickPlan(ReprMixin):
             return [f"it is unknown whether the foot stands ({error})"]
         off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
         return [
-            f"{name} {state} on ground that only pushes (unilateral_strike), which changes the "
-            f"ball's velocity by {off:.2g} m/s"
+            f"with ground that can only push (kd.unilateral_strike), {name} "
+            f"{state.replace('-', ' ')}, which changes the ball's velocity by {off:.2g} m/s"
             for name, state in free.footing.items()
             if state != Footing.STANDS
         ]

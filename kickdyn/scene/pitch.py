@@ -13,9 +13,9 @@ FRAME = 0.12
 """Largest width of its posts and its bar [m], ibid."""
 
 ENDS = {
-    "short": "does not come to the goal",
+    "short": "does not reach the goal",
     "over": "goes over the bar",
-    "beside": "goes beside the post",
+    "beside": "passes beside the post",
     "bar": "hits the bar",
     "post": "hits the post",
 }
@@ -43,17 +43,17 @@ class Passage(NamedTuple):
     def __str__(self) -> str:
         """Return how the ball passes the wall, as a sentence."""
         if self.above > 0.0:
-            return f"Its lower edge clears the wall by {self.above:.3g} m."
+            return f"The lower edge of the ball clears the wall by {self.above:.3g} m."
         if self.beside > 0.0:
             side = "left" if self.left > 0.0 else "right"
-            return f"It passes {self.beside:.3g} m {side} of the wall."
-        return f"It {self.hit}."
+            return f"The ball passes {self.beside:.3g} m to the {side} of the wall."
+        return f"The ball {self.hit}."
 
     @property
     def hit(self) -> str:
         """Where the ball hits the wall, as the end of a sentence."""
         return (
-            f"hits the wall, {-self.above:.3g} m under its top and {-self.beside:.3g} m inside "
+            f"hits the wall, {-self.above:.3g} m below its top and {-self.beside:.3g} m from "
             "its edge"
         )
 
@@ -137,9 +137,10 @@ class Score(NamedTuple):
         """Say in a sentence whether the ball goes in."""
         if self.end == "in":
             return (
-                f"It goes in, {self.post:.3g} m from the post and {self.bar:.3g} m under the bar."
+                f"The ball enters the goal, {self.post:.3g} m from the post and {self.bar:.3g} m "
+                "under the bar."
             )
-        return f"It {ENDS[self.end]}."
+        return f"The ball {ENDS[self.end]}."
 
 
 def score_at(left: float, up: float, radius: float, *, arrives: bool) -> Score:

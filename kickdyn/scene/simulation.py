@@ -1,7 +1,6 @@
 """The result of a simulation: where the ball ends, its error, and what was neglected."""
 
 import math
-import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -147,12 +146,12 @@ class Simulation(Printed):
         """How the ball passes the wall and meets the goal, in sentences; empty without both."""
         said = []
         if self.scene.wall is not None:
-            said.append(str(self.passage or "The ball comes down before the wall."))
+            said.append(str(self.passage or "The ball lands before it reaches the wall."))
             if self.passage is not None and not self.passage.is_clear:
                 said.append("The flight goes on as if the wall were not there.")
         if self.score is not None:
             said.append(str(self.score))
-        return re.sub("^It ", "The ball ", " ".join(said))
+        return " ".join(said)
 
     @property
     def frame_text(self) -> str:

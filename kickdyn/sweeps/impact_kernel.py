@@ -1,8 +1,8 @@
 """From the joint-space inertia and the Jacobian to the impulse, many postures at once.
 
-`BATCH` postures are computed side by side, with vector instructions: every number below is a batch
-of them, see `kickdyn.core.simd`. What cannot be computed to 1e-12 is marked in `doubt`, and is left
-to `kick_from`. Joints count from 1, as Pinocchio's do.
+`BATCH` postures are computed side by side, with vector instructions: whatever depends on the
+posture is an array of batches, see `kickdyn.core.simd`. What cannot be computed to 1e-12 is marked
+in `doubt`, and is left to `kick_from`. Joints count from 1, as Pinocchio's do.
 
 The functions of all kernels have these arguments in common, of n joints:
 

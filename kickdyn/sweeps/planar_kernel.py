@@ -1,4 +1,4 @@
-"""What `spatial_kernel` computes, for legs that move in one plane, in a quarter of the time.
+"""What `spatial_kernel` computes, for legs that move in one plane, in two fifths of the time.
 
 The plane contains the contact normal. Coordinates are (u, w), along the normal and along the
 tangent in the plane; angles are positive from u to w. While all joints are at 0, the axes of every

@@ -118,7 +118,9 @@ def test_a_scene_with_a_goal_shows_it(commands_of):
     kick = kd.page(kd.load_scene(SCENES / "free_kick.toml")).html
     boxes = {c["path"] for c in commands_of(kick) if c["path"].startswith("/meshcat/scenery")}
     assert len(boxes) == 5 + 3  # players, posts and bar
-    assert "The ball passes 0.269 m right of the wall. It goes in, 1.29 m from the post" in kick
+    assert (
+        "The ball passes 0.269 m to the right of the wall. The ball enters the goal, 1.29 m" in kick
+    )
     timed = kd.simulate(kd.load_scene(SCENES / "volley.toml"), None)
     with pytest.raises(kd.InvalidInput, match="takes time"):
         kd.page(timed)

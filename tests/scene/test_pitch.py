@@ -14,10 +14,10 @@ RADIUS = 0.11
 @pytest.mark.parametrize(
     ("left", "up", "said"),
     [
-        (0.3, 2.0, "Its lower edge clears the wall by 0.1 m."),
-        (1.46, 0.0, "It passes 0.1 m left of the wall."),
-        (-1.46, 0.0, "It passes 0.1 m right of the wall."),
-        (1.3, 1.7, "It hits the wall, 0.2 m under its top and 0.06 m inside its edge."),
+        (0.3, 2.0, "The lower edge of the ball clears the wall by 0.1 m."),
+        (1.46, 0.0, "The ball passes 0.1 m to the left of the wall."),
+        (-1.46, 0.0, "The ball passes 0.1 m to the right of the wall."),
+        (1.3, 1.7, "The ball hits the wall, 0.2 m below its top and 0.06 m from its edge."),
     ],
 )
 def test_a_ball_passes_a_wall_or_hits_it(left, up, said):
@@ -106,4 +106,6 @@ def test_a_ball_that_comes_down_before_the_wall_and_the_goal():
     scene = kd.load_scene("free_kick")
     answer = kd.simulate(scene.replace(v=0.4 * scene.v), 0.05)
     assert answer.passage is None
-    assert answer.pitch_text == "The ball comes down before the wall. It does not come to the goal."
+    assert answer.pitch_text == (
+        "The ball lands before it reaches the wall. The ball does not reach the goal."
+    )

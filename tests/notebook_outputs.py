@@ -51,7 +51,7 @@ def outputs(cell):
         if output.output_type == "stream" and kept and kept[-1].get("name") == output.name:
             kept[-1].text += output.text
         else:
-            kept.append(output)
+            kept.append(output.copy())
     return kept
 
 

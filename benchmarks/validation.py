@@ -463,7 +463,7 @@ def tracked() -> Iterator[Row]:
         f"{within(0.125, 0.183, drag.BEYOND_CRISIS)} (default), "
         f"{range_within(0.125, 0.183, min(drags), max(drags))} (fitted)",
         "ball and wind are unknown, and flights differ more than the models do "
-        "([Identification](../how-to/identification.md)): "
+        "([Identification](identification-accuracy.md#which-drag-model)): "
         "no default can be inside all of them",
         "C_D in flights of a match",
     )  # fmt: skip

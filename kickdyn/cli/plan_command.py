@@ -173,8 +173,8 @@ def plan(
     given = [name for name, value in named.items() if value is not None]
     if len(given) != 1:
         raise InvalidInput(
-            f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given beside the "
-            f"target: give exactly one of {', '.join(named)}"
+            f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
+            f"target: give exactly one of {', '.join(f'--{name}' for name in named)}"
         )
     if launch_speed is not None:
         validation.number("launch-speed", launch_speed, above=0, at_most=1e6, unit="m/s")

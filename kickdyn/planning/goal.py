@@ -116,7 +116,7 @@ class Goal(ReprMixin):
         if len(given) != 1:
             verb = "are" if given else "is"
             raise InvalidInput(
-                f"{' and '.join(given) or 'nothing'} {verb} named beside the target: name one of "
+                f"{' and '.join(given) or 'nothing'} {verb} given besides the target: give one of "
                 "time, apex, speed, over"
             )
         object.__setattr__(self, "target", point)

@@ -194,9 +194,9 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     ("arguments", "words"),
     [
         (["--time", "1"], "Missing option '--distance'"),
-        (["--distance", "30"], "nothing is given beside the target"),
+        (["--distance", "30"], "nothing is given besides the target"),
         (["--distance", "30", "--time", "1", "--launch-speed", "20"], "time and launch-speed are"),
-        (["--distance", "30"], "give exactly one of time, apex, launch-speed, over"),
+        (["--distance", "30"], "give exactly one of --time, --apex, --launch-speed, --over"),
         (["--distance", "30", "--launch-speed", "-1"], "launch-speed is -1.0"),
         (["--distance", "30", "--time", "1", "--height", "nan"], "height is nan"),
         (["--distance", "30", "--time", "1", "--left", "inf"], "left is inf"),

@@ -79,7 +79,7 @@ def test_it_fits_the_screen(tmp_path, monkeypatch):
 def test_nothing_to_write():
     ended = run(SCENES / "paper_kick.toml")
     assert isinstance(ended.exception, kd.InvalidInput)
-    assert "name --out, --png or --json" in str(ended.exception)
+    assert "give --out, --png or --json" in str(ended.exception)
 
 
 @pytest.mark.parametrize("at", ["-1", "nan"])

@@ -67,5 +67,6 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "effects": [
             verdict._asdict() | {"bound": finite(verdict.bound)} for verdict in answer.verdicts
         ],
+        **answer.pitch_numbers(),
         "warnings": [*answer.scene.notes, *answer.warnings],
     }

@@ -98,6 +98,7 @@ def _document(simulation: Simulation) -> dict[str, Any]:
         "end": end.position.tolist(),
         "time": float(end.time),
         "error": finite(simulation.error),
+        **simulation.pitch_numbers(),
         "warnings": list(simulation.warnings),
         "neglected": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
     }

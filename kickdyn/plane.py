@@ -48,6 +48,14 @@ class Plane(ValueEquality, ReprMixin):
         object.__setattr__(self, "normal", validation.read_only(towards))
         object.__setattr__(self, "reached_by", part)
 
+    @property
+    def is_goal_line(self) -> bool:
+        """Whether it is upright and reached by the ball's centre or back.
+
+        Scenes and pages then take it for the line of a goal, whose middle is at `point`.
+        """
+        return abs(float(self.normal[2])) < 1e-9 and self.reached_by != ReachedBy.FRONT
+
     def __repr__(self) -> str:
         """Return the class with all its values, in a line."""
         place = f"point={format_value(self.point)} m, normal={format_value(self.normal)}"

@@ -1,7 +1,7 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
 import math
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import click
 import numpy as np
@@ -22,12 +22,13 @@ from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
+from kickdyn.planning.plan_report import OVER, PlanReport, unreachable_json
 from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
+from kickdyn.scene.pitch import Wall, check_before, read_wall
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -63,7 +64,7 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
               help="How far to the left of the line to the target the ball passes at a distance "
               "[m]; side spin curves the flight.")  # fmt: skip
 @click.option("--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
-              callback=lambda _, __, text: None if text is None else Wall.read(text),
+              callback=lambda _, __, text: None if text is None else read_wall(text),
               help="A wall across the line to the target [m], 2.5 m wide by default. A ball that "
               "hits it is an error. Without --time, --apex, --launch-speed and --over, the ball "
               "passes 0.1 m above it.")  # fmt: skip
@@ -165,7 +166,7 @@ def plan(
         least = 0.0 if name == "distance" else -math.inf
         validation.number(name, value, above=least, at_most=FARTHEST, unit="m")
     if wall is not None:
-        wall.check_before(math.hypot(distance, left))
+        check_before(wall, math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
             over = [wall.distance, wall.height + OVER]
     named = {"time": time, "apex": apex, "launch-speed": launch_speed, "over": over}
@@ -288,7 +289,7 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
 
     plan, swing = report.plan, report.swing
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
-    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *report.wall)
+    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *astuple(report.wall))
     boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
     shown = swing if swing is not None and swing.status == "met" else plan
     made_page = page(shown, caption=caption, scenery=boxes)

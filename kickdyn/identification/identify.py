@@ -9,7 +9,7 @@ with :math:`x` the solution of the equations of `kickdyn.flight.forces` and :mat
 of a coordinate, estimated from the residuals. The last term says that a spin is of the order of
 :math:`\omega_0` = 100 rad/s; it decides only what the measurement leaves open. The covariance of
 the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals,
-widened where neighbouring residuals go together.
+increased where neighbouring residuals are correlated.
 """
 
 import math

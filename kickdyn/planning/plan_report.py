@@ -3,13 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from kickdyn.ball import BallState
-from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -21,128 +20,52 @@ from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
 from kickdyn.restitution import describe_restitution
+from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_at, score_at
 
 OVER = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
-MOUTH = (7.32, 2.44)
-"""Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
 
-FRAME = 0.12
-"""Largest width of its posts and its bar [m], ibid."""
+def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
+    """Return how the ball of a plan passes a wall; None where it comes down before."""
+    goal, path = plan.goal, plan.path
+    start = path.launch.position
 
-ENDS = {
-    "short": "does not reach the goal",
-    "over": "goes over the bar",
-    "beside": "passes beside the post",
-    "bar": "hits the bar",
-    "post": "hits the post",
-}
-"""Sentences for the ends of a ball that does not go in."""
+    def beyond(time: float) -> float:
+        """Return how far the ball is beyond the wall at a time [m]."""
+        return float(goal.ahead @ (path.sample(time).position - start)) - wall.distance
 
-
-class Wall(NamedTuple):
-    """A wall across the line to the target, its middle on it; all in m, heights from the ground."""
-
-    distance: float
-    height: float
-    width: float = 2.5  # of five players
-
-    @classmethod
-    def read(cls, text: str) -> "Wall":
-        """Return the wall that DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for."""
-        parts = text.split(":")
-        if len(parts) not in (2, 3):
-            raise InvalidInput(f"wall is {text!r}: it must be DISTANCE:HEIGHT or with :WIDTH [m]")
-        try:
-            values = [float(part) for part in parts]
-        except ValueError:
-            raise InvalidInput(f"wall is {text!r}: it must be numbers, as 9.15:1.9") from None
-        for name, value in zip(cls._fields, values, strict=False):
-            validation.number(f"{name} of the wall", value, above=0, unit="m")
-        return cls(*values)
-
-    def check_before(self, distance: float) -> None:
-        """Raise `InvalidInput` for a wall that is not before a target so far away [m]."""
-        if not self.distance < distance:
-            raise InvalidInput(
-                f"wall is at {self.distance:g} m: it must be between the ball and the target, "
-                f"which is {distance:g} m away"
-            )
-
-    def clearance(self, plan: KickPlan) -> tuple[float, float, float] | None:
-        """Return how the ball passes the wall [m]; None where it comes down before.
-
-        How far its lower edge is above the wall and its side beside it, both below 0 where it is
-        not, and how far its centre is to the left of the wall's middle.
-        """
-        goal, path, radius = plan.goal, plan.path, plan.impact.ball.radius
-        start = path.launch.position
-
-        def beyond(time: float) -> float:
-            """Return how far the ball is beyond the wall at a time [m]."""
-            return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
-
-        if beyond(path.duration) < 0.0:
-            return None
-        passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
-        left = float(goal.left @ passed)
-        return float(passed[2]) - self.height, abs(left) - self.width / 2 - radius, left
-
-    def describe_passage(self, plan: KickPlan) -> str:
-        """Return by how much the ball clears the wall, as a sentence.
-
-        Raises:
-            InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
-        """
-        self.check_before(plan.goal.distance)
-        clear = self.clearance(plan)
-        if clear is None:
-            return "The ball lands before it reaches the wall."
-        above, beside, left = clear
-        if above > 0.0:
-            return f"The lower edge of the ball clears the wall by {above:.3g} m."
-        if beside > 0.0:
-            side = "left" if left > 0.0 else "right"
-            return f"The ball passes {beside:.3g} m to the {side} of the wall."
-        met = plan.status == PlanStatus.MET
-        weak = "" if met else "the goal is beyond the limits of the leg, and "
-        message = (
-            f"{weak}the ball hits the wall, {-above:.3g} m below its top and {-beside:.3g} m "
-            "from its edge"
-        )
-        if not isinstance(plan.path, Course):
-            kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
-            instead = "" if kind == "over" else f" in place of --{kind}"
-            edge = math.ceil(1e3 * (self.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
-            message += (
-                f": use --over {self.distance:g}:{self.height + OVER:g}{instead}, or "
-                f"--beside {self.distance:g}:{math.copysign(edge, left + 1e-6):g}"
-            )
-        raise InvalidInput(message)
+    if beyond(path.duration) < 0.0:
+        return None
+    passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
+    left, up = float(goal.left @ passed), float(passed[2])
+    return passage_at(wall, left, up, plan.impact.ball.radius)
 
 
-class Score(NamedTuple):
-    """How a kick meets the goal straight ahead at the target's distance.
+def describe_passage(wall: Wall, plan: KickPlan) -> str:
+    """Return by how much the ball clears the wall, as a sentence.
 
-    Attributes:
-        end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
-        post: from the ball's side to the nearer post [m]; below 0 beyond it.
-        bar: from its upper edge up to the bar [m], likewise.
+    Raises:
+        InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
     """
-
-    end: str
-    post: float
-    bar: float
-
-    def __str__(self) -> str:
-        """Say in a sentence whether the ball goes in."""
-        if self.end == "in":
-            return (
-                f"The ball enters the goal, {self.post:.3g} m from the post and {self.bar:.3g} m "
-                "under the bar."
-            )
-        return f"The ball {ENDS[self.end]}."
+    check_before(wall, plan.goal.distance)
+    passage = passage_of(wall, plan)
+    if passage is None:
+        return "The ball lands before it reaches the wall."
+    if passage.is_clear:
+        return str(passage)
+    met = plan.status == PlanStatus.MET
+    weak = "" if met else "the goal is beyond the limits of the leg, and "
+    message = f"{weak}the ball {passage.hit}"
+    if not isinstance(plan.path, Course):
+        kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
+        instead = "" if kind == "over" else f" in place of --{kind}"
+        edge = math.ceil(1e3 * (wall.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
+        message += (
+            f": use --over {wall.distance:g}:{wall.height + OVER:g}{instead}, or "
+            f"--beside {wall.distance:g}:{math.copysign(edge, passage.left + 1e-6):g}"
+        )
+    raise InvalidInput(message)
 
 
 def score(plan: KickPlan) -> Score:
@@ -150,16 +73,8 @@ def score(plan: KickPlan) -> Score:
     radius, path = plan.impact.ball.radius, plan.path
     moved = path.sample(path.duration).position - path.launch.position
     ahead, left, up = moved.tolist()
-    post = MOUTH[0] / 2 - abs(left) - radius
-    bar = MOUTH[1] - up - 2 * radius
-    if plan.goal.target[0] - ahead > 1e-3 or up <= -radius:
-        return Score("short", post, bar)
-    if min(post, bar) >= 0.0:
-        return Score("in", post, bar)
-    missed = post if bar >= 0.0 else bar if post >= 0.0 else min(post, bar)
-    clear = missed < -2 * radius - FRAME
-    ends = ("post", "beside") if missed == post else ("bar", "over")
-    return Score(ends[clear], post, bar)
+    arrives = plan.goal.target[0] - ahead <= 1e-3 and up > -radius
+    return score_at(left, up, radius, arrives=arrives)
 
 
 @dataclass(frozen=True)
@@ -180,7 +95,7 @@ class PlanReport:
             landing = scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
             found.append(_describe_scatter(landing))
         if self.wall is not None:
-            found.append(self.wall.describe_passage(self.plan))
+            found.append(describe_passage(self.wall, self.plan))
         if self.goal_mouth:
             found.append(str(score(self.plan)))
         if self.swing is not None:
@@ -260,7 +175,7 @@ class PlanReport:
             path = _flight_within_limits(plan)
             report["within_limits"] = path and {"distance": path.range, "time": path.duration}
         if self.wall is not None:
-            above, beside, _ = self.wall.clearance(plan) or (None, None, None)
+            above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
             report["wall"] = {"above": above, "beside": beside}
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_report import PlanReport, Wall, score, verdict
+from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
 from kickdyn.planning.scatter import scatter
+from kickdyn.scene.pitch import Wall, read_wall
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 WEAK = kd.plan_kick(LEG, kd.Goal(50, time=2), BALL, AIR)
@@ -143,30 +144,30 @@ FLAT = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), time=0.7), BALL, AIR, limits=Fa
 
 
 def test_a_wall_is_cleared_by_what_the_goal_asked_for():
-    said = Wall(9.15, 1.9).describe_passage(CORNER)
+    said = describe_passage(Wall(9.15, 1.9), CORNER)
     assert said == "The lower edge of the ball clears the wall by 0.1 m."
 
 
 def test_a_wall_that_is_hit_says_which_options_clear_it():
-    wall = Wall.read("9.15:1.9")
+    wall = read_wall("9.15:1.9")
     over = "use --over 9.15:2 in place of --time, or --beside 9.15:1.46"
     with pytest.raises(kd.InvalidInput, match=f"hits the wall, .* its edge: {over}$"):
-        wall.describe_passage(FLAT)
+        describe_passage(wall, FLAT)
     high = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR, limits=False)
-    assert "clears the wall" in wall.describe_passage(high)
+    assert "clears the wall" in describe_passage(wall, high)
     leg, narrow = kd.Leg.from_robot("g1", legs_only=True), Wall(9.15, 5.0, 0.4)
     flat = kd.plan_kick(leg, kd.Goal((20, 0, 1), time=1.0), BALL, AIR, limits=False)
     with pytest.raises(kd.InvalidInput, match=r" --beside 9.15:0.41$"):
-        narrow.describe_passage(flat)
+        describe_passage(narrow, flat)
     bent = kd.Goal((20, 0, 1), time=1.0, beside=(9.15, 0.411))
     curved = kd.plan_kick(leg, bent, BALL, AIR, limits=False)
-    assert "to the left of the wall" in narrow.describe_passage(curved)
+    assert "to the left of the wall" in describe_passage(narrow, curved)
 
 
 def test_along_the_ground_no_option_clears_a_wall():
     rolled = kd.plan_kick(LEG, kd.Goal(8, time=2), BALL, AIR, surface="carpet")
     with pytest.raises(kd.InvalidInput, match=r"from its edge$"):
-        Wall(4, 1).describe_passage(rolled)
+        describe_passage(Wall(4, 1), rolled)
 
 
 def test_a_kick_too_weak_says_where_it_ends():
@@ -175,8 +176,8 @@ def test_a_kick_too_weak_says_where_it_ends():
     with pytest.raises(
         kd.InvalidInput, match="beyond the limits of the leg, and the ball hits the wall"
     ):
-        Wall(9.15, 2.5).describe_passage(weak)
-    assert Wall(39.0, 1.9).describe_passage(weak) == "The ball lands before it reaches the wall."
+        describe_passage(Wall(9.15, 2.5), weak)
+    assert describe_passage(Wall(39.0, 1.9), weak) == "The ball lands before it reaches the wall."
 
 
 def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
@@ -185,7 +186,7 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
     plan = kd.plan_kick(leg, goal, BALL, AIR, limits=False)
     assert plan.landing_error < 1e-3
     assert (
-        Wall(9.15, 5.0, 0.4).describe_passage(plan)
+        describe_passage(Wall(9.15, 5.0, 0.4), plan)
         == f"The ball passes {0.4 - BALL.radius:.3g} m to the left of the wall."
     )
 
@@ -202,7 +203,7 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
 )
 def test_bad_walls(text, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        Wall.read(text).describe_passage(CORNER)
+        describe_passage(read_wall(text), CORNER)
 
 
 def missing(target):

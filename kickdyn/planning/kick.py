@@ -164,9 +164,9 @@ class KickPlan(ReprMixin):
         A coefficient of the flight or of the contact used outside its range; a body that is under
         the ground (level, under the ball or under the target, whichever is lower) at the impact.
         Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        body of the kicking limb whose shape is not known, a support that does not stand, those of `backswing`, and a body that is under the ground in
-        the backswing; without one, while the foot approaches the ball by the ball's radius with
-        the joints' velocity of the impact.
+        body of the kicking limb whose shape is not known, a support that does not stand, those of
+        `backswing`, and a body that is under the ground in the backswing; without one, while the
+        foot approaches the ball by the ball's radius with the joints' velocity of the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)

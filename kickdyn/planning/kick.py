@@ -44,7 +44,7 @@ from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
+from kickdyn.robot.standing import StandingRobot, hold_support, is_floating, missing_shapes
 
 LIFT = 100.0
 """Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
@@ -164,9 +164,9 @@ class KickPlan(ReprMixin):
         A coefficient of the flight or of the contact used outside its range; a body that is under
         the ground (level, under the ball or under the target, whichever is lower) at the impact.
         Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        support that does not stand, those of `backswing`, and a body that is under the ground in
-        the backswing; without one, while the foot approaches the ball by the ball's radius with
-        the joints' velocity of the impact.
+        body of the kicking limb whose shape is not known, a support that does not stand, those of
+        `backswing`, and a body that is under the ground in the backswing; without one, while the
+        foot approaches the ball by the ball's radius with the joints' velocity of the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
@@ -176,6 +176,7 @@ class KickPlan(ReprMixin):
             *of_contact,
             *self._leaving(),
             *of_backswing,
+            *self._unknown_shapes(),
             *self._under_ground(),
         )
 
@@ -208,6 +209,13 @@ class KickPlan(ReprMixin):
             for name, state in free.footing.items()
             if state != Footing.STANDS
         ]
+
+    def _unknown_shapes(self) -> list[str]:
+        """Return a line for each body of a standing robot's kicking limb of unknown shape."""
+        constraints = self.leg.constraints
+        if self.balance is None or constraints is None:
+            return []
+        return missing_shapes(self.leg, constraints.supports[0])
 
     def _under_ground(self) -> list[str]:
         """Return a line for each body under the ground, at the impact or before it."""

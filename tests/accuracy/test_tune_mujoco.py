@@ -156,7 +156,7 @@ def test_the_ball_is_that_of_collide_with_this_dissipation(monkeypatch, dissipat
     mujoco.mj_resetDataKeyframe(model, data, 0)
     for _ in range(40):
         mujoco.mj_step(model, data)
-    free = data.qvel[-6:-3] + (0, 0, 9.81 * (data.time - found.contact_time))
+    free = data.qvel[-6:-3] - np.array([0, 0, -9.81]) * (data.time - found.contact_time)
     apart = {
         kind: np.linalg.norm(
             free - kd.collide(POSTURE, V, kd.Ball(), contact, dissipation=kind).ball_after.velocity

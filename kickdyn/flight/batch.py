@@ -45,14 +45,14 @@ def fly_many(
 ) -> xr.Dataset:
     """Return the flights of a ball from many launches.
 
-    The answers are those of `fly`, hundreds of times as fast, without its planes, orientation and
-    samples in between. The first call in a process takes about a second to load, the very first
+    The results are those of `fly`, computed hundreds of times as fast, without planes, orientation
+    and samples in between. The first call in a process takes about a second to load, the very first
     some five to compile, and each new air or ball another one.
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
-            `(n, 3)`: what is given as `(3,)`, or not at all, is the same for all; their time is not
-            used.
+            `(n, 3)`: an argument of shape `(3,)`, or a missing one, is the same for all; their
+            time is not used.
         ball: mass and radius.
         air: None is the vacuum. Wind and coefficients that are functions must be written with
             floats and `math`, so that numba can compile them.

@@ -42,7 +42,7 @@ class Flight(ReprMixin):
     """The flight of a ball; all times count from the launch.
 
     Attributes:
-        ball, air, ground, plane, tol: what was flown, and how exactly.
+        ball, air, ground, plane, tol: as in the call of `fly`.
         launch: the start.
         landing: the end: on the ground, back at the height of the launch, or at the plane.
         status: `landed`; `at-plane`, where that came first; `aloft`, where the time limit did:

@@ -42,8 +42,8 @@ def fly(
 ) -> Flight:
     r"""Return the flight of a ball from its launch to the ground, or to a plane before.
 
-    Without air the closed form answers (Eqs. 24-25). With air, DOP853 integrates the equations of
-    `FlightEquations` to the landing; the apex is computed when it is first read.
+    Without air, the flight has a closed form (Eqs. 24-25). With air, DOP853 integrates the
+    equations of `FlightEquations` to the landing; the apex is computed when it is first read.
 
     Args:
         state: the launch, as `Impact.ball_after` gives it; its time is not used.

@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: sweep extremes mutants test test-all docs package lint browser clean
+.PHONY: sweep extremes mutants notebooks test test-all docs package lint browser clean
 
 # what `make test-all` tests with: python3.11 and so on must be there, as pyenv or deadsnakes bring them;
 # add 3.14, which kickdyn takes too, where you have it
@@ -23,6 +23,10 @@ extremes: $(VENV)/.dev
 mutants: $(VENV)/.dev
 	mkdir -p build
 	$(BIN)/python tests/mutants.py --json build/mutants.json
+
+## notebooks: runs them anew and stores their outputs, which tests compare; needs Chromium
+notebooks: $(VENV)/.dev browser
+	$(BIN)/python tests/notebook_outputs.py
 
 ## test: the whole suite, about 6 minutes on 2 cores once everything is installed
 test: $(VENV)/.dev browser

@@ -120,7 +120,9 @@ def causes() -> None:
     still = kd.Leg.from_model(model, LEG.frame)
     usual = through_time(10.0)
     pushed = through_time(10.0, torque=0.1 * np.sign(V) * LEG.effort_limit)
-    print("| 10 ms | contact [ms] | impulse | ball speed |\n| --- | ---: | ---: | ---: |")
+    print(
+        "| during the contact | contact [ms] | impulse | ball speed |\n| --- | ---: | ---: | ---: |"
+    )
     for name, hit in (
         ("no joint torque", usual),
         ("no joint torque, no gravity", through_time(10.0, still)),
@@ -246,12 +248,13 @@ def against_measurements() -> None:
         found = {
             ("change of visible contact time, foot at 9.1 to 21.2 m/s", "-20 % (M1)"):
                 f"{fast.visible_contact_time / slow.visible_contact_time - 1:.0%}",
-            ("change of contact distance, likewise", "+89 % (M1)"):
+            ("change of contact distance, foot at 9.1 to 21.2 m/s", "+89 % (M1)"):
                 f"{distance(fast) / distance(slow) - 1:+.0%}",
             ("visible contact time at 15 m/s [ms]", "9 to 14 (review in M3)"):
                 f"{1e3 * head_on(15.0, **options).visible_contact_time:.1f}",
-            ("peak over mean force, while it acts", "1.97 (M3)"): f"{peak_over_mean(fast):.2f}",
-            ("peak over mean force, of the visible contact", "1.97 (M3)"):
+            ("peak over mean force, mean while the force acts", "1.97 (M3)"):
+                f"{peak_over_mean(fast):.2f}",
+            ("peak over mean force, mean of the visible contact", "1.97 (M3)"):
                 f"{peak_over_mean(fast) * fast.visible_contact_time / fast.contact_time:.2f}",
             ("peak force, ball at 25.6 to 34.5 m/s [N]", "1610 to 2926 (M4)"):
                 f"{peaks[0]:.0f} to {peaks[1]:.0f}",

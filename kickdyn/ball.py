@@ -126,6 +126,13 @@ class Ball(ReprMixin):
         inertia, and its bulging beside the circle (`docs/explanation/compliance.md` compares with
         measurements).
 
+        The derivation is our own. That the change of the pressure is not important for the bounce
+        is stated by Wesson (The Science of Soccer, chapter 1, doi 10.1201/9780429320095-1, of which
+        we could read the abstract). A soccer ball that falls onto a hard surface is compressed in
+        proportion to the speed of impact, by 2.80 mm for each m/s (Dowell & Krebs, British Journal
+        of Sports Medicine 25, 1991, 34-37); this k gives :math:`\sqrt{m/k}`, 2.79 mm for each m/s
+        at 80 kPa.
+
         Raises:
             InvalidInput: the ball's pressure is unknown.
         """
@@ -149,7 +156,7 @@ class Ball(ReprMixin):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class BallState(ValueEquality):
-    """Where a ball is and how it moves: one state, or many.
+    """Position, velocity and spin of a ball: one state, or many.
 
     Shapes `(3,)` make one state; where any argument has n rows, there are n states, and what has
     none is the same for all of them: `BallState(velocity=velocities)` is n launches from the origin

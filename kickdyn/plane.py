@@ -23,7 +23,7 @@ class ReachedBy(StrEnum):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Plane(ValueEquality, ReprMixin):
-    """An endless plane that a flight ends at, reached from the side its normal points to.
+    """An infinite plane that ends a flight which reaches it from the side of its normal.
 
     Args:
         point: any point of it, shape `(3,)` [m, world frame].
@@ -47,6 +47,14 @@ class Plane(ValueEquality, ReprMixin):
         object.__setattr__(self, "point", validation.read_only(place))
         object.__setattr__(self, "normal", validation.read_only(towards))
         object.__setattr__(self, "reached_by", part)
+
+    @property
+    def is_goal_line(self) -> bool:
+        """Whether it is upright and reached by the ball's centre or back.
+
+        Scenes and pages then take it for the line of a goal, whose middle is at `point`.
+        """
+        return abs(float(self.normal[2])) < 1e-9 and self.reached_by != ReachedBy.FRONT
 
     def __repr__(self) -> str:
         """Return the class with all its values, in a line."""

@@ -41,7 +41,7 @@ GOOD = {
     "point": (0.0, 0.0, 0.0), "model": LEG.model, "frame": "toe", "postures": {"hip": [0.1]},
     "kick": kd.Kick(), "joint": "hip", "joints": {"knee": 0.1}, "rotors": {"knee": 0.1},
     "name": "bolt", "friction": 0.4, "rolling_deceleration": 0.5, "t": 0.0, "x": 1.0,
-    "result": "speed", "what": "a flight",
+    "result": "speed", "what": "a flight", "distance": 9.15, "height": 1.9,
     "position": (0.0, 0.0, 1.0), "point_velocity": (1.0, 0.0, 0.0),
     "unit": (1.0, 0.0, 0.0), "wish": (1.0, 0.0, 0.0), "joint_impulse": V, "offset": (0.0, 0.0, 0.0),
     "path": "no/such/file", "subject": kd.fly(IMPACT.ball_after, BALL),
@@ -66,6 +66,7 @@ INSTANCES = {
     "Impact": IMPACT,
     "UnilateralImpact": IMPACT,  # whose methods it has
     "Plane": kd.Plane((1, 0, 0), (-1, 0, 0)),
+    "Wall": kd.Wall(9.15, 1.9),
     "Scene": SCENE,
     "Collision": kd.collide(POSTURE, V, BALL, CONTACT, tol=1e-6),
     "Flight": kd.fly(IMPACT.ball_after, BALL),

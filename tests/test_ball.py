@@ -42,6 +42,10 @@ def test_the_stiffness_of_an_inflated_ball():
     force = 80e3 * math.pi * (2 * ball.radius * d - d * d)
     assert ball.stiffness == pytest.approx(force / d, rel=1e-5)
     assert "pressure" in repr(ball)
+    # a dropped ball: 2.80 mm for each m/s, Dowell & Krebs 1991, at a pressure that is not known
+    assert 1e3 * math.sqrt(ball.mass / ball.stiffness) == pytest.approx(2.80, rel=0.01)
+    ends = [1e3 * math.sqrt(ball.mass / kd.Ball(pressure=p).stiffness) for p in (60e3, 110e3)]
+    assert [round(d, 1) for d in ends] == [3.2, 2.4]  # as the page has it
     with pytest.raises(kd.InvalidInput, match=r"ball pressure is None: .*pressure=80e3"):
         kd.Ball().stiffness  # noqa: B018
 

@@ -22,7 +22,12 @@ from kickdyn.view.screenshot import BROWSERS
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
-SNIPPETS = [page for page in sorted(DOCS.rglob("*.md")) if "```python" in page.read_text("utf-8")]
+GUIDES = [DOCS / "tutorial.md", *sorted((DOCS / "how-to").glob("*.md"))]
+SNIPPETS = [
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if page in GUIDES or "```python" in page.read_text("utf-8")
+]
 
 
 def comparable(text):
@@ -30,45 +35,49 @@ def comparable(text):
     return [line.rstrip() for line in text.strip("\n").splitlines()]
 
 
+def run_command(line):
+    """Return what one line of a shell prints if it is a command of kickdyn; run no others."""
+    program, *arguments = shlex.split(line, comments=True) or [""]
+    if program != "kickdyn":
+        return ""
+    result = CliRunner().invoke(kickdyn_command, arguments)
+    assert result.exit_code == 0, f"{line}\n{result.output}"
+    return result.output
+
+
 @pytest.mark.parametrize("page", SNIPPETS, ids=lambda page: page.stem)
 def test_snippets_print_the_outputs_shown(page, tmp_path):
-    """Blocks of a page run one after the other, as a reader would run them."""
+    """Blocks of a page run one after the other, as a reader would run them.
+
+    In the tutorial and the how-to guides these are the commands of `sh` blocks too, and those whose
+    output is shown after a `$`. Blocks of `bash` are not run: they take long, or need files that
+    the repository does not contain.
+    """
     for folder in ("urdf", "scenes", "data"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     if '.save("picture.png")' in page.read_text("utf-8") and not any(map(shutil.which, BROWSERS)):
         pytest.skip("no chromium or google-chrome to take a picture with")
-    blocks = re.findall(r"```(\w+)\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    blocks = re.findall(r"^```(\w+)\n(.*?)^```", page.read_text("utf-8"), re.DOTALL | re.MULTILINE)
+    with_commands = page in GUIDES
     names = {"__name__": "__main__"}
     printed = None
     for kind, text in blocks:
-        if kind == "python":
-            assert not (printed or "").strip(), f"no output block shows: {printed}"
-            out = io.StringIO()
-            with contextlib.redirect_stdout(out), contextlib.chdir(tmp_path):
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.chdir(tmp_path):
+            if kind == "python":
+                assert not (printed or "").strip(), f"no output block shows: {printed}"
                 exec(compile(text, page.name, "exec"), names)
-            printed = out.getvalue()
-        elif kind == "text" and printed is not None:
-            assert comparable(printed) == comparable(text)
-            printed = None
+                printed = out.getvalue()
+            elif kind == "sh" and with_commands:
+                for line in text.replace("\\\n", " ").splitlines():
+                    run_command(line)
+            elif kind == "text" and text.startswith("$ kickdyn ") and with_commands:
+                line, shown = text.removeprefix("$ ").split("\n", 1)
+                assert comparable(run_command(line)) == comparable(shown)
+            elif kind == "text" and printed is not None:
+                assert comparable(printed) == comparable(text)
+                printed = None
     assert not (printed or "").strip(), f"no output block shows: {printed}"
-
-
-COMMANDS = [
-    (page.stem, block)
-    for page in sorted(DOCS.rglob("*.md"))
-    for block in re.findall(r"```text\n\$ kickdyn (.*?)```", page.read_text("utf-8"), re.DOTALL)
-]
-
-
-@pytest.mark.parametrize(("page", "block"), COMMANDS, ids=[page for page, _ in COMMANDS])
-def test_commands_print_the_outputs_shown(page, block):
-    arguments, expected = block.split("\n", 1)
-    result = CliRunner().invoke(kickdyn_command, shlex.split(arguments))
-    assert comparable(result.output) == comparable(expected)
-
-
-def test_the_sweep_page_shows_a_command():
-    assert "sweeps" in {page for page, _ in COMMANDS}
 
 
 @pytest.mark.parametrize("page", ["scene-file.md", "dataset.md"])

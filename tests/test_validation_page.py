@@ -30,7 +30,7 @@ def remarks():
 
 @pytest.mark.skipif(not BENCHMARKS.exists(), reason="benchmarks come with the checkout only")
 def test_the_rows_are_those_of_the_script(monkeypatch):
-    """All but those of whole flights of the match, which take long, are computed."""
+    """All but those of whole flights of the match, which take long: the next test has some."""
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     import validation
 
@@ -44,6 +44,26 @@ def test_the_rows_are_those_of_the_script(monkeypatch):
     assert validation.remarks(found) == [line for line in remarks() if "**A1, " not in line]
     readme = [line for line in rows(README) if not re.match(r"\| (A1|[PV]\d) \|", line)]
     assert validation.short_lines(found) == readme
+
+
+@pytest.mark.skipif(not BENCHMARKS.exists(), reason="benchmarks come with the checkout only")
+def test_the_rows_on_flights_of_the_match(monkeypatch):
+    """The flights that have the median and the ends of the default drag, not all fits of A1."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import validation
+
+    try:
+        flights = validation.long_flights()
+        median, least, most = (validation.miss(flights[i], "supercritical") for i in (0, 6, 8))
+    finally:
+        for name in ("validation", "compliance", "spin_offset"):
+            sys.modules.pop(name, None)
+    low, high = (kd.identify(flights[i], kd.Ball()).values["drag"] for i in (3, 4))
+    misses, drags = [line for line in rows(PAGE) if line.startswith("| A1 |")]
+    assert f"`supercritical` {median:.1f} ({least:.1f} to {most:.1f});" in misses
+    fitted = f"{low:.3f} to {high:.3f} fitted by `kd.identify` (n = {len(flights)})"
+    assert f"| 0.2 (default); {fitted} |" in drags
+    assert any(f"| 0.2 (default); {fitted} |" in line for line in rows(README))
 
 
 @pytest.mark.skipif(not BENCHMARKS.exists(), reason="benchmarks come with the checkout only")
@@ -87,8 +107,10 @@ def test_the_page_has_every_measurement_and_explains_what_is_outside():
             assert any(f"**{row[0]}, " in line and row[1] in line for line in remarks()), row
 
 
-def test_the_readme_repeats_rows_of_the_page():
+def test_the_readme_repeats_rows_of_the_page_on_every_measurement():
     page = [line.strip("| ").split(" | ") for line in rows(PAGE)]
+    names = {line.split(" ")[1] for line in rows(README)}
+    assert names >= {f"M{k}" for k in range(1, 12)} | {f"A{k}" for k in range(1, 5)}
     given = {(row[0], *row[2:5]) for row in page}
     for line in rows(README):
         number, _, *values = line.strip("| ").split(" | ")

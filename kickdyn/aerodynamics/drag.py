@@ -179,8 +179,8 @@ def supercritical(reynolds: float, spin_parameter: float = 0.0) -> float:
 
     Goff & Carre 2009 found it in trajectories without spin, Am. J. Phys. 77:1020. Tunnels see the
     crisis of new balls that do not spin between 10 and 19 m/s; the ball of `data/match_ball.csv`
-    has none down to 8 m/s (docs/how-to/identification.md). Below Re 7e4 it is joined (C3)
-    to the sphere's, which it reaches at Re 2e4.
+    has none down to 8 m/s (docs/explanation/identification-accuracy.md). Below Re 7e4 it is
+    joined (C3) to the sphere's, which it reaches at Re 2e4.
     """
     weight = smoothstep(reynolds, 2e4, FAST)
     if weight == 1.0:

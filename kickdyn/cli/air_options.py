@@ -12,8 +12,8 @@ from kickdyn.errors import InvalidInput
 drag_option = click.option(
     "--drag",
     metavar="MODEL|NUMBER",
-    help="Of the air: a drag model, by its name, or a coefficient that is the same everywhere, "
-    "such as 0.25.  [default: supercritical; in the paper's air brazuca]",
+    help="Drag of the ball: the name of a model, or a constant coefficient such as 0.25.  "
+    "[default: supercritical; with --air paper, brazuca]",
 )
 
 

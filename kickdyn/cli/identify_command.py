@@ -25,7 +25,7 @@ SHORTEST = 0.4
 @click.command("identify", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("track_file", metavar="TRACK")
 @click.option("--start", type=int, metavar="I", help="First sample of one flight to fit.")
-@click.option("--end", type=int, metavar="J", help="The sample after its last.")
+@click.option("--end", type=int, metavar="J", help="First sample after this flight.")
 @click.option(
     "--drag",
     default="constant",
@@ -41,14 +41,20 @@ SHORTEST = 0.4
     help="Names of the columns with time [s] and coordinates [m].",
 )
 @click.option("--marker", metavar="NAME", help="Marker of a C3D file; needs kickdyn[c3d].")
-@click.option("--ball-mass", type=float, default=Ball().mass, show_default=True, help="[kg].")
+@click.option("--ball-mass", type=float, default=Ball().mass, show_default=True,
+              help="Mass of the ball [kg].")  # fmt: skip
 @click.option(
-    "--ball-radius", type=float, default=round(Ball().radius, 4), show_default=True, help="[m]."
+    "--ball-radius",
+    type=float,
+    default=round(Ball().radius, 4),
+    show_default=True,
+    help="Radius of the ball [m].",
 )
-@click.option("--ground-height", type=float, default=0.0, show_default=True, help="[m].")
-@click.option("--plot", metavar="FILE", help="Write a plot of the longest flight fitted.")
+@click.option("--ground-height", type=float, default=0.0, show_default=True,
+              help="Height of the ground [m].")  # fmt: skip
+@click.option("--plot", metavar="FILE", help="Plot the longest flight: .png, .svg or .pdf.")
 @click.option("--view", metavar="FILE", help="Write a 3-D page of the 8 longest flights.")
-@click.option("--json", "json_file", metavar="FILE", help="Write the numbers; - is stdout.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
 def identify(
     track_file: str,
     start: int | None,
@@ -66,8 +72,8 @@ def identify(
     """Find the flights in a measured ball track, and fit launch, spin and drag to each.
 
     TRACK is a file of comma-separated values, whose first row names the columns, in seconds and
-    metres, z up; or a C3D file, by its ending. With --start or --end, the samples between them are
-    taken for one flight.
+    metres, with z upwards; or a file that ends in .c3d. With --start or --end, the samples between
+    them are one flight.
 
     Example: kickdyn identify track.csv --drag brazuca --plot flight.png
     """
@@ -167,7 +173,7 @@ def _print(
             numbers = f"{speed:11.2f}  {aside:8}  {100 * fit.rms:8.2f}"
             click.echo(f"{f'{first}-{last}':11} {numbers}  {cells}")
     else:
-        click.echo(f"no flight of {SHORTEST:g} s or more was found")
+        click.echo(f"no flight of at least {SHORTEST:g} s was found")
     for line in failures:
         click.echo(f"not fitted: {line}")
 

@@ -100,24 +100,24 @@ def _read_supports(
 _OPTIONS = (
     click.option("--leg", "leg_name", default="human", metavar="human|testbed|FILE|ROBOT",
                  show_default=True,
-                 help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of "
-                 "kickdyn[robots] on its fixed base (g1, talos, ...)."),
+                 help="A leg of kickdyn, a URDF or MJCF file, or the leg of a robot of the extra "
+                 "kickdyn[robots] on a fixed base (g1, talos, ...)."),
     click.option("--frame", metavar="NAME",
-                 help="Link or joint whose origin strikes the ball.  [default: toe; of a robot, "
+                 help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, "
                  "its right foot]"),
     click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
-                 help="Joint that does not move, and where it is [deg; m for prismatic joints]; "
+                 help="Lock a joint at a value [deg; m for prismatic joints]; "
                  "repeatable."),
     click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
-                 help="Two frames whose origins stay together, by a ball joint: they close a loop "
-                 "that the file cuts open; repeatable."),
+                 help="Close a kinematic loop, which a URDF file cannot have, by a ball joint "
+                 "between the origins of two frames; repeatable."),
     click.option("--support", "supports", multiple=True, metavar="FRAME[:FRICTION]",
                  callback=_read_supports,
-                 help="A foot that stands on the ground, and Coulomb's coefficient under it; the "
+                 help="Foot that stands on the ground, and its coefficient of friction there. The "
                  "base then floats, and a robot has both legs; repeatable."),
     click.option("--stiff", "stiff_joints", multiple=True, metavar="JOINT",
-                 help="Joint whose velocity the impact does not change, as of a motor with a high "
-                 "gear; repeatable."),
+                 help="Joint whose velocity the impact does not change, as with a high gear ratio; "
+                 "repeatable."),
     click.option("--package-dir", "package_dirs", multiple=True, metavar="DIR",
                  type=click.Path(exists=True, file_okay=False),
                  help="ROS package with meshes of a URDF file, or a folder that contains it; "

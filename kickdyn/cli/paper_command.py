@@ -18,11 +18,11 @@ from kickdyn.paper.reproduce import Section, chosen
 
 
 @click.command("paper", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--only", metavar="ITEM", help='One table or figure, such as "table 2".')
-@click.option("--json", "json_file", metavar="FILE", help="Write all items; - is stdout.")
-@click.option("--figures", metavar="DIR", help="Draw the figures into a folder, made if missing.")
+@click.option("--only", metavar="ITEM", help='Show one table or figure only, such as "table 2".')
+@click.option("--json", "json_file", metavar="FILE", help="Write all items as JSON; - is stdout.")
+@click.option("--figures", metavar="DIR", help="Write the figures to a folder, which is created.")
 @click.option("--sensitivity/--no-sensitivity", default=True, show_default=True,
-              help="Show every item with each choice of coefficients.")  # fmt: skip
+              help="Repeat the items with other drag and lift coefficients.")  # fmt: skip
 def paper(
     only: str | None,
     json_file: str | None,

@@ -1,7 +1,7 @@
 """From a goal back to the kick (`kickdyn plan`)."""
 
 import math
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import click
 import numpy as np
@@ -22,12 +22,13 @@ from kickdyn.planning.goal import FARTHEST, Arc, Goal
 from kickdyn.planning.kick import plan_kick
 from kickdyn.planning.kick_program import KickObjective
 from kickdyn.planning.launch import OutOfReach
-from kickdyn.planning.plan_report import OVER, PlanReport, Wall, unreachable_json
+from kickdyn.planning.plan_report import OVER, PlanReport, unreachable_json
 from kickdyn.planning.scatter import checked_spread
 from kickdyn.planning.swing import plan_swing
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.standing import is_floating
+from kickdyn.scene.pitch import Wall, check_before, read_wall
 
 CROUCH = 0.1
 """Share of the height of a robot's straight leg by which its hips are lower when it kicks: its
@@ -48,67 +49,79 @@ def _uncertainty(_: click.Context, __: click.Option, text: str | None) -> dict[s
 
 
 @click.command("plan", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--distance", required=True, type=float, help="To the target, along x [m].")
+@click.option("--distance", required=True, type=float, help="Distance of the target, along x [m].")
 @click.option("--height", default=0.0, show_default=True,
-              help="Of the target above where the ball lies, centre to centre [m].")  # fmt: skip
-@click.option("--left", default=0.0, show_default=True, help="Of the target, sideways [m].")
-@click.option("--time", type=float, help="Of the flight to the target [s].")
+              help="Height of the target above the initial position of the ball, centre to "
+              "centre [m].")  # fmt: skip
+@click.option("--left", default=0.0, show_default=True,
+              help="Distance of the target to the left of the x axis [m].")  # fmt: skip
+@click.option("--time", type=float, help="Time of flight to the target [s].")
 @click.option("--apex", type=float, help="Greatest height of the flight above its start [m].")
-@click.option("--launch-speed", type=float, help="Of the ball [m/s].")
+@click.option("--launch-speed", type=float, help="Speed of the ball at its launch [m/s].")
 @click.option("--over", callback=PAIR, metavar="DISTANCE:HEIGHT",
-              help="A point on the way for the ball's centre, as over a wall [m].")  # fmt: skip
+              help="A point that the ball's centre passes, as above a wall [m].")  # fmt: skip
 @click.option("--beside", callback=PAIR, metavar="DISTANCE:LEFT",
-              help="Where a curved way passes, left of the line to the target [m]: the ball gets "
-              "the spin for it.")  # fmt: skip
+              help="How far to the left of the line to the target the ball passes at a distance "
+              "[m]; side spin curves the flight.")  # fmt: skip
 @click.option("--wall", metavar="DISTANCE:HEIGHT[:WIDTH]",
-              callback=lambda _, __, text: None if text is None else Wall.read(text),
-              help="A wall across the line to the target, 2.5 m wide if not named [m]. The ball "
-              "goes over it, or beside it; with nothing else named, 0.1 m over it.")  # fmt: skip
+              callback=lambda _, __, text: None if text is None else read_wall(text),
+              help="A wall across the line to the target [m], 2.5 m wide by default. A ball that "
+              "hits it is an error. Without --time, --apex, --launch-speed and --over, the ball "
+              "passes 0.1 m above it.")  # fmt: skip
 @click.option("--goal", "goal_mouth", is_flag=True,
               help="Draw a goal 7.32 m wide and 2.44 m high, straight ahead at the target's "
-              "distance, and say whether the ball goes in.")  # fmt: skip
+              "distance, and report whether the ball enters it.")  # fmt: skip
 @click.option("--pass", "surface", metavar="SURFACE", type=click.Choice(list(SURFACES)),
-              help="Play the ball along the ground in --time, on turf, carpet...")  # fmt: skip
+              help="Play the ball along the ground in --time, on a surface such as turf or "
+              "carpet.")  # fmt: skip
 @click.option("--arc", default="low", show_default=True, type=click.Choice([*map(str, Arc)]),
-              help="Which, where two launches meet the goal.")  # fmt: skip
+              help="Arc of the flight, where two launches meet the goal.")  # fmt: skip
 @leg_options
 @click.option(
-    "--offset", callback=TRIPLE, metavar="X,Y,Z", help="Of the contact from there, in its axes [m]."
+    "--offset",
+    callback=TRIPLE,
+    metavar="X,Y,Z",
+    help="Contact point relative to --frame, in its axes [m].",
 )
 @click.option("--ball-height", type=float,
-              help="Of the ball's centre [m, world frame]. Default: as if it lay at the height "
-              "of the foot of the straight leg; of a robot's, with its knees bent; of a robot "
-              "on a support, on its ground, 0. "
-              "(In Python, it is free by default; for human, -0.7042 is this one.)")  # fmt: skip
+              help="Height of the ball's centre [m, world frame]. By default, the ball lies at the "
+              "height of the foot of the straight leg (10 % lower hips for a robot, whose knees "
+              "are bent), or on the ground of a robot on a support, z = 0. In Python, the height "
+              "is free by default; -0.7042 is the default here for human.")  # fmt: skip
 @click.option("--ball-at", callback=TRIPLE, metavar="X,Y,Z",
-              help="Where its centre lies, instead [m]: what is left is the leg's "
-              "self-motion.")  # fmt: skip
+              help="Position of the ball's centre [m, world frame], in place of --ball-height. "
+              "Only the self-motion of the leg remains free.")  # fmt: skip
 @click.option("--objective",
               type=click.Choice([name.value for name in KickObjective if name != "scatter"]),
-              help="What is made least, or most by most-joint-impulse.  "
+              help="Quantity that is minimized (maximized by most-joint-impulse).  "
               "[default: joint-speed]")  # fmt: skip
-@click.option("--no-limits", is_flag=True, help="Lift the joints' limits of speed and torque.")
+@click.option("--no-limits", is_flag=True, help="Ignore the speed and torque limits of the joints.")
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option(
-    "--spin", callback=TRIPLE, metavar="X,Y,Z", help="Of the ball [rad/s]; back spin has Y below 0."
+    "--spin",
+    callback=TRIPLE,
+    metavar="X,Y,Z",
+    help="Spin of the ball [rad/s]; back spin has Y < 0.",
 )
-@click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Of the air [m/s].")
+@click.option("--wind", callback=TRIPLE, metavar="X,Y,Z", help="Velocity of the wind [m/s].")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="20 degC at sea level; density and viscosity of the paper's "
-              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+              help="Air at 20 degC and sea level, with density and viscosity of the paper's "
+              "Table 3, or none. The coefficients are those of kickdyn.")  # fmt: skip
 @drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
-              show_default=True, help="In kg and m, or by name.")  # fmt: skip
+              show_default=True, help="Mass [kg] and radius [m], or a name.")  # fmt: skip
 @click.option("--robust", "uncertainty", callback=_uncertainty, metavar="ERRORS",
-              help="Make the scatter of the landing least, for standard deviations such as "
-              "speed=0.02,angle=0.01,contact=0.002,drag=0.05 (rad, m).")  # fmt: skip
-@click.option("--json", "json_file", metavar="FILE", help="Write the plan; - is stdout.")
+              help="Minimize the scatter of the landing point, for standard deviations such as "
+              "speed=0.02,angle=0.01,contact=0.002,drag=0.05 [1, rad, m, 1].")  # fmt: skip
+@click.option("--json", "json_file", metavar="FILE", help="Write the plan as JSON; - is stdout.")
 @click.option("--view", metavar="FILE.html", help="Write a 3-D page of the kick.")
-@click.option("--swing", is_flag=True, help="Plan the way from rest to the impact and to rest "
-              "again, within all limits, and show it in the page; of a robot on a support, the way "
-              "from rest to the impact, with its foot above the ground.")  # fmt: skip
-@click.option("--plot", metavar="FILE", help="Draw torques and powers of the swing: png, svg, pdf.")
+@click.option("--swing", is_flag=True, help="Plan the motion from rest to the impact and to "
+              "rest again, within all limits, and show it in the page; for a robot on a support, "
+              "the motion from rest to the impact, with its foot above the ground.")  # fmt: skip
+@click.option(
+    "--plot", metavar="FILE", help="Plot speed, torque and power of the swing: .png, .svg or .pdf."
+)
 def plan(
     distance: float,
     height: float,
@@ -146,22 +159,22 @@ def plan(
     Example: kickdyn plan --distance 30 --time 1.5 --leg human --view kick.html --json -
     """
     if ball_height is not None and ball_at is not None:
-        raise InvalidInput("ball-height and ball-at are named: name one of the two")
+        raise InvalidInput("ball-height and ball-at are both given: give one of the two")
     if swing and no_limits:
-        raise InvalidInput("swing and no-limits are named: a swing is planned within limits")
+        raise InvalidInput("swing and no-limits are both given: a swing is planned within limits")
     for name, value in {"distance": distance, "height": height, "left": left}.items():
         least = 0.0 if name == "distance" else -math.inf
         validation.number(name, value, above=least, at_most=FARTHEST, unit="m")
     if wall is not None:
-        wall.check_before(math.hypot(distance, left))
+        check_before(wall, math.hypot(distance, left))
         if all(named is None for named in (time, apex, launch_speed, over, surface)):
             over = [wall.distance, wall.height + OVER]
     named = {"time": time, "apex": apex, "launch-speed": launch_speed, "over": over}
     given = [name for name, value in named.items() if value is not None]
     if len(given) != 1:
         raise InvalidInput(
-            f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} named beside the "
-            f"target: name one of {', '.join(named)}"
+            f"{' and '.join(given) or 'nothing'} {'are' if given else 'is'} given besides the "
+            f"target: give exactly one of {', '.join(f'--{name}' for name in named)}"
         )
     if launch_speed is not None:
         validation.number("launch-speed", launch_speed, above=0, at_most=1e6, unit="m/s")
@@ -179,7 +192,7 @@ def plan(
         raise InvalidInput(f"plot is {plot!r}: swings are drawn for robots on a fixed base")
     _check_files(swing, view, plot, json_file)
     if uncertainty is not None and objective is not None:
-        raise InvalidInput("robust and objective are named: the scatter is what is made least")
+        raise InvalidInput("robust and objective are both given: robust minimizes the scatter")
     if ball_height is None and ball_at is None and not is_floating(leg):
         ball_height = _lying_height(leg, ball, offset)
     try:
@@ -220,7 +233,7 @@ def _check_files(swing: bool, view: str | None, plot: str | None, json_file: str
     """Refuse files that cannot be written before anything is computed."""
     if plot is not None:
         if not swing:
-            raise InvalidInput(f"plot is {plot!r}: the swing is drawn, so add --swing")
+            raise InvalidInput(f"plot is {plot!r}: it shows the swing, so add --swing")
         from kickdyn.core.plot_style import check_name
 
         check_name(plot)
@@ -240,7 +253,7 @@ def _windy(air: Air | None, wind: list[float] | None) -> Air | None:
     if wind is None:
         return air
     if air is None:
-        raise InvalidInput(f"wind is {wind}: without air there is none")
+        raise InvalidInput(f"wind is {wind}: there is no wind with --air none")
     return replace(air, wind=np.array(wind))
 
 
@@ -276,7 +289,7 @@ def _write_page(report: PlanReport, file: str, caption: str) -> None:
 
     plan, swing = report.plan, report.swing
     foot = plan.path.launch.position - np.array([0.0, 0.0, plan.impact.ball.radius])
-    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *report.wall)
+    boxes = [] if report.wall is None else wall_boxes(foot, plan.goal.ahead, *astuple(report.wall))
     boxes += goal_boxes(foot, float(plan.goal.target[0])) if report.goal_mouth else []
     shown = swing if swing is not None and swing.status == "met" else plan
     made_page = page(shown, caption=caption, scenery=boxes)

@@ -54,9 +54,9 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @click.command("posture-sweep", context_settings={"help_option_names": ["-h", "--help"]})
 @leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=LOW:HIGH:STEP",
-              help="Joint to sweep [deg], or to keep: NAME=VALUE; repeatable. "
-              "Default of human and testbed: a range of hip, knee and ankle, "
-              "in steps of 5 deg.")  # fmt: skip
+              help="Range of a joint [deg; m for prismatic joints], or NAME=VALUE for a constant "
+              "value; repeatable. By default, human and testbed have a range of hip, knee and "
+              "ankle, in steps of 5 deg.")  # fmt: skip
 @click.option("--speed", default=1.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=30.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
@@ -64,40 +64,40 @@ KICKING = ("hip=-10:40:5", "knee=0:60:5", "ankle=-20:50:5")
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--air", default="standard", show_default=True, type=click.Choice(list(AIRS)),
-              help="For the flight: 20 degC at sea level; density and viscosity of the paper's "
-              "Table 3; or none. The coefficients are kickdyn's.")  # fmt: skip
+              help="Air at 20 degC and sea level, with density and viscosity of the paper's "
+              "Table 3, or none. The coefficients are those of kickdyn.")  # fmt: skip
 @drag_option
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
-              show_default=True, help="In kg and m, or by name. The impulse on an obstacle that "
-              "cannot move is always listed, as immovable_impulse.")  # fmt: skip
+              show_default=True, help="Mass [kg] and radius [m], or a name. The table also has "
+              "the impulse on an immovable obstacle.")  # fmt: skip
 @click.option("--law", default="newton", show_default=True,
               type=click.Choice([*map(str, ImpactLaw)]),
-              help="Of the impact; all but newton compute each posture on its own, a thousand "
-              "times slower.")  # fmt: skip
+              help="Impact law. Only newton has compiled kernels; with the others a sweep is about "
+              "a thousand times slower.")  # fmt: skip
 @click.option("--out", metavar="FILE.nc|DIR.zarr",
-              help="Write the dataset: netCDF 4 up to a million postures; Zarr chunk by chunk, any "
-              "number, which can be resumed. Without it, no posture is kept but the best and the "
-              "front, for --json.")  # fmt: skip
+              help="Write the dataset, as netCDF 4 (up to a million postures) or Zarr (any number, "
+              "can be resumed). Without it, only the best postures and the Pareto front are kept, "
+              "for --json.")  # fmt: skip
 @click.option("--variables", metavar="NAME,...",
-              help=f"Keep these in --out, beside status and what the table is made from "
+              help=f"Variables to write to --out, besides status and those of the table "
               f"({', '.join(NEEDED)}).  [default: all, {', '.join(VARIABLES)}]")  # fmt: skip
-@click.option("--resume", is_flag=True, help="Compute what DIR.zarr lacks.")
+@click.option("--resume", is_flag=True, help="Compute only what is missing in DIR.zarr.")
 @click.option("--threads", type=click.IntRange(1, 1024),
-              help="Threads of this process.  [default: one per core]")  # fmt: skip
+              help="Number of threads.  [default: one per core]")  # fmt: skip
 @click.option("--workers", type=click.IntRange(1, 1024), metavar="N",
-              help="Processes that fill DIR.zarr, instead of threads.")  # fmt: skip
+              help="Number of processes that write DIR.zarr, in place of threads.")  # fmt: skip
 @click.option("--tolerance", default=CARRY_TOLERANCE, show_default=True,
-              help="Largest error of a carry [m]: in the plane of the leg, carries are "
-              "interpolated between flights; 0 flies every ball.")  # fmt: skip
+              help="Largest error of a carry distance [m]. Carries of planar legs are interpolated "
+              "between computed flights; with 0, every flight is computed.")  # fmt: skip
 @click.option("--where", metavar="CONDITION",
-              help="Best, worst, plot and page are of postures that fulfil it, such as "
-              "'knee < 30 and worst_joint_impulse <= 2': joints [deg] and variables.")  # fmt: skip
-@click.option("--json", "json_file", metavar="FILE", help="Write the table; - is stdout.")
-@click.option("--plot", metavar="FILE.png", help="Draw the sweep (.png, .svg, .pdf).")
+              help="Condition on the postures of table, plot and page, with joints [deg] and "
+              "variables, such as 'knee < 30 and worst_joint_impulse <= 2'.")  # fmt: skip
+@click.option("--json", "json_file", metavar="FILE", help="Write the table as JSON; - is stdout.")
+@click.option("--plot", metavar="FILE.png", help="Plot the sweep: .png, .svg or .pdf.")
 @click.option("--view", metavar="FILE.html|.png",
-              help="Write a 3-D page of the best kick, with buttons for others in the table, or a "
-              "picture of it.")  # fmt: skip
-@click.option("--live", is_flag=True, help="Serve that page on this machine until Ctrl-C.")
+              help="Write a 3-D page of the best kick, with buttons for the others in the table, "
+              "or a picture of the page.")  # fmt: skip
+@click.option("--live", is_flag=True, help="Serve the 3-D page on this computer until Ctrl-C.")
 def posture_sweep(
     leg_options: LegOptions,
     joints: tuple[str, ...],
@@ -121,7 +121,7 @@ def posture_sweep(
     view: str | None,
     live: bool,
 ) -> None:
-    """Kick from every posture of a grid and print the best and the worst, and why.
+    """Kick from every posture of a grid, and explain the best and the worst.
 
     Example: kickdyn posture-sweep --joint hip=-10:60:5 --joint knee=0:90:5
     --joint ankle=0 --speed 2 --out sweep.nc --view kick.html

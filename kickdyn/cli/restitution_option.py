@@ -18,7 +18,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 restitution_option: Callable[[Command], Command] = click.option(
     "--restitution", default="0.8", show_default=True, callback=_read,
     metavar="E|NAME|SPEED:E,...",
-    help="Coefficient e, 0 to 1; or over the speed at which the foot approaches: a table such as "
-    f"5:0.8,20:0.65 [m/s:e], or a model ({', '.join(MODELS)}).",
+    help="Coefficient of restitution e, from 0 to 1; a table of e over the approach speed, such as "
+    f"5:0.8,20:0.65 [m/s:e]; or a model ({', '.join(MODELS)}).",
 )  # fmt: skip
 """Gives a command the argument `restitution`."""

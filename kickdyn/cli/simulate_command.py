@@ -14,9 +14,14 @@ from kickdyn.scene.toml_reader import load_scene
 
 @click.command("simulate", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("scene_file", metavar="SCENE")
-@click.option("--tolerance", default=0.05, show_default=True, help="On the end's position [m].")
-@click.option("--exact", is_flag=True, help="Model everything, whatever the tolerance.")
-@click.option("--json", "json_file", metavar="FILE", help="Write the numbers; - is stdout.")
+@click.option(
+    "--tolerance",
+    default=0.05,
+    show_default=True,
+    help="Largest error of the ball's final position [m].",
+)
+@click.option("--exact", is_flag=True, help="Model all effects, whatever the tolerance.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
 def simulate(scene_file: str, tolerance: float, exact: bool, json_file: str | None) -> None:
     """Simulate a scene file to a tolerance, and print its error budget.
 
@@ -62,5 +67,6 @@ def _document(answer: Simulation) -> dict[str, Any]:
         "effects": [
             verdict._asdict() | {"bound": finite(verdict.bound)} for verdict in answer.verdicts
         ],
+        **answer.pitch_numbers(),
         "warnings": [*answer.scene.notes, *answer.warnings],
     }

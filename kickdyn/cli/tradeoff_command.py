@@ -23,30 +23,30 @@ from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
 
 TITLES = {
-    "impact": "Impulse of a kick, posture a of Table 2 at 10 m/s; against 50 digits; *: the front",
-    "flight": "Landing of 6 kicks, error in m; against 20 digits; *: the Pareto front",
+    "impact": "Impulse in posture a of Table 2 at 10 m/s; reference of 50 digits; *: Pareto front",
+    "flight": "Landing points of 6 kicks, error in m; reference of 20 digits; *: Pareto front",
 }
 
 
 @click.command("tradeoff", context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--impact", is_flag=True, help="Only the methods to compute an impact.")
-@click.option("--flight", is_flag=True, help="Only the integrators of the flight, by tolerance.")
-@click.option("--json", "json_file", metavar="FILE", help="Write the rows; - is stdout.")
+@click.option("--impact", is_flag=True, help="Measure only methods for the impact.")
+@click.option("--flight", is_flag=True, help="Measure only integrators of the flight.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the rows as JSON; - is stdout.")
 @click.option("--scene", metavar="FILE",
-              help="Only what each effect of a scene changes: a TOML file or a name, as of "
+              help="Measure what each effect of a scene changes: a TOML file or a name, as for "
               "`kickdyn view`.")  # fmt: skip
 @click.option("--plot", metavar="FILE",
-              help="Draw error against time, or effects: .png, .svg or .pdf.")  # fmt: skip
+              help="Plot error against time, or the effects: .png, .svg or .pdf.")  # fmt: skip
 def tradeoff(
     impact: bool, flight: bool, json_file: str | None, scene: str | None, plot: str | None
 ) -> None:
-    """Measure error against cost, all methods in one run on this machine.
+    """Measure the error and the computing time of kickdyn and of other methods.
 
     Example: kickdyn tradeoff --plot tradeoff.png
     """
     if scene is not None and (impact or flight):
         raise InvalidInput(
-            "--scene measures effects of a scene, --impact and --flight measure methods: name "
+            "--scene measures effects of a scene, --impact and --flight measure methods: give "
             "one or the other"
         )
     if plot is not None:
@@ -122,7 +122,7 @@ def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None
     console = Console(highlight=False, width=screen_width())
     impulse = float(np.linalg.norm(whole.impact.impulse))
     console.print(
-        f"{scene.name}: {impulse:.4g} N s, {whole.end_text}. What neglecting one effect changes:",
+        f"{scene.name}: impulse {impulse:.4g} N s, {whole.end_text}. If one effect is neglected:",
         markup=False,
     )
     console.print(_effect_table(sizes))
@@ -149,7 +149,7 @@ def _effect_table(sizes: Sequence[EffectSize]) -> Table:
     """Return a table of effects."""
     table = empty_table("")
     table.add_column("effect")
-    for head in ("end moves m", "impulse changes N s"):
+    for head in ("end moves by [m]", "impulse changes by [N s]"):
         table.add_column(head, justify="right")
     table.add_column("")
     for size in sizes:

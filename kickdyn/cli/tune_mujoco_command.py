@@ -37,11 +37,10 @@ from kickdyn.sweeps.grid import read_postures
 @click.argument("scene_file", metavar="[SCENE]", required=False)
 @leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=VALUE",
-              help="Where a joint is [deg; m for prismatic joints]; repeatable.  "
-              "[default: 0, its ref in an MJCF file]")  # fmt: skip
+              help="Value of a joint [deg; m for prismatic joints]; repeatable.  "
+              "[default: 0, or its ref in an MJCF file]")  # fmt: skip
 @click.option("--offset", callback=TRIPLE, metavar="X,Y,Z",
-              help="Of the point that strikes the ball from the origin of --frame, in its axes "
-              "[m].")  # fmt: skip
+              help="Contact point relative to --frame, in its axes [m].")  # fmt: skip
 @click.option("--speed", default=5.0, show_default=True, help="Foot speed [m/s].")
 @click.option("--attack", default=0.0, show_default=True,
               help="Direction of the foot and of the contact normal above the horizontal "
@@ -49,29 +48,29 @@ from kickdyn.sweeps.grid import read_postures
 @restitution_option
 @click.option("--friction", default=0.4, show_default=True, help="Coulomb's coefficient.")
 @click.option("--ball", default="size-5", callback=read_ball, metavar="MASS:RADIUS|size-5|paper",
-              show_default=True, help="In kg and m, or by name.")  # fmt: skip
+              show_default=True, help="Mass [kg] and radius [m], or a name.")  # fmt: skip
 @click.option("--contact-time", default=CONTACT_TIME, show_default=True,
-              help="For which foot and ball push each other [s].")  # fmt: skip
-@click.option("--timestep", default=0.002, show_default=True, help="Of the simulation [s].")
+              help="Time for which the contact force acts [s].")  # fmt: skip
+@click.option("--timestep", default=0.002, show_default=True, help="Time step of MuJoCo [s].")
 @click.option(
     "--integrator",
     default="implicitfast",
     show_default=True,
     type=click.Choice([kind.value for kind in MujocoIntegrator]),
-    help="Of MuJoCo.",
+    help="Integrator of MuJoCo.",
 )
 @click.option(
     "--tolerance",
     default=0.03,
     show_default=True,
-    help="Error of the ball's speed that is accepted, relative.",
+    help="Largest accepted relative error of the ball's speed.",
 )
 @click.option(
     "--foot",
     "feet",
     multiple=True,
     metavar="NAME",
-    help="Geom of your robot that strikes the ball, which a contact with friction names; "
+    help="Geom of your robot that strikes the ball, for the contact pair with friction; "
     "repeatable.  [default: the one of --frame in an MJCF file, else foot]",
 )
 @click.option(
@@ -83,7 +82,7 @@ from kickdyn.sweeps.grid import read_postures
     help="Write a whole MJCF model: the leg and the ball just before they touch.",
 )
 @click.option("--json", "json_file", metavar="FILE",
-              help="Write the numbers; - is stdout.")  # fmt: skip
+              help="Write the result as JSON; - is stdout.")  # fmt: skip
 def tune_mujoco(
     scene_file: str | None,
     leg_options: LegOptions,
@@ -103,11 +102,11 @@ def tune_mujoco(
     scene_out: str | None,
     json_file: str | None,
 ) -> None:
-    """Find the contact with which a ball in MuJoCo leaves the foot as in kickdyn.
+    """Find contact parameters with which MuJoCo launches the ball as kickdyn does.
 
     The kick is that of a leg, or of SCENE, a TOML file or the name of one that comes with kickdyn.
     The leg may be an MJCF file. Its joints move with the least kinetic energy that gives the foot
-    its velocity. A scene whose contact is an instant is tuned for a contact of 10 ms.
+    its velocity. For a scene with an instantaneous impact, the contact time is 10 ms.
 
     Example: kickdyn tune-mujoco --leg human --joint knee=30 --timestep 0.002 --out ball.xml
     """

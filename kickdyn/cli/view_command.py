@@ -19,10 +19,10 @@ from kickdyn.view.screenshot import find_browser
 @click.command("view", context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("scene_file", metavar="SCENE")
 @click.option("--out", metavar="FILE.html", help="Write the 3-D page.")
-@click.option("--png", metavar="FILE.png", help="Write a picture of the page, by Chromium.")
+@click.option("--png", metavar="FILE.png", help="Write a picture of the page; needs Chromium.")
 @click.option("--at", default=0.0, show_default=True,
               help="Time since the impact that the picture shows [s].")  # fmt: skip
-@click.option("--json", "json_file", metavar="FILE", help="Write the numbers; - is stdout.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the result as JSON; - is stdout.")
 def view(
     scene_file: str, out: str | None, png: str | None, at: float, json_file: str | None
 ) -> None:
@@ -31,14 +31,14 @@ def view(
     SCENE is a TOML file, or the name of one that comes with kickdyn: free_kick, paper_kick,
     robocup_carpet, robot_chip, volley, wet_grass_pass.
 
-    All its effects are modelled, but a contact that takes time is shown as an instant; the error
-    tells how far that moves the end.
+    All effects of the scene are modelled, except that a contact of finite time is shown as an
+    instantaneous impact; the printed error states how far that moves the end of the flight.
 
     Example: kickdyn view free_kick --out kick.html --png kick.png
     """
     pages = [file for file in (out, png) if file is not None]
     if not pages and json_file is None:
-        raise InvalidInput("there is no output: name --out, --png or --json")
+        raise InvalidInput("there is no output: give --out, --png or --json")
     validation.number("at", at, at_least=0, unit="s")
     check_outputs(*pages, json_file=json_file)
     if png is not None:
@@ -98,6 +98,7 @@ def _document(simulation: Simulation) -> dict[str, Any]:
         "end": end.position.tolist(),
         "time": float(end.time),
         "error": finite(simulation.error),
+        **simulation.pitch_numbers(),
         "warnings": list(simulation.warnings),
         "neglected": {v.effect: finite(v.bound) for v in simulation.verdicts if not v.modelled},
     }

@@ -64,7 +64,7 @@ class Identification(ReprMixin):
     flights were fitted together, those of flight i end in `_i`.
 
     Attributes:
-        tracks: what was measured.
+        tracks: the measured tracks.
         ball: mass and radius.
         air: with the coefficients and the wind that were found.
         launches: for each flight the state at its first sample. A spin has all three components;
@@ -76,7 +76,7 @@ class Identification(ReprMixin):
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than those of independent samples,
-            because neighbouring residuals go together.
+            because neighbouring residuals are correlated.
         comparison: drag models, the best first.
     """
 
@@ -95,7 +95,7 @@ class Identification(ReprMixin):
 
     def _rows(self) -> Iterable[Row]:
         yield "samples", f"{self.used.sum()} of {self.used.size} used", ""
-        yield "rms of these", self.rms, "m"
+        yield "rms distance", self.rms, "m"
         for name, value in self.values.items():
             number = f"{value:.4g} +- {self.deviations[name]:.2g}"
             yield name, number, _unit(name)
@@ -216,8 +216,8 @@ class Identification(ReprMixin):
             lines.append(f"the standard deviation is more than half the value: {', '.join(loose)}")
         if self.widening > 1.0:
             lines.append(
-                "neighbouring residuals go together, as in smoothed tracks: the standard "
-                f"deviations are widened by {self.widening:.2g}"
+                "neighbouring residuals are correlated, as in smoothed tracks: the standard "
+                f"deviations are increased by a factor of {self.widening:.2g}"
             )
         aside = int((~self.used).sum())
         if aside:

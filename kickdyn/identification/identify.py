@@ -9,7 +9,7 @@ with :math:`x` the solution of the equations of `kickdyn.flight.forces` and :mat
 of a coordinate, estimated from the residuals. The last term says that a spin is of the order of
 :math:`\omega_0` = 100 rad/s; it decides only what the measurement leaves open. The covariance of
 the estimate is :math:`\sigma^2 (J^T J)^{-1}` with the derivatives :math:`J` of the residuals,
-widened where neighbouring residuals go together.
+increased where neighbouring residuals are correlated.
 """
 
 import math
@@ -101,18 +101,18 @@ def identify(
     ground: Ground | None = None,
     compare: Sequence[str | Air] = (),
 ) -> Identification:
-    r"""Return the flight that fits measured positions best, and how far they determine it.
+    r"""Return the flight that best fits measured positions, with standard deviations.
 
     `scipy.optimize.least_squares` fits the equations of motion to the positions, first with a loss
     that outliers hardly move (soft L1), then, without the outliers, in the sense of least squares.
-    Derivatives are those of `fly_lanes`.
+    The derivatives are integrated by `fly_lanes`.
 
     Args:
         track: the positions in one flight, from after its start to before its end, without a
             bounce; or several flights, which then share drag, lift and wind.
         ball: mass and radius.
         air: density, coefficients and wind of the fit; None is `Air()`.
-        free: what is sought beside the position and velocity at the first sample: `spin`; `drag`,
+        free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
             one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
         spin: known spin, shape `(3,)` [rad/s, world frame]; used where `spin` is not sought.

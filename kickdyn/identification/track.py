@@ -132,7 +132,8 @@ class Track(ValueEquality, ReprMixin):
                 source,
                 [
                     f"there is no column {', '.join(map(repr, missing))}: the first row has "
-                    f"{validation.brief(header)}"
+                    f"{validation.brief(header)}; commas must separate the columns, and `columns` "
+                    "(--columns) names those of time, x, y and z"
                 ],
             )
         where = [header.index(name) for name in names]

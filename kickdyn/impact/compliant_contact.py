@@ -168,10 +168,12 @@ class CompliantContact:
             )
         slow = self.evaluations * self.expected > MAX_EVALUATIONS * t
         if self.evaluations > (FIRST_EVALUATIONS if slow else MAX_EVALUATIONS):
+            damped = self.force_model.damping > 0.0
+            hint = "; the dissipation 'walton-braun' has no damping" if damped else ""
             raise KickdynError(
                 f"the contact has not ended after {self.evaluations - 1} evaluations, at {t:g} of "
                 f"about {self.expected:g} s: the equations of motion are too stiff (friction "
-                f"{self.friction:g}, a light foot or a ball of small inertia)"
+                f"{self.friction:g}, a light foot or a ball of small inertia){hint}"
             )
         state, ball = self.state(y), self.ball
         contact = self.kinematics(state)

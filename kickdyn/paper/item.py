@@ -29,15 +29,16 @@ class Verdict(StrEnum):
 
 
 MEANINGS = {
-    Verdict.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the test bed's number",
-    Verdict.SHAPE_REPRODUCED: "the paper gives a curve, an order or a sentence, and ours has it",
-    Verdict.DEPENDS: "the paper prints no drag or lift coefficient; with another one the verdict "
-    f"changes, or the number more than {WIDE:g}-fold",
-    Verdict.FITTED: "what the paper does not give is chosen so that its number results, within "
-    f"{100 * FITTED:g} % where it is one that the paper computed: no confirmation",
-    Verdict.INPUT: "the number is taken from the paper",
-    Verdict.OURS: "the paper has no number to compare with, or the goal only",
-    Verdict.NOT_REACHABLE: "excluded by what the run computes, with the assumptions named",
+    Verdict.REPRODUCED: f"predicted, and within {100 * MEASURED:g} % of the value of the test bed",
+    Verdict.SHAPE_REPRODUCED: "the paper gives a curve, an order or a statement, and "
+    "kickdyn agrees with it",
+    Verdict.DEPENDS: "the paper prints no drag or lift coefficient, and with another one the "
+    f"verdict changes, or the value by more than a factor of {WIDE:g}",
+    Verdict.FITTED: "a quantity that the paper does not give is chosen so that the paper's value "
+    f"results (within {100 * FITTED:g} % of a computed one); the agreement confirms nothing",
+    Verdict.INPUT: "the value is taken from the paper",
+    Verdict.OURS: "the paper has no value to compare with, or only the goal",
+    Verdict.NOT_REACHABLE: "computed to be impossible under the assumptions in the note",
 }
 """Every verdict in words."""
 

@@ -44,7 +44,7 @@ from kickdyn.planning.swing_phase import (
 )
 from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain
-from kickdyn.robot.standing import StandingRobot, joint_spheres
+from kickdyn.robot.standing import StandingRobot, joint_spheres, kicking_limb
 
 NODES = 8
 """Intervals between nodes; their lengths grow with the time from the impact, where the foot's path
@@ -463,11 +463,8 @@ def _joined(parts: list[_Terms]) -> _Terms:
 
 def _kicking_limb(standing: StandingRobot) -> list[tuple[str, Spheres]]:
     """Return the bodies of the joints that move the kicking foot but not the supporting one."""
-    robot = standing.robot
-    model = robot.workspace.model
-    foot = model.frames[model.getFrameId(standing.support.frame)].parentJoint
-    shared = set(model.supports[foot])
-    limb = [int(j) for j in model.supports[robot.contact_joint] if j not in shared]
+    robot, model = standing.robot, standing.robot.workspace.model
+    limb = kicking_limb(robot, standing.support)
     return [(str(model.names[joint]), joint_spheres(robot, joint)) for joint in limb]
 
 

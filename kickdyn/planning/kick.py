@@ -44,7 +44,7 @@ from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.ground_clearance import find_depths
 from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.standing import StandingRobot, hold_support, is_floating
+from kickdyn.robot.standing import StandingRobot, hold_support, is_floating, missing_shapes
 
 LIFT = 100.0
 """Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
@@ -66,14 +66,14 @@ FAR = 1e9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KickPlan(ReprMixin):
-    """A kick, planned and then carried out by `strike` and `fly`.
+    """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
         status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
             kick in the planned direction that gives the ball the most speed.
         goal: that was asked for.
         launch: that meets it.
-        objective: that was made least, or most.
+        objective: that was minimized, or maximized for `most-joint-impulse`.
         value: of the objective.
         share: of the launch speed that is reached; 1 where the status is `met`.
         impact_target: impulse, normal and contact point on the ball.
@@ -164,9 +164,9 @@ class KickPlan(ReprMixin):
         A coefficient of the flight or of the contact used outside its range; a body that is under
         the ground (level, under the ball or under the target, whichever is lower) at the impact.
         Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        support that does not stand, those of `backswing`, and a body that is under the ground in
-        the backswing; without one, while the foot approaches the ball by the ball's radius with
-        the joints' velocity of the impact.
+        body of the kicking limb whose shape is not known, a support that does not stand, those of
+        `backswing`, and a body that is under the ground in the backswing; without one, while the
+        foot approaches the ball by the ball's radius with the joints' velocity of the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
@@ -176,6 +176,7 @@ class KickPlan(ReprMixin):
             *of_contact,
             *self._leaving(),
             *of_backswing,
+            *self._unknown_shapes(),
             *self._under_ground(),
         )
 
@@ -187,8 +188,9 @@ class KickPlan(ReprMixin):
         """
         impact, held = self.impact, self.impact.footing
         lines = [
-            f"{name} {state}: the plan holds it with an impulse that ground cannot supply "
-            "(unilateral_strike computes the kick from ground that only pushes)"
+            f"{name} {state.replace('-', ' ')}: the plan assumes that it stays at rest, which "
+            "takes an impulse that the ground cannot supply (kd.unilateral_strike computes the "
+            "impact with ground that can only push)"
             for name, state in held.items()
             if state != Footing.STANDS
         ]
@@ -202,11 +204,18 @@ class KickPlan(ReprMixin):
             return [f"it is unknown whether the foot stands ({error})"]
         off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
         return [
-            f"{name} {state} on ground that only pushes (unilateral_strike), which changes the "
-            f"ball's velocity by {off:.2g} m/s"
+            f"with ground that can only push (kd.unilateral_strike), {name} "
+            f"{state.replace('-', ' ')}, which changes the ball's velocity by {off:.2g} m/s"
             for name, state in free.footing.items()
             if state != Footing.STANDS
         ]
+
+    def _unknown_shapes(self) -> list[str]:
+        """Return a line for each body of a standing robot's kicking limb of unknown shape."""
+        constraints = self.leg.constraints
+        if self.balance is None or constraints is None:
+            return []
+        return missing_shapes(self.leg, constraints.supports[0])
 
     def _under_ground(self) -> list[str]:
         """Return a line for each body under the ground, at the impact or before it."""
@@ -282,8 +291,8 @@ def plan_kick(
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
-    velocity follow from each other in closed form; posture and joint velocity are what is left, and
-    a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
+    velocity follow from each other in closed form. A nonlinear program then chooses posture and
+    joint velocity by the objective, and `strike` and `fly` verify the plan.
 
     Args:
         leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
@@ -302,16 +311,16 @@ def plan_kick(
         offset: of the contact point from the leg's frame, as for `Contact`.
         ball_height: of the ball's centre [m, world frame]; free when not named, where `kickdyn
             plan` lays the ball at the straight leg's foot: -0.7042 for `Leg.human()`.
-        ball_at: position of the ball's centre, instead, shape `(3,)` [m, world frame]: what is left
-            free is the self-motion of a redundant leg.
+        ball_at: position of the ball's centre, in place of its height, shape `(3,)` [m, world
+            frame]. Only the self-motion of a redundant leg remains free.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
-        surface: of the ground, where the ball is to be played along it, as `plan_pass` does; the
-            goal is then a time and a target as high as the ball.
+        surface: of the ground, for a ball that is played along the ground as by `plan_pass`; the
+            goal is then a time and a target at the height of the ball.
         uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
             its limits and a second each: `plan_swing` then finds the motion. For objectives

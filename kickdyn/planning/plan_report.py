@@ -3,13 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from kickdyn.ball import BallState
-from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.fly import fly
@@ -21,127 +20,52 @@ from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing
 from kickdyn.restitution import describe_restitution
+from kickdyn.scene.pitch import Passage, Score, Wall, check_before, passage_at, score_at
 
 OVER = 0.1
 """Clearance of the ball's lower edge over a wall where nothing else is asked for [m]."""
 
-MOUTH = (7.32, 2.44)
-"""Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
 
-FRAME = 0.12
-"""Largest width of its posts and its bar [m], ibid."""
+def passage_of(wall: Wall, plan: KickPlan) -> Passage | None:
+    """Return how the ball of a plan passes a wall; None where it comes down before."""
+    goal, path = plan.goal, plan.path
+    start = path.launch.position
 
-ENDS = {
-    "short": "does not come to the goal",
-    "over": "goes over the bar",
-    "beside": "goes beside the post",
-    "bar": "hits the bar",
-    "post": "hits the post",
-}
-"""Sentences for the ends of a ball that does not go in."""
+    def beyond(time: float) -> float:
+        """Return how far the ball is beyond the wall at a time [m]."""
+        return float(goal.ahead @ (path.sample(time).position - start)) - wall.distance
 
-
-class Wall(NamedTuple):
-    """A wall across the line to the target, its middle on it; all in m, heights from the ground."""
-
-    distance: float
-    height: float
-    width: float = 2.5  # of five players
-
-    @classmethod
-    def read(cls, text: str) -> "Wall":
-        """Return the wall that DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for."""
-        parts = text.split(":")
-        if len(parts) not in (2, 3):
-            raise InvalidInput(f"wall is {text!r}: it must be DISTANCE:HEIGHT or with :WIDTH [m]")
-        try:
-            values = [float(part) for part in parts]
-        except ValueError:
-            raise InvalidInput(f"wall is {text!r}: it must be numbers, as 9.15:1.9") from None
-        for name, value in zip(cls._fields, values, strict=False):
-            validation.number(f"{name} of the wall", value, above=0, unit="m")
-        return cls(*values)
-
-    def check_before(self, distance: float) -> None:
-        """Raise `InvalidInput` for a wall that is not before a target so far away [m]."""
-        if not self.distance < distance:
-            raise InvalidInput(
-                f"wall is at {self.distance:g} m: it must be between the ball and the target, "
-                f"which is {distance:g} m away"
-            )
-
-    def clearance(self, plan: KickPlan) -> tuple[float, float, float] | None:
-        """Return how the ball passes the wall [m]; None where it comes down before.
-
-        How far its lower edge is above the wall and its side beside it, both below 0 where it is
-        not, and how far its centre is to the left of the wall's middle.
-        """
-        goal, path, radius = plan.goal, plan.path, plan.impact.ball.radius
-        start = path.launch.position
-
-        def beyond(time: float) -> float:
-            """Return how far the ball is beyond the wall at a time [m]."""
-            return float(goal.ahead @ (path.sample(time).position - start)) - self.distance
-
-        if beyond(path.duration) < 0.0:
-            return None
-        passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
-        left = float(goal.left @ passed)
-        return float(passed[2]) - self.height, abs(left) - self.width / 2 - radius, left
-
-    def describe_passage(self, plan: KickPlan) -> str:
-        """Return by how much the ball clears the wall, as a sentence.
-
-        Raises:
-            InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
-        """
-        self.check_before(plan.goal.distance)
-        clear = self.clearance(plan)
-        if clear is None:
-            return "The ball comes down before the wall."
-        above, beside, left = clear
-        if above > 0.0:
-            return f"Its lower edge clears the wall by {above:.3g} m."
-        if beside > 0.0:
-            side = "left" if left > 0.0 else "right"
-            return f"It passes {beside:.3g} m {side} of the wall."
-        met = plan.status == PlanStatus.MET
-        weak = "" if met else "the kick is beyond the leg's limits, and "
-        message = (
-            f"{weak}the ball hits the wall, {-above:.3g} m under its top and {-beside:.3g} m "
-            "inside its edge"
-        )
-        if not isinstance(plan.path, Course):
-            kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
-            instead = "" if kind == "over" else f" in place of --{kind}"
-            edge = math.ceil(1e3 * (self.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
-            message += (
-                f": ask for --over {self.distance:g}:{self.height + OVER:g}{instead}, or "
-                f"for --beside {self.distance:g}:{math.copysign(edge, left + 1e-6):g}"
-            )
-        raise InvalidInput(message)
+    if beyond(path.duration) < 0.0:
+        return None
+    passed = path.sample(float(brentq(beyond, 0.0, path.duration))).position - start
+    left, up = float(goal.left @ passed), float(passed[2])
+    return passage_at(wall, left, up, plan.impact.ball.radius)
 
 
-class Score(NamedTuple):
-    """How a kick meets the goal straight ahead at the target's distance.
+def describe_passage(wall: Wall, plan: KickPlan) -> str:
+    """Return by how much the ball clears the wall, as a sentence.
 
-    Attributes:
-        end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
-        post: from the ball's side to the nearer post [m]; below 0 beyond it.
-        bar: from its upper edge up to the bar [m], likewise.
+    Raises:
+        InvalidInput: it does not; with the options of `kickdyn plan` that ask for more.
     """
-
-    end: str
-    post: float
-    bar: float
-
-    def __str__(self) -> str:
-        """Say in a sentence whether the ball goes in."""
-        if self.end == "in":
-            return (
-                f"It goes in, {self.post:.3g} m from the post and {self.bar:.3g} m under the bar."
-            )
-        return f"It {ENDS[self.end]}."
+    check_before(wall, plan.goal.distance)
+    passage = passage_of(wall, plan)
+    if passage is None:
+        return "The ball lands before it reaches the wall."
+    if passage.is_clear:
+        return str(passage)
+    met = plan.status == PlanStatus.MET
+    weak = "" if met else "the goal is beyond the limits of the leg, and "
+    message = f"{weak}the ball {passage.hit}"
+    if not isinstance(plan.path, Course):
+        kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
+        instead = "" if kind == "over" else f" in place of --{kind}"
+        edge = math.ceil(1e3 * (wall.width / 2 + plan.impact.ball.radius + OVER)) / 1e3
+        message += (
+            f": use --over {wall.distance:g}:{wall.height + OVER:g}{instead}, or "
+            f"--beside {wall.distance:g}:{math.copysign(edge, passage.left + 1e-6):g}"
+        )
+    raise InvalidInput(message)
 
 
 def score(plan: KickPlan) -> Score:
@@ -149,16 +73,8 @@ def score(plan: KickPlan) -> Score:
     radius, path = plan.impact.ball.radius, plan.path
     moved = path.sample(path.duration).position - path.launch.position
     ahead, left, up = moved.tolist()
-    post = MOUTH[0] / 2 - abs(left) - radius
-    bar = MOUTH[1] - up - 2 * radius
-    if plan.goal.target[0] - ahead > 1e-3 or up <= -radius:
-        return Score("short", post, bar)
-    if min(post, bar) >= 0.0:
-        return Score("in", post, bar)
-    missed = post if bar >= 0.0 else bar if post >= 0.0 else min(post, bar)
-    clear = missed < -2 * radius - FRAME
-    ends = ("post", "beside") if missed == post else ("bar", "over")
-    return Score(ends[clear], post, bar)
+    arrives = plan.goal.target[0] - ahead <= 1e-3 and up > -radius
+    return score_at(left, up, radius, arrives=arrives)
 
 
 @dataclass(frozen=True)
@@ -179,7 +95,7 @@ class PlanReport:
             landing = scatter(self.plan.impact, self.plan.launch.air, **self.uncertainty)
             found.append(_describe_scatter(landing))
         if self.wall is not None:
-            found.append(self.wall.describe_passage(self.plan))
+            found.append(describe_passage(self.wall, self.plan))
         if self.goal_mouth:
             found.append(str(score(self.plan)))
         if self.swing is not None:
@@ -196,19 +112,24 @@ class PlanReport:
         impact, leg = plan.impact, plan.leg
         up, left = plan.impact_target.contact_offset
         heading = _aside(math.degrees(plan.heading), 2, "deg")
-        turned = [f"base    turned {heading.replace(' deg', ' deg to the')}"]
+        turned = [f"base    turned by {heading}"]
+        mean = " (mean square of the joint speeds over their limits)"
+        meaning = mean if plan.objective == "joint-speed" else ""
         given = impact.contact.restitution
         used = describe_restitution(given, impact.restitution, impact.approach_speed)
         return [
-            f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg up, "
-            f"{_aside(math.degrees(launch.azimuth), 3, 'deg')}; {launch.iterations} Newton steps",
-            f"impact  {_rounded(1e3 * abs(up), 1)} mm {'above' if up >= 0.0 else 'below'} and "
-            f"{_aside(1e3 * left, 1, 'mm')} of the ball's centre, "
+            f"launch  {launch.speed:.4f} m/s, {_rounded(math.degrees(launch.angle), 3)} deg above "
+            f"the horizontal, {_aside(math.degrees(launch.azimuth), 3, 'deg')}; found in "
+            f"{launch.iterations} Newton steps",
+            f"impact  contact point {_rounded(1e3 * abs(up), 1)} mm "
+            f"{'above' if up >= 0.0 else 'below'} the ball's centre and "
+            f"{_aside(1e3 * left, 1, 'mm')}, "
             f"impulse {math.hypot(*impact.impulse):.4f} N s, "
-            f"foot {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
-            f"leg     {plan.objective} {f'{plan.value:.4g} {plan.objective.unit}'.strip()}; speed "
-            f"{plan.speed_use:.0%} and torque {plan.torque_use:.0%} of their limits; worst joint "
-            f"impulse {impact.worst_joint[1]:.3g} N s at {impact.worst_joint[0]}",
+            f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
+            f"leg     up to {plan.speed_use:.0%} of the speed limits and {plan.torque_use:.0%} of "
+            f"the torque limits of the joints; largest joint impulse {impact.worst_joint[1]:.3g} "
+            f"N s, at {impact.worst_joint[0]}; objective {plan.objective}{meaning} = "
+            f"{f'{plan.value:.4g} {plan.objective.unit}'.strip()}",
             *(turned if not heading.startswith("0.00 ") else []),
             *(
                 f"  {name:24} {value:9.2f} {unit}  "
@@ -256,7 +177,7 @@ class PlanReport:
             path = _flight_within_limits(plan)
             report["within_limits"] = path and {"distance": path.range, "time": path.duration}
         if self.wall is not None:
-            above, beside, _ = self.wall.clearance(plan) or (None, None, None)
+            above, beside, _ = passage_of(self.wall, plan) or (None, None, None)
             report["wall"] = {"above": above, "beside": beside}
         if self.goal_mouth:
             report["goal_mouth"] = score(plan)._asdict()
@@ -287,28 +208,30 @@ def verdict(plan: KickPlan) -> str:
     after = f"after {path.duration:.4g} s"
     if plan.status == PlanStatus.MET:
         return (
-            f"The ball comes to ({where}) m {after}; strike and flight miss it by "
-            f"{plan.landing_error:.2g} m."
+            f"The ball reaches the target ({where}) m {after}; the computed impact and flight "
+            f"miss it by {plan.landing_error:.2g} m."
         )
-    missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from it"
+    missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from the target"
     if path.status == "at-plane":
         late = "late" if plan.time_error > 0 else "early"
-        end = f"passes it {after}, {abs(plan.time_error):.3g} s {late}"
+        end = f"passes the target {after}, {abs(plan.time_error):.3g} s too {late}"
     elif isinstance(path, Course):
         end = f"stops {path.distance:.4g} m away {after}"
     else:
-        does = "comes down" if path.status == "landed" else "is still aloft"
+        does = "lands" if path.status == "landed" else "is still aloft"
         end = f"{does} {path.range:.4g} m away {after}"
     slower = _flight_within_limits(plan)
     within = (
-        f" Within them, in that direction, are {slower.range:.4g} m in {slower.duration:.4g} s."
+        f" A goal in this direction within the limits is {slower.range:.4g} m in "
+        f"{slower.duration:.4g} s."
         if slower is not None
         else ""
     )
     limits = f" ({', '.join(plan.binding)})" if plan.binding else ""
     return (
-        f"Beyond the leg's limits{limits}: it gives the ball {plan.share:.0%} of the speed that "
-        f"({where}) m takes. The ball {end}{missed}.{within}"
+        f"The goal is beyond the limits of the leg{limits}. Its hardest kick in this direction "
+        f"gives the ball {plan.share:.0%} of the speed that the target ({where}) m requires. "
+        f"The ball {end}{missed}.{within}"
     )
 
 
@@ -338,19 +261,19 @@ def _flight_within_limits(plan: KickPlan) -> Flight | None:
 
 
 def _after_impact(plan: KickPlan, *, limits: bool) -> list[str]:
-    """Return what the joints do just after the impact that they should not, in a line, or none."""
-    parts = [f"{name} into its stop" for name in plan.into_stop]
+    """Return a line with the joints beyond a limit just after the impact, or no line."""
+    parts = [f"{name} moves into the stop at the end of its range" for name in plan.into_stop]
     if limits:
         used = plan.too_fast_after.items()
-        parts += [f"{name} at {use:.0%} of its speed limit" for name, use in used]
-    return [f"Just after the impact: {', '.join(parts)}."] if parts else []
+        parts += [f"{name} has {use:.0%} of its speed limit" for name, use in used]
+    return [f"Just after the impact, {', '.join(parts)}."] if parts else []
 
 
 def _describe_scatter(found: Scatter) -> str:
     """Return in a line how far off the ball lands, by source."""
     sizes = {name: math.sqrt(float(part.trace())) for name, part in found.by_source.items()}
-    parts = ", ".join(f"{size:.3g} m by {name}" for name, size in sizes.items())
-    return f"It lands {found.radius:.3g} m off in the root mean square: {parts}."
+    parts = ", ".join(f"{size:.3g} m from {name}" for name, size in sizes.items())
+    return f"The landing point has a root mean square error of {found.radius:.3g} m: {parts}."
 
 
 def _least_friction(frame: str, plan: KickPlan) -> float | None:
@@ -362,21 +285,27 @@ def _least_friction(frame: str, plan: KickPlan) -> float | None:
 def _describe_stance(frame: str, plan: KickPlan) -> str:
     """Return how a robot stands on a support, in a line."""
     friction, state = _least_friction(frame, plan), plan.impact.footing[frame]
-    needs = f", with friction of {friction:.2g} or more" if state == "stands" and friction else ""
+    needs = (
+        f", which takes a coefficient of friction of at least {friction:.2g}"
+        if state == "stands" and friction
+        else ""
+    )
     return (
-        f"It stands on {frame}, its centre of mass {1e3 * (plan.balance or 0.0):.1f} mm inside the "
-        f"sole's edge; at the impact that foot {state}{needs}."
+        f"The robot stands on {frame}, with its centre of mass {1e3 * (plan.balance or 0.0):.1f} "
+        f"mm inside the edge of the sole, seen from above. In the impact this foot "
+        f"{state.replace('-', ' ')}{needs}."
     )
 
 
 def _describe_swing(swing: Swing) -> str:
     """Return a swing in a line."""
     if swing.status != PlanStatus.MET:
-        return f"No swing gives all of that: {swing.limit}."
+        return f"The leg cannot swing to this kick within its limits: {swing.limit}."
     return (
-        f"The swing takes {swing.backswing.duration:.3g} s from rest and "
-        f"{swing.follow_through.duration:.3g} s to rest, at up to {swing.torque_use:.0%} of the "
-        f"torque and {swing.speed_use:.0%} of the speed limits."
+        f"The swing takes {swing.backswing.duration:.3g} s from rest to the impact and "
+        f"{swing.follow_through.duration:.3g} s from there to rest, with up to "
+        f"{swing.torque_use:.0%} of the torque limits and {swing.speed_use:.0%} of the speed "
+        "limits."
     )
 
 
@@ -384,9 +313,10 @@ def _describe_backswing(backswing: Backswing) -> str:
     """Return the backswing of a standing robot in a line."""
     phase = backswing.phase
     return (
-        f"The backswing takes {phase.duration:.3g} s from rest; the kicking foot stays "
-        f"{1e3 * backswing.clearance:.1f} mm or more above the ground. It takes up to "
-        f"{phase.torque_use:.0%} of the torque and {phase.speed_use:.0%} of the speed limits."
+        f"The backswing takes {phase.duration:.3g} s from rest to the impact, with up to "
+        f"{phase.torque_use:.0%} of the torque limits and {phase.speed_use:.0%} of the speed "
+        f"limits. The kicking foot stays at least {1e3 * backswing.clearance:.1f} mm above the "
+        "ground."
     )
 
 
@@ -428,6 +358,6 @@ def _rounded(value: float, digits: int) -> str:
 
 
 def _aside(value: float, digits: int, unit: str) -> str:
-    """Return a value that counts to the left as its size and its side."""
+    """Return a value that is positive to the left as its size and its side."""
     shown = _rounded(value, digits)
-    return f"{shown.lstrip('-')} {unit} {'right' if shown.startswith('-') else 'left'}"
+    return f"{shown.lstrip('-')} {unit} to the {'right' if shown.startswith('-') else 'left'}"

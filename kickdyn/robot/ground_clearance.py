@@ -53,8 +53,8 @@ class Depth(NamedTuple):
 def find_depths(leg: Leg, configurations: Sequence[Array], floor: float) -> list[Depth]:
     """Return the bodies that are under the ground at some configuration, the deepest first.
 
-    A body is what the file of the leg draws at a frame; of a leg without such shapes, frames are
-    points. Meshes that cannot be read are points, too.
+    A body is what the file of the leg draws at a frame, or has there for contacts where a mesh is
+    missing (`shape_of`); of a leg without such shapes, frames are points.
 
     Args:
         leg: the leg.
@@ -84,27 +84,49 @@ def body_frames(leg: Leg) -> dict[str, int]:
     every = {frame.name: number for number, frame in numbered}
     # a joint may have the name of a link
     every |= {f.name: n for n, f in numbered if f.type == pin.FrameType.BODY}
-    shaped = {} if leg.file is None else _visuals(leg.file)
+    shaped = {} if leg.file is None else _visuals(leg.file) | _collisions(leg.file)
     return {name: every[name] for name in shaped if name in every} or every
 
 
 def shape_of(leg: Leg, frame: str, *, meshes: bool = True) -> Spheres:
-    """Return the body at a frame, in the frame's axes: a point where its file draws none."""
-    if leg.file is None:
-        return POINT
-    visuals = _visuals(leg.file).get(frame, ())
-    known = [_spheres(leg.file, one) for one in visuals if meshes or one.shape != Shape.MESH]
+    """Return the body at a frame, in the frame's axes: a point where its file has no shape.
+
+    It is what the file draws; where a mesh of that cannot be read, or nothing is drawn, also what
+    the file has for contacts.
+    """
+    known = shapes_of(leg, frame, meshes=meshes)
     if not known:
         return POINT
     return Spheres(*(np.concatenate(parts) for parts in zip(*known, strict=True)))
+
+
+def shapes_of(leg: Leg, frame: str, *, meshes: bool = True) -> list[Spheres]:
+    """Return the shapes of `shape_of`, each convex; none where the file has no readable shape."""
+    if leg.file is None:
+        return []
+    drawn = _visuals(leg.file).get(frame, [])
+    found = [_spheres(leg.file, one) for one in drawn if meshes or one.shape != Shape.MESH]
+    if not drawn or any(isinstance(one, str) for one in found):
+        hidden = _collisions(leg.file).get(frame, [])
+        found += [_spheres(leg.file, one) for one in hidden if meshes or one.shape != Shape.MESH]
+    return [one for one in found if not isinstance(one, str)]
+
+
+def find_unread(leg: Leg, frame: str) -> str:
+    """Return why a shape that the file of a leg draws at a frame cannot be read, or nothing."""
+    if (file := leg.file) is None:
+        return ""
+    drawn = _visuals(file).get(frame, [])
+    reasons = [found for one in drawn if isinstance(found := _spheres(file, one), str)]
+    return reasons[0] if reasons else ""
 
 
 POINT = Spheres(np.zeros((1, 3)), np.zeros(1))
 """A body that is a point at the origin."""
 
 
-_known: WeakKeyDictionary[Visual, Spheres] = WeakKeyDictionary()
-"""Spheres of visuals that were needed before: reading a mesh takes a tenth of a second."""
+_known: WeakKeyDictionary[Visual, Spheres | str] = WeakKeyDictionary()
+"""What `_spheres` returned before: reading a mesh takes a tenth of a second."""
 
 
 def _visuals(file: RobotFile) -> dict[str, list[Visual]]:
@@ -115,14 +137,21 @@ def _visuals(file: RobotFile) -> dict[str, list[Visual]]:
         return {}
 
 
-def _spheres(file: RobotFile, visual: Visual) -> Spheres:
-    """Return spheres that span a visual, in its frame's axes; its origin if it cannot be read."""
+def _collisions(file: RobotFile) -> dict[str, list[Visual]]:
+    """Return the shapes for contacts of a file by frame; none where they cannot be read."""
+    try:
+        return file.collisions_by_frame
+    except InvalidInput:
+        return {}
+
+
+def _spheres(file: RobotFile, visual: Visual) -> Spheres | str:
+    """Return spheres that span a visual, in its frame's axes, or why it cannot be read."""
     if visual not in _known:
         try:
-            spanned = _spanned(file, visual)
-        except InvalidInput:
-            spanned = POINT
-        _known[visual] = spanned.moved(visual.pose)
+            _known[visual] = _spanned(file, visual).moved(visual.pose)
+        except InvalidInput as error:
+            _known[visual] = str(error)
     return _known[visual]
 
 

@@ -156,6 +156,19 @@ class MjcfFile(RobotFile):
             visual for number in shown if (visual := self._visual(compiled, number)) is not None
         ]
 
+    def collisions(self) -> list[Visual]:
+        """Return the geoms that take part in contacts and that `visuals` leaves out."""
+        compiled = self.compile()
+        shown = {g for g in range(compiled.ngeom) if compiled.geom_group[g] < 3}
+        return [
+            visual
+            for number in range(compiled.ngeom)
+            if number not in shown
+            and compiled.geom_bodyid[number]
+            and (compiled.geom_contype[number] or compiled.geom_conaffinity[number])
+            and (visual := self._visual(compiled, number)) is not None
+        ]
+
     def _visual(self, compiled: Any, number: int) -> Visual | None:
         """Return the shape of a geom; None for one that is transparent or a plane."""
         geom = compiled.geom(number)

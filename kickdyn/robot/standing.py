@@ -14,7 +14,14 @@ import pinocchio as pin
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
-from kickdyn.robot.ground_clearance import POINT, Spheres, body_frames, shape_of
+from kickdyn.robot.ground_clearance import (
+    POINT,
+    Spheres,
+    body_frames,
+    find_unread,
+    shape_of,
+    shapes_of,
+)
 from kickdyn.robot.leg import Leg, Posture
 
 SOLE = 2e-3
@@ -184,8 +191,11 @@ def _sole(robot: Leg, support: Support, frame: int, rotation: Array) -> Array:
     corners = np.array(points)
     corners = corners[np.unique(np.argmax(corners[:, :2] @ ring.T, axis=0))]
     if len(corners) < 3:  # as of a body that is a point
+        number = int(here.parentJoint)
+        reasons = [why for name in joint_bodies(robot, number) if (why := find_unread(robot, name))]
+        why = f" ({reasons[0]}; --package-dir names the folder of meshes)" if reasons else ""
         raise InvalidInput(
-            f"the shapes of {support.frame} have no sole: name its corners, "
+            f"the shapes of {support.frame} have no sole{why}: name its corners, "
             f"Support({support.frame!r}, sole=...)"
         )
     return np.asarray(corners @ rotation)
@@ -196,10 +206,49 @@ def joint_spheres(robot: Leg, joint: int) -> Spheres:
     frames = robot.workspace.model.frames
     found = [
         shape_of(robot, name).moved(frames[number].placement.homogeneous)
-        for name, number in body_frames(robot).items()
-        if int(frames[number].parentJoint) == joint
+        for name, number in joint_bodies(robot, joint).items()
     ] or [POINT]
     return Spheres(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def joint_bodies(robot: Leg, joint: int) -> dict[str, int]:
+    """Return the frames with shapes that a joint carries, by name, as `body_frames`."""
+    frames = robot.workspace.model.frames
+    every = body_frames(robot).items()
+    return {name: number for name, number in every if int(frames[number].parentJoint) == joint}
+
+
+def kicking_limb(robot: Leg, support: Support) -> list[int]:
+    """Return the joints that move the kicking foot but not the supporting one, the hip's first."""
+    model = robot.workspace.model
+    foot = model.frames[model.getFrameId(support.frame)].parentJoint
+    shared = set(model.supports[foot])
+    return [int(joint) for joint in model.supports[robot.contact_joint] if joint not in shared]
+
+
+def missing_shapes(robot: Leg, support: Support) -> list[str]:
+    """Return a line for each body of the kicking limb whose shape is not known as it is drawn."""
+    lines = []
+    for joint in kicking_limb(robot, support):
+        bodies = joint_bodies(robot, joint)
+        for name in bodies:
+            if why := find_unread(robot, name):
+                instead = (
+                    "its other shapes are used instead"
+                    if shapes_of(robot, name)
+                    else "it counts as a point, and may be lower than the plan says"
+                )
+                lines.append(
+                    f"the shape of {name} is not known ({why}; --package-dir names the folder of "
+                    f"meshes): {instead}"
+                )
+        known = [name for name in bodies if shapes_of(robot, name) or find_unread(robot, name)]
+        if joint == robot.contact_joint and not known:
+            lines.append(
+                f"the kicking foot has no shape: {robot.frame} counts as a point, and the foot may "
+                "be lower than the plan says"
+            )
+    return lines
 
 
 def _indices(joints: list[Any], which: str) -> Array:

@@ -32,14 +32,7 @@ class UrdfFile(RobotFile):
 
     def visuals(self) -> list[Visual]:
         """Return the visuals of all links; raise `InvalidInput` if they are unreadable."""
-        import yourdfpy  # takes half a second; only pages need it
-
-        try:
-            robot = yourdfpy.URDF.load(
-                io.BytesIO(self.text.encode()), build_scene_graph=False, load_meshes=False
-            ).robot
-        except Exception as error:  # yourdfpy has no error of its own for a bad file
-            raise InvalidInput(f"{self.source}: its visuals cannot be read ({error})") from None
+        robot = self._robot
         visuals = [(link.name, visual) for link in robot.links for visual in link.visuals]
         materials = [visual.material for _, visual in visuals if visual.material]
         colours = {m.name: m.color.rgba for m in [*materials, *robot.materials] if m.color}
@@ -59,6 +52,30 @@ class UrdfFile(RobotFile):
                 )
             )
         return found
+
+    def collisions(self) -> list[Visual]:
+        """Return the collision shapes of all links; raise `InvalidInput` if unreadable."""
+        return [
+            Visual(
+                link.name,
+                np.eye(4) if shape.origin is None else shape.origin,
+                *_shape(shape.geometry),
+            )
+            for link in self._robot.links
+            for shape in link.collisions
+        ]
+
+    @cached_property
+    def _robot(self) -> Any:
+        """The links of the file as yourdfpy reads them; raises `InvalidInput`."""
+        import yourdfpy  # takes half a second; only pages need it
+
+        try:
+            return yourdfpy.URDF.load(
+                io.BytesIO(self.text.encode()), build_scene_graph=False, load_meshes=False
+            ).robot
+        except Exception as error:  # yourdfpy has no error of its own for a bad file
+            raise InvalidInput(f"{self.source}: its visuals cannot be read ({error})") from None
 
     @cached_property
     def mimics(self) -> tuple[Mimic, ...]:

@@ -81,10 +81,27 @@ class RobotFile:
         """
         return []
 
+    def collisions(self) -> list[Visual]:
+        """Return the shapes that the file has for contacts; raise `InvalidInput` as `visuals`.
+
+        A reader of a file format overrides it.
+        """
+        return []
+
     @cached_property
     def visuals_by_frame(self) -> dict[str, list[Visual]]:
         """The shapes by the frame that they are fixed to; raises what `visuals` raises."""
-        found: dict[str, list[Visual]] = {}
-        for visual in self.visuals():
-            found.setdefault(visual.frame, []).append(visual)
-        return found
+        return _by_frame(self.visuals())
+
+    @cached_property
+    def collisions_by_frame(self) -> dict[str, list[Visual]]:
+        """The shapes for contacts by frame; raises what `collisions` raises."""
+        return _by_frame(self.collisions())
+
+
+def _by_frame(shapes: list[Visual]) -> dict[str, list[Visual]]:
+    """Return shapes by the frame that they are fixed to."""
+    found: dict[str, list[Visual]] = {}
+    for shape in shapes:
+        found.setdefault(shape.frame, []).append(shape)
+    return found

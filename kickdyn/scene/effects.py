@@ -11,12 +11,6 @@ from kickdyn.ball import Ball, BallState
 from kickdyn.scene.envelope import EXACT, Envelope, LaunchError
 from kickdyn.scene.scene import Scene
 
-UNBOUNDED = "what it moves has no known bound in this scene"
-"""Why an effect with a bound of inf is modelled.
-
-`docs/how-to/tolerance.md` says where that happens.
-"""
-
 
 @dataclass(frozen=True)
 class Effect:
@@ -101,7 +95,9 @@ def judge_effects(
             share = 0.0 if is_implied(name, out) else factor * bound
             verdicts.append(EffectVerdict(name, False, share, effect.reason))
         else:
-            why = UNBOUNDED if bound == math.inf else "its bound exceeds the tolerance"
+            why = "its bound exceeds the tolerance"
+            if bound == math.inf:
+                why = f"no bound is known: {envelope.obstacle}"
             verdicts.append(EffectVerdict(name, True, bound, why))
     return tuple(verdicts)
 

@@ -46,6 +46,7 @@ class Envelope:
         time: duration of the flight [s]; inf where nothing is known, as of a ball that bounces, in
             a wind that depends on height, or where a coefficient is the user's own or refuses
             extrapolation.
+        obstacle: why no bound is known, where that is so; `docs/how-to/tolerance.md` explains it.
         end: state at the end of the flight in large steps; None where these do not suffice.
         evaluations: of the acceleration.
     """
@@ -59,10 +60,17 @@ class Envelope:
         self.launch, self.environment, self.launch_error = launch, environment, launch_error
         self.time, found = math.inf, coarse_end(launch, environment, STEPS)
         self.end, _, self.evaluations, self._nodes = found
-        air, known = environment.air, launch_error.velocity < math.inf
-        if not known or self.end is None or (air is not None and callable(air.wind)):
-            return
-        if self.end.time > 0.0:
+        air, ground = environment.air, environment.ground
+        self.obstacle = "it is not certain where the path ends without it"
+        if launch_error.velocity == math.inf:
+            self.obstacle = "the contact takes time"
+        elif ground is not None and ground.surface is not None:
+            self.obstacle = "the ball bounces or rolls"
+        elif air is not None and callable(air.wind):
+            self.obstacle = "the wind is a function of height"
+        elif self.end is None:
+            self.obstacle = "a few large steps do not follow this flight"
+        elif self.end.time > 0.0:
             self.time = float(self.end.time)
 
     def difference(self, air: Air | None) -> float:

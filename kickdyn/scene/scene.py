@@ -23,6 +23,7 @@ from kickdyn.impact.sensitivity import UNITS
 from kickdyn.plane import Plane
 from kickdyn.restitution import Restitution, least_restitution
 from kickdyn.robot.leg import Leg, Posture
+from kickdyn.scene.pitch import Wall, check_before
 
 LEAST_RESTITUTION = 0.01
 """The least restitution of a contact that takes time."""
@@ -68,6 +69,8 @@ class Scene(ReprMixin):
         ground: where the flight ends; None ends it at the height of the launch. On a ground with a
             surface the ball is followed to rest.
         plane: a wall or a goal line that ends the path if the ball reaches it first.
+        wall: of players, on the line to the `point` of the plane; the ball flies on where it hits
+            it.
         uncertainty: standard deviations of uncertain quantities, by the names and in the
             units of `Impact.uncertainty`.
         name: of the scene.
@@ -90,6 +93,7 @@ class Scene(ReprMixin):
     air: Air | None
     ground: Ground | None
     plane: Plane | None
+    wall: Wall | None
     uncertainty: Mapping[str, float]
     name: str
     posture: Posture = field(repr=False)
@@ -112,6 +116,7 @@ class Scene(ReprMixin):
         air: Air | None = None,
         ground: Ground | None = None,
         plane: Plane | None = None,
+        wall: Wall | None = None,
         uncertainty: Mapping[str, float] | None = None,
         name: str = "scene",
     ) -> None:
@@ -144,11 +149,14 @@ class Scene(ReprMixin):
             air=air,
             ground=ground,
             plane=plane,
+            wall=wall,
             uncertainty=_checked_uncertainty(uncertainty),
             name=name,
             posture=posture.with_contact_offset(contact.offset),
             **arrays,
         )
+        if wall is not None:
+            check_before(wall, math.hypot(*self._to_target()))
 
     def replace(self, **changes: Any) -> "Scene":
         """Return the scene with some of its arguments changed.
@@ -172,6 +180,22 @@ class Scene(ReprMixin):
     def ball_position(self) -> Array:
         """Centre of the ball as it is struck, shape `(3,)` [m, world frame]."""
         return np.asarray(self.posture.contact_point + self.ball.radius * self.contact.normal)
+
+    def _to_target(self) -> tuple[float, float]:
+        """Return the way along the ground from the ball to the point of the plane [m]."""
+        if self.plane is None:
+            raise InvalidInput("wall is named without a plane: it stands on the line to its point")
+        x, y, _ = self.plane.point - self.ball_position
+        return float(x), float(y)
+
+    @property
+    def ahead(self) -> Array:
+        """Horizontal unit vector from the ball to the point of the plane, shape `(3,)`.
+
+        Raises:
+            InvalidInput: the scene has no plane, or its point is above or below the ball.
+        """
+        return validation.direction("way to the plane", (*self._to_target(), 0.0))
 
     @property
     def environment(self) -> FlightEnvironment:
@@ -216,7 +240,7 @@ class Scene(ReprMixin):
         if self.air is not None:
             acting = [name for name in ("drag", "lift", "torque") if getattr(self.air, name)]
             yield "air", ", ".join([f"{self.air.density:.4g} kg/m3", *acting]), ""
-        for name, part in (("ground", self.ground), ("plane", self.plane)):
+        for name, part in (("ground", self.ground), ("plane", self.plane), ("wall", self.wall)):
             if part is not None:
                 kind = type(part).__name__
                 yield name, repr(part).removeprefix(f"{kind}(").removesuffix(")"), ""

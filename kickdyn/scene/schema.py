@@ -61,7 +61,8 @@ def _of_unit(unit: str) -> str:
 
 def _number(unit: str = "", **limits: Any) -> Kind:
     """Return numbers within limits, which are those of `validation.number`."""
-    words = " and ".join(f"{name.replace('_', ' ')} {limit:g}" for name, limit in limits.items())
+    finite = {name: limit for name, limit in limits.items() if math.isfinite(limit)}
+    words = " and ".join(f"{name.replace('_', ' ')} {limit:g}" for name, limit in finite.items())
     check = partial(validation.number, unit=unit, **limits)
     return Kind(", ".join(filter(None, ["number", words])) + _of_unit(unit), check)
 
@@ -346,8 +347,19 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "normal": Key(_direction, "normal of the plane, on the side from which the ball comes"),
         "reached_by": Key(
             _choice(*ReachedBy),
-            "part of the ball that ends the path where it reaches the plane; without it `front`",
+            "part of the ball that ends the path where it reaches the plane; without it `front`. "
+            "An upright plane that is reached by `centre` or `back` is a goal line: a goal, "
+            "7.32 m wide and 2.44 m high, stands around `point_m`",
         ),
+    },
+    "wall": {
+        "distance_m": Key(
+            _number("m", above=0.0),
+            "from the ball along the line to `point_m` of the plane, on which the middle of a wall "
+            "of players stands",
+        ),
+        "height_m": Key(_number("m", above=0.0), "height of the wall"),
+        "width_m": Key(_number("m", above=0.0), "width of the wall; 2.5 without it"),
     },
     "uncertainty": {
         key: Key(_number(unit, at_least=0.0), f"standard deviation of {words}")
@@ -363,7 +375,11 @@ ONE_OF = {
 }
 """Keys of which a section contains exactly one."""
 
-NEEDED = {"contact": ("restitution",), "plane": ("point_m", "normal")}
+NEEDED = {
+    "contact": ("restitution",),
+    "plane": ("point_m", "normal"),
+    "wall": ("distance_m", "height_m"),
+}
 """Keys without which a section is not complete."""
 
 GOES_WITH = {
@@ -396,6 +412,8 @@ def check_document(document: Mapping[str, Any]) -> list[str]:
     by_pressure = isinstance(contact, dict) and contact.get("stiffness") == "pressure"
     if by_pressure and "pressure_pa" not in (ball if isinstance(ball, dict) else {}):
         missing.append("ball.pressure_pa is missing: the stiffness of the contact is from it")
+    if "wall" in document and "plane" not in document:
+        missing.append("section [plane] is missing: the wall stands on the line to its point_m")
     return faults + missing
 
 

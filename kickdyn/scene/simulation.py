@@ -9,13 +9,17 @@ from typing import Any
 
 from kickdyn.ball import BallState
 from kickdyn.core.representation import Printed
-from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.flight_result import Flight, FlightStatus
+from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.impact.collide import Collision
 from kickdyn.impact.impact_result import Impact
+from kickdyn.plane import Plane
 from kickdyn.restitution import describe_restitution, range_warnings
+from kickdyn.robot.standing import is_floating
 from kickdyn.scene.effects import EffectVerdict
 from kickdyn.scene.flight_end import ENDS
+from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
 from kickdyn.scene.scene import Scene
 
 
@@ -91,6 +95,72 @@ class Simulation(Printed):
         status = self.status if self.status in ENDS else f"NO END, given up {self.status}"
         return f"{status} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
 
+    @cached_property
+    def passage(self) -> Passage | None:
+        """How the ball passes the scene's wall.
+
+        None where there is no wall, or where the ball comes down before it.
+        """
+        scene, start = self.scene, self.launch.position
+        if scene.wall is None:
+            return None
+        at_wall = Plane(start + scene.wall.distance * scene.ahead, -scene.ahead, "centre")
+        path = fly(self.launch, scene.ball, scene.air, scene.ground, plane=at_wall)
+        if path.status != FlightStatus.AT_PLANE:
+            return None
+        x, y, z = path.landing.position - start
+        left = float(scene.ahead[0] * y - scene.ahead[1] * x)
+        up = float(z) + self.start_height
+        return passage_at(scene.wall, left, up, scene.ball.radius)
+
+    @cached_property
+    def score(self) -> Score | None:
+        """How the ball meets the goal; None where the scene's plane is no goal line."""
+        scene, plane = self.scene, self.scene.plane
+        if plane is None or not plane.is_goal_line:
+            return None
+        x, y, _ = self.end.position - plane.point
+        left = float(plane.normal[1] * x - plane.normal[0] * y)
+        up = float(self.end.position[2] - self.launch.position[2]) + self.start_height
+        arrives = self.status == FlightStatus.AT_PLANE
+        return score_at(left, up, scene.ball.radius, arrives=arrives)
+
+    def pitch_numbers(self) -> dict[str, Any]:
+        """Return `passage` and `score` as what JSON can hold, by the keys `wall`, `goal_mouth`."""
+        passage, score = self.passage, self.score
+        return {
+            "wall": passage and {"above": passage.above, "beside": passage.beside},
+            "goal_mouth": score and score._asdict(),
+        }
+
+    @property
+    def start_height(self) -> float:
+        """Height of the ball's lower edge over the ground as it leaves the foot [m]."""
+        ground = self.scene.ground
+        if ground is None:
+            return 0.0
+        return float(self.launch.position[2]) - self.scene.ball.radius - ground.height
+
+    @property
+    def pitch_text(self) -> str:
+        """How the ball passes the wall and meets the goal, in sentences; empty without both."""
+        said = []
+        if self.scene.wall is not None:
+            said.append(str(self.passage or "The ball lands before it reaches the wall."))
+            if self.passage is not None and not self.passage.is_clear:
+                said.append("The flight goes on as if the wall were not there.")
+        if self.score is not None:
+            said.append(str(self.score))
+        return " ".join(said)
+
+    @property
+    def frame_text(self) -> str:
+        """The frame of the positions, and where the ground is, as a sentence."""
+        origin = "in the world frame" if is_floating(self.scene.leg) else "from the base of the leg"
+        ground = self.scene.ground
+        where = "" if ground is None else f"; the ground is at z = {ground.height:.3f} m"
+        return f"Positions are of the ball's centre, {origin}: x forward, y left, z up{where}."
+
     @property
     def modelled(self) -> tuple[str, ...]:
         """Names of the effects that were modelled."""
@@ -118,9 +188,11 @@ class Simulation(Printed):
         else:
             asked = f"asked {self.tolerance:g} m"
         asked += "" if self.within_tolerance else ", NOT MET"
+        error = f"{self.error:.2g} m" if math.isfinite(self.error) else "unknown"
         lines = [
-            f"{self.end_text} after {self.end.time:.3f} s; "
-            f"error {self.error:.2g} m, {asked}; {self.method}",
+            f"{self.end_text} after {self.end.time:.3f} s; error {error}, {asked}; {self.method}",
+            *filter(None, [self.pitch_text]),
+            self.frame_text,
             f"{'effect':20}{'':12}{'bound m':>9}  why",
         ]
         impact = self.impact
@@ -128,13 +200,20 @@ class Simulation(Printed):
         if used := describe_restitution(given, impact.restitution, speed):
             lines.insert(1, used)
         for effect, modelled, bound, why in self.verdicts:
-            size = "" if math.isnan(bound) else f"{bound:.2g}"
+            size = "" if math.isnan(bound) else _size(bound)
             lines.append(f"{effect:20}{'modelled' if modelled else 'neglected':12}{size:>9}  {why}")
         numerics = self.numerical_error
-        size = f"{numerics:.2g}" if numerics > 1e-12 else "rounding"
+        size = _size(numerics) if numerics > 1e-12 else "rounding"
         lines.append(f"{'numerics':32}{size:>9}")
         if not math.isnan(self.end_deviation):
-            lines.append(f"{'uncertainty':32}{self.end_deviation:9.2g}  standard deviation")
+            lines.append(f"{'uncertainty':32}{_size(self.end_deviation):>9}  standard deviation")
+        if any(v.modelled and v.bound == math.inf for v in self.verdicts):
+            lines.append("An effect whose bound is unknown is modelled, whatever the tolerance.")
         lines += [f"note: {note}" for note in self.scene.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
+
+
+def _size(metres: float) -> str:
+    """Return a length with two digits, `unknown` for inf, which is no bound at all."""
+    return f"{metres:.2g}" if metres < math.inf else "unknown"

@@ -23,6 +23,7 @@ from kickdyn.plane import Plane
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.leg_file import read_leg, read_robot
 from kickdyn.robot.urdf_file import shipped_urdf
+from kickdyn.scene.pitch import Wall
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.schema import REQUIRED, UNCERTAINTY, check_document, faults_of
 
@@ -121,6 +122,7 @@ def _scene(document: dict[str, Any], folder: Path, stem: str) -> Scene:
             ball_spin=at_ball.get("spin_rad_s", (0.0, 0.0, 0.0)),
             air=_air(document["air"]) if "air" in document else None,
             plane=_plane(document["plane"]) if "plane" in document else None,
+            wall=_wall(document["wall"]) if "wall" in document else None,
             uncertainty={
                 UNCERTAINTY[key][0]: UNCERTAINTY[key][2] * value
                 for key, value in document.get("uncertainty", {}).items()
@@ -227,3 +229,9 @@ def _air(section: dict[str, Any]) -> Air:
 def _plane(section: dict[str, Any]) -> Plane:
     """Return the plane."""
     return Plane(section["point_m"], section["normal"], section.get("reached_by", "front"))
+
+
+def _wall(section: dict[str, Any]) -> Wall:
+    """Return the wall of players."""
+    size = {key: section[f"{key}_m"] for key in ("height", "width") if f"{key}_m" in section}
+    return Wall(section["distance_m"], **size)

@@ -100,7 +100,11 @@ class SweepStore:
             raise InvalidInput(f"{self._path} cannot be written (its folder does not exist)")
         draft = self._path.with_name(f".{self._path.name}-draft-{os.getpid()}")
         try:
-            described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3)
+            degrees = {  # in the chunks of the variables, as dask asks for
+                f"{joint}_deg": {"chunks": (size,)}
+                for joint, size in zip(described.dims, chunks.shape, strict=True)
+            }
+            described.to_zarr(draft, mode="w", consolidated=False, zarr_format=3, encoding=degrees)
             zarr = _zarr()
             group: Any = zarr.open_group(draft, mode="r+")
             arrays: dict[str, tuple[str, float, dict[str, Any]]] = {

@@ -264,7 +264,9 @@ def text(summary: Summary, lines: Sequence[ReportLine], width: int = PROSE) -> s
         sentences.append(f"No posture is ok where {summary.where}.")
     if math.isfinite(summary.residual):
         power = math.ceil(math.log10(max(summary.residual, 1e-17))) + 1
-        sentences.append(f"Restitution and momentum hold to 1e{power:+03d} in every one.")
+        sentences.append(
+            f"The relative residuals of restitution and momentum are below 1e{power:+03d}."
+        )
     return "\n".join(wrapped(each, width) for each in sentences)
 
 

@@ -4,6 +4,7 @@ import math
 import sys
 import threading
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple
 from functools import partial
 from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -37,7 +38,7 @@ from kickdyn.view.document import Recording, html_document, recording_viewer
 from kickdyn.view.kick_scene import draw_kick
 from kickdyn.view.playback import Pace
 from kickdyn.view.screenshot import save_picture
-from kickdyn.view.wall_and_goal import Box, plane_boxes
+from kickdyn.view.wall_and_goal import Box, plane_boxes, wall_boxes
 
 ADDRESS = "127.0.0.1"
 """Where `Page.serve` listens: on this machine alone."""
@@ -333,10 +334,14 @@ def _of_scene(simulation: Simulation, caption: str) -> tuple[Impact, _Path, str,
         moved = simulation.model_error
         error = f"{moved:.2g} m off" if math.isfinite(moved) else "at an unknown distance"
         caption += f", its contact shown as an instant: it ends {error}"
+    caption = ". ".join(filter(None, [caption, simulation.pitch_text]))
     if scene.plane is None:
         return impact, path, caption, []
     start, end = impact.ball_after.position, simulation.end.position
     boxes = plane_boxes(scene.plane, end, min(start[2], end[2]) - scene.ball.radius)
+    if scene.wall is not None:
+        foot = start - np.array([0.0, 0.0, simulation.start_height + scene.ball.radius])
+        boxes += wall_boxes(foot, scene.ahead, *astuple(scene.wall))
     ahead = (np.mean([box.centre for box in boxes], axis=0) - start)[:2]
     length = (end - start)[:2]
     # A plane that the ball does not reach is drawn up to ten times the length of the path ahead.

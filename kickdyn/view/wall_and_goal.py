@@ -11,11 +11,12 @@ import pinocchio as pin
 
 from kickdyn.core.validation import Array
 from kickdyn.plane import Plane
+from kickdyn.scene.pitch import FRAME, MOUTH
 from kickdyn.view.marks import pose_of
 
-WALL, FRAME = 0x34506E, 0xF7F7F7
+WALL, WHITE = 0x34506E, 0xF7F7F7
 
-GOAL = (7.32, 2.44, 0.12)
+GOAL = (*MOUTH, FRAME)
 """Width between the posts, height under the bar, thickness [m]: IFAB, Laws of the Game, Law 1."""
 
 THICK, SLAB = 0.2, (4.0, 2.5)
@@ -89,8 +90,8 @@ def _goal_at(line: Array, heading: float) -> list[Box]:
     post, up = np.array([thick, thick, height]), np.array([0.0, 0.0, height / 2])
     bar = np.array([thick, width + 2 * thick, thick])
     return [
-        *(Box(line + y * left + up, post, heading, FRAME) for y in (-side, side)),
-        Box(line + 2 * up + np.array([0.0, 0.0, thick / 2]), bar, heading, FRAME),
+        *(Box(line + y * left + up, post, heading, WHITE) for y in (-side, side)),
+        Box(line + 2 * up + np.array([0.0, 0.0, thick / 2]), bar, heading, WHITE),
     ]
 
 
@@ -103,11 +104,10 @@ def plane_boxes(plane: Plane, end: Array, floor: float) -> list[Box]:
     """
     normal = plane.normal
     heading = math.atan2(normal[1], normal[0])
-    upright = abs(float(normal[2])) < 1e-9
-    if upright and plane.reached_by != "front":
+    if plane.is_goal_line:
         return _goal_at(np.array([*plane.point[:2], floor]), heading)
     middle = end - float(normal @ (end - plane.point)) * normal - THICK / 2 * normal
-    if not upright:
+    if abs(float(normal[2])) >= 1e-9:
         tilt = math.asin(float(normal[2]))
         return [Box(middle, np.array([THICK, *SLAB]), heading, WALL, tilt)]
     height = max(SLAB[1], float(end[2]) - floor + 0.5)

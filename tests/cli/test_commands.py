@@ -187,7 +187,7 @@ def keys(value, name=""):
         ("paper", ["--only", "table 2"]),
         ("tradeoff", ["--scene", str(ROOT / "scenes" / "paper_kick.toml")]),
         ("simulate", [str(ROOT / "scenes" / "free_kick.toml"), "--exact"]),
-        ("view", [str(ROOT / "scenes" / "free_kick.toml")]),
+        ("view", ["slow.toml"]),
         ("identify", ["track.csv"]),
         ("tune-mujoco", [str(ROOT / "scenes" / "robot_chip.toml"), "--timestep", "0.005"]),
     ],
@@ -196,6 +196,9 @@ def test_the_page_names_every_key(section, arguments, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rows = (ROOT / "data" / "match_ball.csv").read_text("utf-8").splitlines()
     Path("track.csv").write_text("\n".join([rows[0], *rows[2605:2760]]), "utf-8")
+    scene = (ROOT / "scenes" / "free_kick.toml").read_text("utf-8")
+    slow = scene.replace("[contact]", "[contact]\ncontact_time_s = 0.01")
+    Path("slow.toml").write_text(slow, "utf-8")
     ended = CliRunner().invoke(kickdyn_command, [section, *arguments, "--json", "-"])
     assert ended.exit_code == 0
     text = KEYS.split(f"## {section}\n")[1].split("\n## ")[0]

@@ -18,21 +18,28 @@ def run(*arguments):
 
 def test_a_page_and_numbers(tmp_path):
     page, said = tmp_path / "kick.html", tmp_path / "kick.json"
-    ended = run(SCENES / "free_kick.toml", "--out", page, "--json", said)
+    ended = run(SCENES / "volley.toml", "--out", page, "--json", said)
     assert ended.exit_code == 0
     assert ended.output.endswith(f"wrote {page}\nwrote {said}\n")
     html = page.read_text("utf-8")
     numbers = json.loads(said.read_text())
-    scene = kd.load_scene(SCENES / "free_kick.toml")
+    scene = kd.load_scene(SCENES / "volley.toml")
     whole = kd.simulate(scene, None)
     apart = np.linalg.norm(np.subtract(numbers["end"], whole.end.position))
     assert numbers["neglected"] == {"compliance": pytest.approx(apart, rel=1e-3)}
     assert apart <= numbers["error"] <= 1.001 * apart
     assert f"error {apart:.2g} m, all modelled but compliance;" in ended.output
-    told = f"free kick with spin, its contact shown as an instant: it ends {apart:.2g} m off"
+    told = f"volley, its contact shown as an instant: it ends {apart:.2g} m off"
     assert told in html
-    hit = kd.strike(scene.posture, scene.v, scene.ball, scene.contact)
-    assert numbers["angles_deg"] == {"hip": 15, "knee": 15, "ankle": 20}  # as the file has them
+    hit = kd.strike(
+        scene.posture,
+        scene.v,
+        scene.ball,
+        scene.contact,
+        ball_velocity=scene.ball_velocity,
+        ball_spin=scene.ball_spin,
+    )
+    assert numbers["angles_deg"] == {"hip": 50, "knee": 20, "ankle": 20}  # as the file has them
     assert numbers["impulse"] == pytest.approx(hit.impulse)
     for joint, sent in enumerate(numbers["joint_impulses"].values()):
         whole = np.linalg.norm(hit.joint_impulses[joint, :3])
@@ -72,7 +79,7 @@ def test_it_fits_the_screen(tmp_path, monkeypatch):
 def test_nothing_to_write():
     ended = run(SCENES / "paper_kick.toml")
     assert isinstance(ended.exception, kd.InvalidInput)
-    assert "name --out, --png or --json" in str(ended.exception)
+    assert "give --out, --png or --json" in str(ended.exception)
 
 
 @pytest.mark.parametrize("at", ["-1", "nan"])
@@ -108,14 +115,19 @@ def test_a_wall_is_shown_where_the_ball_could_come_to_it(x, shown, tmp_path, com
 def test_a_scene_with_a_goal_shows_it(commands_of):
     said = commands_of(kd.page(kd.simulate(kd.load_scene(SCENES / "paper_kick.toml"), None)).html)
     assert not any(c["path"].startswith("/meshcat/scenery") for c in said)
-    file = SCENES / "free_kick.toml"
-    timed = kd.simulate(kd.load_scene(file), None)
+    kick = kd.page(kd.load_scene(SCENES / "free_kick.toml")).html
+    boxes = {c["path"] for c in commands_of(kick) if c["path"].startswith("/meshcat/scenery")}
+    assert len(boxes) == 5 + 3  # players, posts and bar
+    assert (
+        "The ball passes 0.269 m to the right of the wall. The ball enters the goal, 1.29 m" in kick
+    )
+    timed = kd.simulate(kd.load_scene(SCENES / "volley.toml"), None)
     with pytest.raises(kd.InvalidInput, match="takes time"):
         kd.page(timed)
 
 
 def test_an_angle_that_is_rounded_to_zero_has_no_sign(tmp_path):
-    scene = (SCENES / "free_kick.toml").read_text().replace("ankle = 20", "ankle = -1e-12")
+    scene = (SCENES / "free_kick.toml").read_text().replace("ankle = 15", "ankle = -1e-12")
     assert "ankle = -1e-12" in scene
     file = tmp_path / "kick.toml"
     file.write_text(scene)

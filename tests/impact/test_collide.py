@@ -6,6 +6,7 @@ import math
 import operator
 import pickle
 import threading
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -621,6 +622,15 @@ def test_what_is_too_stiff_is_given_up_by_its_pace():
         kd.KickdynError, match=r"not ended after [5-7]\d{3} evaluations.*friction 70"
     ):
         kd.collide(*KICK, ball, kd.Contact((1, 0, 0.3), 0.5, 70.0))
+
+
+def test_what_damping_makes_too_stiff_has_a_hint():
+    posture = kd.Leg.human().posture(np.radians([40, 30, -20]))
+    contact = kd.Contact((2, 0, 1), 0.08, friction=5.0)
+    collide = partial(kd.collide, posture, [6.6, -14.5, 6.6], kd.Ball(), contact, contact_time=2e-3)
+    with pytest.raises(kd.KickdynError, match=r"too stiff .*'walton-braun' has no damping"):
+        collide(dissipation="hunt-crossley")
+    assert 1e3 * collide().contact_time == pytest.approx(2.0, rel=0.01)
 
 
 def test_the_callers_array_may_change():

@@ -61,7 +61,7 @@ def test_the_foot_says_what_the_verdicts_are(items, monkeypatch, capsys):
     assert set(MEANINGS) == set(COLOURS)
     for verdict, meaning in MEANINGS.items():
         assert f"\n{verdict}: {meaning}\n" in said
-    assert "within 10 % of the test bed's number" in said
+    assert "within 10 % of the value of the test bed" in said
     show({"Table 2": items["Table 2"]}, {})
     assert "\nreproduced: " not in capsys.readouterr().out
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_report import PlanReport, Wall, score, verdict
+from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
 from kickdyn.planning.scatter import scatter
+from kickdyn.scene.pitch import Wall, read_wall
 
 LEG, BALL, AIR = kd.Leg.human(), kd.Ball(), kd.Air()
 WEAK = kd.plan_kick(LEG, kd.Goal(50, time=2), BALL, AIR)
@@ -16,15 +17,15 @@ def test_beyond_limits_names_them_and_where_the_ball_comes_down():
     said = verdict(WEAK)
     assert "speed of knee" in said
     path = kd.fly(WEAK.impact.ball_after, BALL, AIR)
-    down = f"comes down {path.range:.4g} m away after {path.duration:.4g} s"
-    assert f"{down}, {50 - path.range:.3g} m from it" in said
+    down = f"lands {path.range:.4g} m away after {path.duration:.4g} s"
+    assert f"{down}, {50 - path.range:.3g} m from the target" in said
 
 
 @pytest.mark.parametrize("goal", [kd.Goal(50, time=2), kd.Goal((40, 0, 2), time=1.2)])
 def test_what_is_said_to_be_within_the_limits_is_met_as_printed(goal):
     said = verdict(kd.plan_kick(LEG, goal, BALL, AIR))
     distance, time = re.search(
-        r"Within them, in that direction, are (.*) m in (.*) s", said
+        r"A goal in this direction within the limits is (.*) m in (.*) s", said
     ).groups()
     again = kd.plan_kick(LEG, kd.Goal(float(distance), time=float(time)), BALL, AIR)
     assert again.status == "met"
@@ -32,12 +33,11 @@ def test_what_is_said_to_be_within_the_limits_is_met_as_printed(goal):
 
 def test_late_and_beside():
     late = kd.plan_kick(LEG, kd.Goal(15, time=0.55), BALL, AIR, surface="carpet")
-    assert f"passes it after {late.path.duration:.4g} s, {late.time_error:.3g} s late." in verdict(
-        late
-    )
+    passed = f"passes the target after {late.path.duration:.4g} s, {late.time_error:.3g} s"
+    assert f"{passed} too late." in verdict(late)
     high = kd.plan_kick(LEG, kd.Goal((30, 0, 5), time=1.3), BALL, AIR)
     assert high.path.status == "at-plane"
-    assert f"late, {high.landing_error:.3g} m from it." in verdict(high)
+    assert f"late, {high.landing_error:.3g} m from the target." in verdict(high)
     stops = kd.plan_kick(kd.Leg.testbed(), kd.Goal(40, time=9), BALL, AIR, surface="turf")
     assert f"stops {stops.path.distance:.4g} m away" in verdict(stops)
 
@@ -72,8 +72,8 @@ def test_a_torque_that_binds_is_named():
     (limit,) = (limit for limit in plan.binding if limit.startswith("torque of "))
     assert limit in verdict(plan)
     line = next(line for line in PlanReport(plan).table() if line.startswith("leg"))
-    assert f"kinetic-energy {plan.value:.4g} J; " in line
-    assert f"torque {plan.torque_use:.0%} of their limits" in line
+    assert line.endswith(f"objective kinetic-energy = {plan.value:.4g} J")
+    assert f"{plan.torque_use:.0%} of the torque limits" in line
     assert re.search(r"\n  kinetic-energy +\d+\.?\d* J\n", repr(plan))
 
 
@@ -87,9 +87,10 @@ def test_what_happens_just_after_the_impact():
     assert plan.too_fast_after == pytest.approx(fast)
     assert fast.keys() == {"hip", "ankle"}
     _, line = PlanReport(plan).sentences()
-    said = f"knee into its stop, hip at {fast['hip']:.0%} of its speed limit, ankle at "
-    assert line == f"Just after the impact: {said}{fast['ankle']:.0%} of its speed limit."
-    short = "Just after the impact: knee into its stop."
+    stop = "knee moves into the stop at the end of its range"
+    said = f"{stop}, hip has {fast['hip']:.0%} of its speed limit, ankle has "
+    assert line == f"Just after the impact, {said}{fast['ankle']:.0%} of its speed limit."
+    short = f"Just after the impact, {stop}."
     assert PlanReport(plan, limits=False).sentences()[1:] == [short]
     leg = PlanReport(plan).to_json()["leg"]
     assert (leg["too_fast_after"], leg["into_stop"]) == (plan.too_fast_after, ["knee"])
@@ -118,10 +119,10 @@ def test_a_kick_to_the_right_says_right():
     angle = f"{np.degrees(plans[0].heading):.2f}"
     for plan, side in zip(plans, ("left", "", "right"), strict=True):
         launch, *_, base = PlanReport(plan).table()[:4]
-        azimuth = f"{abs(np.degrees(plan.launch.azimuth)):.3f} deg {side or 'left'};"
+        azimuth = f"{abs(np.degrees(plan.launch.azimuth)):.3f} deg to the {side or 'left'};"
         assert azimuth in launch
         assert "-" not in launch + base or not side
-        assert not side or base == f"base    turned {angle} deg to the {side}"
+        assert not side or base == f"base    turned by {angle} deg to the {side}"
 
 
 def test_the_scatter_by_source_has_units():
@@ -132,10 +133,10 @@ def test_the_scatter_by_source_has_units():
     found = scatter(plan.impact, AIR, **spread)
     sizes = {name: np.sqrt(np.trace(part)) for name, part in found.by_source.items()}
     assert PlanReport(plan, uncertainty=spread).sentences()[1] == (
-        f"It lands {found.radius:.3g} m off in the root mean square: {sizes['speed']:.3g} m by "
-        f"speed, {sizes['angle']:.3g} m by angle."
+        f"The landing point has a root mean square error of {found.radius:.3g} m: "
+        f"{sizes['speed']:.3g} m from speed, {sizes['angle']:.3g} m from angle."
     )
-    assert f"scatter {found.radius:.4g} m;" in PlanReport(plan).table()[2]
+    assert PlanReport(plan).table()[2].endswith(f"objective scatter = {found.radius:.4g} m")
 
 
 CORNER = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR)
@@ -143,40 +144,40 @@ FLAT = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), time=0.7), BALL, AIR, limits=Fa
 
 
 def test_a_wall_is_cleared_by_what_the_goal_asked_for():
-    said = Wall(9.15, 1.9).describe_passage(CORNER)
-    assert said == "Its lower edge clears the wall by 0.1 m."
+    said = describe_passage(Wall(9.15, 1.9), CORNER)
+    assert said == "The lower edge of the ball clears the wall by 0.1 m."
 
 
 def test_a_wall_that_is_hit_says_which_options_clear_it():
-    wall = Wall.read("9.15:1.9")
-    over = "ask for --over 9.15:2 in place of --time, or for --beside 9.15:1.46"
+    wall = read_wall("9.15:1.9")
+    over = "use --over 9.15:2 in place of --time, or --beside 9.15:1.46"
     with pytest.raises(kd.InvalidInput, match=f"hits the wall, .* its edge: {over}$"):
-        wall.describe_passage(FLAT)
+        describe_passage(wall, FLAT)
     high = kd.plan_kick(LEG, kd.Goal((20, 3.4, 2.1), over=(9.15, 2.0)), BALL, AIR, limits=False)
-    assert "clears the wall" in wall.describe_passage(high)
+    assert "clears the wall" in describe_passage(wall, high)
     leg, narrow = kd.Leg.from_robot("g1", legs_only=True), Wall(9.15, 5.0, 0.4)
     flat = kd.plan_kick(leg, kd.Goal((20, 0, 1), time=1.0), BALL, AIR, limits=False)
     with pytest.raises(kd.InvalidInput, match=r" --beside 9.15:0.41$"):
-        narrow.describe_passage(flat)
+        describe_passage(narrow, flat)
     bent = kd.Goal((20, 0, 1), time=1.0, beside=(9.15, 0.411))
     curved = kd.plan_kick(leg, bent, BALL, AIR, limits=False)
-    assert "left of the wall" in narrow.describe_passage(curved)
+    assert "to the left of the wall" in describe_passage(narrow, curved)
 
 
 def test_along_the_ground_no_option_clears_a_wall():
     rolled = kd.plan_kick(LEG, kd.Goal(8, time=2), BALL, AIR, surface="carpet")
-    with pytest.raises(kd.InvalidInput, match=r"inside its edge$"):
-        Wall(4, 1).describe_passage(rolled)
+    with pytest.raises(kd.InvalidInput, match=r"from its edge$"):
+        describe_passage(Wall(4, 1), rolled)
 
 
 def test_a_kick_too_weak_says_where_it_ends():
     weak = kd.plan_kick(LEG, kd.Goal((40, 0, 2.1), time=1.2), BALL, AIR)
     assert weak.status == "beyond-limits"
     with pytest.raises(
-        kd.InvalidInput, match="beyond the leg's limits, and the ball hits the wall"
+        kd.InvalidInput, match="beyond the limits of the leg, and the ball hits the wall"
     ):
-        Wall(9.15, 2.5).describe_passage(weak)
-    assert Wall(39.0, 1.9).describe_passage(weak) == "The ball comes down before the wall."
+        describe_passage(Wall(9.15, 2.5), weak)
+    assert describe_passage(Wall(39.0, 1.9), weak) == "The ball lands before it reaches the wall."
 
 
 def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
@@ -185,8 +186,8 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
     plan = kd.plan_kick(leg, goal, BALL, AIR, limits=False)
     assert plan.landing_error < 1e-3
     assert (
-        Wall(9.15, 5.0, 0.4).describe_passage(plan)
-        == f"It passes {0.4 - BALL.radius:.3g} m left of the wall."
+        describe_passage(Wall(9.15, 5.0, 0.4), plan)
+        == f"The ball passes {0.4 - BALL.radius:.3g} m to the left of the wall."
     )
 
 
@@ -202,7 +203,7 @@ def test_a_narrow_wall_off_a_curved_way_is_passed_beside():
 )
 def test_bad_walls(text, words):
     with pytest.raises(kd.InvalidInput, match=words):
-        Wall.read(text).describe_passage(CORNER)
+        describe_passage(read_wall(text), CORNER)
 
 
 def missing(target):
@@ -210,10 +211,10 @@ def missing(target):
     plan = kd.plan_kick(LEG, kd.Goal(target, time=1.0), BALL, AIR, limits=False)
     found = score(plan)
     assert str(found) == {
-        "over": "It goes over the bar.",
-        "beside": "It goes beside the post.",
-        "bar": "It hits the bar.",
-        "post": "It hits the post.",
+        "over": "The ball goes over the bar.",
+        "beside": "The ball passes beside the post.",
+        "bar": "The ball hits the bar.",
+        "post": "The ball hits the post.",
     }.get(found.end)
     return found
 
@@ -222,7 +223,7 @@ def test_the_goal():
     post, bar = 3.66 - 3.4 - BALL.radius, 2.44 - 2.1 - 2 * BALL.radius
     assert (
         str(score(CORNER))
-        == f"It goes in, {post:.3g} m from the post and {bar:.3g} m under the bar."
+        == f"The ball enters the goal, {post:.3g} m from the post and {bar:.3g} m under the bar."
     )
     wide = {"post": 3.77 + BALL.radius, "beside": 3.79 + BALL.radius}  # a post is 0.12 m wide
     high = {"bar": 2.55, "over": 2.57}  # of the ball's lower edge
@@ -235,4 +236,4 @@ def test_the_goal():
     assert missing((20, wide["beside"], high["bar"])).end == "beside"
     assert missing((20, wide["post"], high["over"])).end == "over"
     weak = kd.plan_kick(LEG, kd.Goal(100, time=3), BALL, AIR)
-    assert str(score(weak)) == "It does not come to the goal."
+    assert str(score(weak)) == "The ball does not reach the goal."

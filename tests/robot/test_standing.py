@@ -1,5 +1,7 @@
 """The robot with its foot as the root is the same robot: kinematics, inertia, mass."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -8,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kickdyn as kd
-from kickdyn.robot.standing import StandingRobot, hold_support
+from kickdyn.robot.catalog import robots_folder
+from kickdyn.robot.standing import StandingRobot, hold_support, joint_spheres, missing_shapes
 
 FOOT = "left_ankle_roll_link"
 G1 = kd.Leg.from_robot("g1", base="floating", legs_only=True)
@@ -85,6 +88,43 @@ def test_the_sole_is_what_the_shapes_have_at_the_ground():
     assert foot.isApprox(standing.placement)
     assert (support.sole @ foot.rotation.T + foot.translation)[:, 2] == pytest.approx(0.0, abs=1e-9)
     assert not v.any()
+
+
+def without_meshes(folder, *, collisions):
+    """Return G1 from a copy of its file that is far from its meshes."""
+    text = (robots_folder() / "g1_description/urdf/g1_29dof_rev_1_0.urdf").read_text()
+    if not collisions:
+        text = re.sub("<collision.*?</collision>", "", text, flags=re.DOTALL)
+    (folder / "g1.urdf").write_text(text)
+    return kd.Leg.from_urdf(folder / "g1.urdf", "right_ankle_roll_link", base="floating")
+
+
+def test_collision_shapes_are_used_where_a_mesh_is_missing(tmp_path):
+    leg = without_meshes(tmp_path, collisions=True)
+    standing = StandingRobot(leg.with_supports(FOOT))
+    drawn = StandingRobot(G1.with_supports(FOOT))
+    assert np.ptp(standing.sole, axis=0) == pytest.approx(np.ptp(drawn.sole, axis=0), abs=0.04)
+    foot = joint_spheres(leg, leg.contact_joint)
+    assert float((foot.centres[:, 2] - foot.radii).min()) == pytest.approx(-0.035)
+    lines = [x for x in missing_shapes(leg, kd.Support(FOOT)) if "right_ankle_roll_link" in x]
+    (line,) = lines
+    assert line.startswith("the shape of right_ankle_roll_link is not known (mesh ")
+    assert "--package-dir" in line
+    assert line.endswith("its other shapes are used instead")
+
+
+def test_a_foot_without_any_shape_is_announced(tmp_path):
+    leg = without_meshes(tmp_path, collisions=False)
+    (line,) = [x for x in missing_shapes(leg, kd.Support(FOOT)) if "right_ankle_roll" in x]
+    assert line.endswith("it counts as a point, and may be lower than the plan says")
+    with pytest.raises(kd.InvalidInput, match=r"no sole \(mesh .*--package-dir.*name its corners"):
+        StandingRobot(leg.with_supports(FOOT))
+    bare = kd.Leg.from_model(G1.model, "right_ankle_roll_link")
+    assert missing_shapes(bare, kd.Support(FOOT)) == [
+        "the kicking foot has no shape: right_ankle_roll_link counts as a point, and the foot may "
+        "be lower than the plan says"
+    ]
+    assert missing_shapes(G1, kd.Support(FOOT)) == []
 
 
 def test_a_given_sole_is_kept():

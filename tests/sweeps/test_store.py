@@ -103,6 +103,8 @@ def test_dask_reduces_a_store(tmp_path):
     data = stored(tmp_path / "s.zarr")
     lazy = data.chunk()
     assert lazy.ball_speed.chunks is not None
+    plain = xr.open_zarr(tmp_path / "s.zarr")  # `chunks` raises where coordinates have others
+    assert plain.chunks == plain.ball_speed.chunksizes
     best = lazy.ball_speed.where(lazy.status == 0).max("hip")
     xr.testing.assert_equal(best.compute(), data.ball_speed.where(data.status == 0).max("hip"))
 

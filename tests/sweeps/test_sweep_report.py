@@ -75,7 +75,7 @@ def test_residuals_are_rounded_up_with_a_digit_to_spare(lines, residual, power):
     summary = swept("hip=0:10:10")[1]
     summary.residual = residual
     assert text(summary, lines).endswith(
-        f"\nRestitution and momentum hold to 1e{power} in every one."
+        f"\nThe relative residuals of restitution and momentum are below 1e{power}."
     )
 
 

@@ -1,0 +1,164 @@
+"""What stands on a pitch between the ball and where it goes: a wall of players, and a goal."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from kickdyn.core import validation
+from kickdyn.errors import InvalidInput
+
+MOUTH = (7.32, 2.44)
+"""Width between the posts of a goal and height under its bar [m]: IFAB, Laws of the Game, Law 1."""
+
+FRAME = 0.12
+"""Largest width of its posts and its bar [m], ibid."""
+
+ENDS = {
+    "short": "does not reach the goal",
+    "over": "goes over the bar",
+    "beside": "passes beside the post",
+    "bar": "hits the bar",
+    "post": "hits the post",
+}
+"""Sentences for the ends of a ball that does not go in."""
+
+
+class Passage(NamedTuple):
+    """How a ball passes a wall [m].
+
+    Attributes:
+        above: from the top of the wall up to the ball's lower edge.
+        beside: from the edge of the wall outwards to the ball's side.
+        left: from the wall's middle to the ball's centre, positive to the left.
+    """
+
+    above: float
+    beside: float
+    left: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the ball does not touch the wall."""
+        return self.above > 0.0 or self.beside > 0.0
+
+    def __str__(self) -> str:
+        """Return how the ball passes the wall, as a sentence."""
+        if self.above > 0.0:
+            return f"The lower edge of the ball clears the wall by {self.above:.3g} m."
+        if self.beside > 0.0:
+            side = "left" if self.left > 0.0 else "right"
+            return f"The ball passes {self.beside:.3g} m to the {side} of the wall."
+        return f"The ball {self.hit}."
+
+    @property
+    def hit(self) -> str:
+        """Where the ball hits the wall, as the end of a sentence."""
+        return (
+            f"hits the wall, {-self.above:.3g} m below its top and {-self.beside:.3g} m from "
+            "its edge"
+        )
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall of players across the line from the ball to its target, its middle on that line.
+
+    It does not stop the ball: a flight goes on behind it, and results say whether the ball hits it.
+
+    Args:
+        distance: from the ball's centre at its start, along the ground [m], above 0.
+        height: from the ground [m], above 0.
+        width: [m], above 0; without it that of five players.
+
+    Raises:
+        InvalidInput: a value that is not above 0 or not finite.
+    """
+
+    distance: float
+    height: float
+    width: float = 2.5
+
+    def __post_init__(self) -> None:
+        for name in ("distance", "height", "width"):
+            value = validation.number(f"{name} of the wall", getattr(self, name), above=0, unit="m")
+            object.__setattr__(self, name, value)
+
+
+def read_wall(text: str) -> Wall:
+    """Return the wall that the text DISTANCE:HEIGHT or DISTANCE:HEIGHT:WIDTH stands for [m].
+
+    Raises:
+        InvalidInput: it is no such text.
+    """
+    parts, shown = text.split(":"), validation.brief(text)
+    if len(parts) not in (2, 3):
+        raise InvalidInput(f"wall is {shown}: it must be DISTANCE:HEIGHT or with :WIDTH [m]")
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        raise InvalidInput(f"wall is {shown}: it must be numbers, as 9.15:1.9") from None
+    return Wall(*values)
+
+
+def check_before(wall: Wall, distance: float) -> None:
+    """Raise `InvalidInput` for a wall that is not before a target so far away [m]."""
+    if not wall.distance < distance:
+        raise InvalidInput(
+            f"wall is at {wall.distance:g} m: it must be between the ball and the target, "
+            f"which is {distance:g} m away"
+        )
+
+
+def passage_at(wall: Wall, left: float, up: float, radius: float) -> Passage:
+    """Return how a ball passes a wall.
+
+    Args:
+        wall: what it passes.
+        left: of its centre, to the left of the line to the target [m].
+        up: of its lower edge, from the ground [m].
+        radius: of the ball [m].
+    """
+    return Passage(up - wall.height, abs(left) - wall.width / 2 - radius, left)
+
+
+class Score(NamedTuple):
+    """How a ball meets a goal.
+
+    Attributes:
+        end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
+        post: from the ball's side to the nearer post [m]; below 0 beyond it.
+        bar: from its upper edge up to the bar [m], likewise.
+    """
+
+    end: str
+    post: float
+    bar: float
+
+    def __str__(self) -> str:
+        """Say in a sentence whether the ball goes in."""
+        if self.end == "in":
+            return (
+                f"The ball enters the goal, {self.post:.3g} m from the post and {self.bar:.3g} m "
+                "under the bar."
+            )
+        return f"The ball {ENDS[self.end]}."
+
+
+def score_at(left: float, up: float, radius: float, *, arrives: bool) -> Score:
+    """Return how a ball meets a goal.
+
+    Args:
+        left: of its centre, from the middle of the goal [m].
+        up: of its lower edge, from the ground [m].
+        radius: of the ball [m].
+        arrives: whether it comes to the goal line.
+    """
+    post = MOUTH[0] / 2 - abs(left) - radius
+    bar = MOUTH[1] - up - 2 * radius
+    if not arrives:
+        return Score("short", post, bar)
+    if min(post, bar) >= 0.0:
+        return Score("in", post, bar)
+    missed = post if bar >= 0.0 else bar if post >= 0.0 else min(post, bar)
+    clear = missed < -2 * radius - FRAME
+    ends = ("post", "beside") if missed == post else ("bar", "over")
+    return Score(ends[clear], post, bar)

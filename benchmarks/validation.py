@@ -201,9 +201,9 @@ def punts() -> Iterator[Row]:
     for name, stiffness, why in (
         ("Hertz's spring", HERTZ, ""),
         ("spring from pressure", "pressure",
-         ". The linear spring holds to 3 % up to a foot of 13 m/s, and to 10 % up to 17 m/s: these "
-         "feet are faster, and the next terms make the force larger "
-         "([why](compliance.md#stiffness-from-pressure))"),
+         ". The linear spring is valid within 3 % up to a foot speed of 13 m/s, and within 10 % up "
+         "to 17 m/s; these kicks are faster, and the neglected terms increase the force "
+         "([finite contact time](compliance.md#stiffness-from-pressure))"),
     ):  # fmt: skip
         forces = [
             head_on(speed / gain, stiffness=stiffness).peak_force for speed in compliance.MAXIMAL
@@ -287,8 +287,8 @@ def curves() -> Iterator[Row]:
     )  # fmt: skip
     why = (
         "the normal force on a rigid ball, with or without a spring, points to its centre, so that "
-        "friction alone turns it; in finite elements the deformed ball is turned by pressure "
-        "([what was tried](impact.md#spin-without-friction))"
+        "only friction gives it spin; in finite element models the pressure on the deformed ball "
+        "does, too ([models that were tried](impact.md#spin-without-friction))"
     )
     yield Row(
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
@@ -379,9 +379,9 @@ def plans() -> Iterator[Row]:
         "M11", "effective mass of the foot: instep, inside, toe",
         "0.298 +- 0.123, 0.381 +- 0.199, 0.225 +- 0.077 kg",
         "no such quantity", "not comparable",
-        "the source takes the foot as a lump and counts the ball's losses as mass: its value "
-        "contains e, the effective mass of Eq. (10) does not, and depends on the posture, which "
-        "is not given",
+        "the source models the foot as a point mass and attributes the energy loss of the ball "
+        "to this mass, so that its value depends on e; the effective mass of Eq. (10) depends on "
+        "the posture, which is not given, but not on e",
         "effective mass of the foot: instep, inside, toe",
     )  # fmt: skip
 
@@ -419,7 +419,7 @@ def air() -> Iterator[Row]:
         "A4", "lift of 24 golf shots", "not followed by a lift that saturates",
         "the default lift saturates", "not comparable",
         "golf balls have dimples and spin parameters beyond 0.3, to which measurements of soccer "
-        "balls reach; a hint only",
+        "balls extend, so that they are not comparable",
         "lift of 24 golf shots",
     )  # fmt: skip
 

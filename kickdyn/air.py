@@ -46,7 +46,7 @@ def standard_atmosphere(altitude: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Air(ValueEquality, ReprMixin):
-    """Still or moving air of one density.
+    """Air of uniform density, with or without wind.
 
     Density and viscosity default to dry air at 20 degC and 101325 Pa; `Air.at` takes altitude,
     temperature and pressure.

@@ -156,7 +156,7 @@ class Ball(ReprMixin):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class BallState(ValueEquality):
-    """Where a ball is and how it moves: one state, or many.
+    """Position, velocity and spin of a ball: one state, or many.
 
     Shapes `(3,)` make one state; where any argument has n rows, there are n states, and what has
     none is the same for all of them: `BallState(velocity=velocities)` is n launches from the origin

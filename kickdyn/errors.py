@@ -74,7 +74,7 @@ class Unfinished(KickdynError):
 
 
 class NoImpact(KickdynError):
-    """The foot does not move towards the ball along the contact normal, so nothing happens."""
+    """The foot does not move towards the ball along the contact normal, so there is no impact."""
 
 
 class EnergyCreated(KickdynError):

@@ -23,7 +23,7 @@ class ReachedBy(StrEnum):
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Plane(ValueEquality, ReprMixin):
-    """An endless plane that a flight ends at, reached from the side its normal points to.
+    """An infinite plane that ends a flight which reaches it from the side of its normal.
 
     Args:
         point: any point of it, shape `(3,)` [m, world frame].

@@ -75,7 +75,7 @@ class MujocoGoal(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MujocoTuning(ReprMixin):
-    """A contact for MuJoCo, as `tune_mujoco` finds it.
+    """The contact parameters for MuJoCo that `tune_mujoco` finds.
 
     Attributes:
         solref: -stiffness [1/s2] and -damping [1/s] along the normal, per unit of mass.

@@ -28,15 +28,15 @@ MOST_BOUNCES = 200
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Course(ReprMixin):
-    """All a ball does until it rests or reaches a plane; times count from the launch.
+    """The motion of a ball until it rests or reaches a plane; times count from the launch.
 
     Attributes:
         status: `at-rest`; `at-plane`, where that ended it; `aloft`, where a flight would not come
-            down; `bouncing`, where `MOST_BOUNCES` were not enough; `blown`, where the wind kept the
-            ball rolling.
+            down; `bouncing`, where the ball still bounces after `MOST_BOUNCES`; `blown`, where the
+            wind kept the ball rolling.
         flights: one before each bounce.
-        bounces: the ball just after each touch of the ground that sent it up again.
-        ground_phases: sliding and rolling, if it came to that.
+        bounces: the ball just after each bounce.
+        ground_phases: the phases of sliding and rolling, if there are any.
     """
 
     status: FlightStatus
@@ -144,7 +144,7 @@ def follow(
         ground: with a surface; None is turf that the ball touches at its launch, so that its first
             flight ends at the height of the launch, as that of `fly` does.
         tol: relative tolerance of every flight.
-        plane: a wall or a goal line that ends it all, flying, sliding or rolling.
+        plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
         time_limit: of every flight, and of rolling [s].
         max_step: of every flight, as for `fly`.
 

@@ -64,7 +64,7 @@ class Identification(ReprMixin):
     flights were fitted together, those of flight i end in `_i`.
 
     Attributes:
-        tracks: what was measured.
+        tracks: the measured tracks.
         ball: mass and radius.
         air: with the coefficients and the wind that were found.
         launches: for each flight the state at its first sample. A spin has all three components;

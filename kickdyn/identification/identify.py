@@ -101,18 +101,18 @@ def identify(
     ground: Ground | None = None,
     compare: Sequence[str | Air] = (),
 ) -> Identification:
-    r"""Return the flight that fits measured positions best, and how far they determine it.
+    r"""Return the flight that best fits measured positions, with standard deviations.
 
     `scipy.optimize.least_squares` fits the equations of motion to the positions, first with a loss
     that outliers hardly move (soft L1), then, without the outliers, in the sense of least squares.
-    Derivatives are those of `fly_lanes`.
+    The derivatives are integrated by `fly_lanes`.
 
     Args:
         track: the positions in one flight, from after its start to before its end, without a
             bounce; or several flights, which then share drag, lift and wind.
         ball: mass and radius.
         air: density, coefficients and wind of the fit; None is `Air()`.
-        free: what is sought beside the position and velocity at the first sample: `spin`; `drag`,
+        free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
             one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
         spin: known spin, shape `(3,)` [rad/s, world frame]; used where `spin` is not sought.

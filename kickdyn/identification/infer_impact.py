@@ -42,7 +42,7 @@ warned of."""
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InferredImpact(ReprMixin):
-    """What a measured change of the ball's motion says of an impact.
+    """An impact that is inferred from the measured motion of the ball before and after it.
 
     Attributes:
         posture: of the leg; its contact point is where the leg takes the impulse.

@@ -103,7 +103,7 @@ class Shot(NamedTuple):
 
 
 class Learner(ReprMixin):
-    r"""Finds the launch, or the kick, that meets a goal where the model holds only roughly.
+    r"""Finds the launch, or the kick, that meets a goal although the model is only approximate.
 
     `command` is the next one: carry it out, and pass what the ball did to `observe`, until
     `is_done`. A command without a leg is a launch :math:`v` to somebody who takes the restitution

@@ -151,10 +151,10 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Segments(Printed):
-    r"""The parts of a track, and what they say of the ground.
+    r"""The parts of a track, and the coefficients of the ground that follow from them.
 
     Attributes:
-        track: what was cut.
+        track: the whole track.
         parts: in the order of time.
         restitution: of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
         friction: impulse along the ground over across it, :math:`|\Delta v_{xy}| / \Delta v_z`,

@@ -37,7 +37,7 @@ RESIDUAL_ROUNDING = 1e-14
 class Impact(ReprMixin):
     """The result of a strike, with the residuals that prove it.
 
-    What the leg does after the impulse is computed when it is first read, and then kept.
+    The motion of the leg after the impact is computed when it is first read, and then stored.
 
     Attributes:
         approach: leg and ball just before.

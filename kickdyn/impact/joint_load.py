@@ -20,7 +20,8 @@ class JointLoad(ReprMixin):
 
     Attributes:
         joint: its name.
-        structure: on bearings and links, linear then angular, shape `(6,)` [N s, N m s].
+        structure: the part that bearings and links transmit, linear then angular, shape `(6,)`
+            [N s, N m s].
         axis: along the joint's degrees of freedom, shape `(6,)` [N s, N m s]: 0 in a passive joint
             but for the inertia of its rotor; of a stiff joint, the impulse of its motor.
         peak_force: of the linear part of both [N]; None without a contact time.

@@ -36,7 +36,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Printed):
-    r"""Covariances of an impact's results, and the budget: which source makes which part.
+    r"""Covariances of an impact's results, and their parts by source (the uncertainty budget).
 
     To first order, :math:`\Sigma_y = \sum_x J_x \Sigma_x J_x^T` over independent sources x (JCGM
     100:2008, 5.1 and 5.2). `print` shows the budget as a table.

@@ -59,9 +59,9 @@ class Arc(StrEnum):
 class Goal(ReprMixin):
     """A target, and one condition on the flight to it.
 
-    The target alone leaves a family of launches, one for each time of flight; the condition picks
-    members out. The ground is level, under the ball at its start, or under the target where that is
-    lower.
+    There is a family of launches to the target, one for each time of flight; the condition
+    selects members of it. The ground is level, under the ball at its start, or
+    under the target where that is lower.
 
     Args:
         target: of the ball's centre, from where it starts: a distance along x at the height of the

@@ -66,14 +66,14 @@ FAR = 1e9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KickPlan(ReprMixin):
-    """A kick, planned and then carried out by `strike` and `fly`.
+    """A planned kick, verified by `strike` and `fly`.
 
     Attributes:
         status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
             kick in the planned direction that gives the ball the most speed.
         goal: that was asked for.
         launch: that meets it.
-        objective: that was made least, or most.
+        objective: that was minimized, or maximized for `most-joint-impulse`.
         value: of the objective.
         share: of the launch speed that is reached; 1 where the status is `met`.
         impact_target: impulse, normal and contact point on the ball.
@@ -291,8 +291,8 @@ def plan_kick(
     r"""Find posture and joint velocity that strike a ball at rest so that it meets a goal.
 
     The launch :math:`(v_b, \omega_b)`, the impulse :math:`p = m v_b`, the normal and the foot
-    velocity follow from each other in closed form; posture and joint velocity are what is left, and
-    a nonlinear program chooses them by the objective. `strike` and `fly` then verify the plan.
+    velocity follow from each other in closed form. A nonlinear program then chooses posture and
+    joint velocity by the objective, and `strike` and `fly` verify the plan.
 
     Args:
         leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
@@ -311,16 +311,16 @@ def plan_kick(
         offset: of the contact point from the leg's frame, as for `Contact`.
         ball_height: of the ball's centre [m, world frame]; free when not named, where `kickdyn
             plan` lays the ball at the straight leg's foot: -0.7042 for `Leg.human()`.
-        ball_at: position of the ball's centre, instead, shape `(3,)` [m, world frame]: what is left
-            free is the self-motion of a redundant leg.
+        ball_at: position of the ball's centre, in place of its height, shape `(3,)` [m, world
+            frame]. Only the self-motion of a redundant leg remains free.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
             infinite one always holds, its use is 0, and `joint-speed` counts it as 100 rad/s; one
             of 0 is refused, or none with `limits=False`.
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
-        surface: of the ground, where the ball is to be played along it, as `plan_pass` does; the
-            goal is then a time and a target as high as the ball.
+        surface: of the ground, for a ball that is played along the ground as by `plan_pass`; the
+            goal is then a time and a target at the height of the ball.
         uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
             its limits and a second each: `plan_swing` then finds the motion. For objectives

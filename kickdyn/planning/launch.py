@@ -189,16 +189,16 @@ def plan_launch(
     speed_limit: float = SPEED_LIMIT,
     spin_limit: float = 100.0,
 ) -> Launch:
-    r"""Find the launch, in space, that meets a goal: with drag, lift and wind.
+    r"""Find the launch that meets a goal, with drag, lift and wind, in three dimensions.
 
-    Newton's method starts from the vacuum's answers, Eqs. (24)-(25),
+    Newton's method starts from the launches in a vacuum, Eqs. (24)-(25),
 
     .. math:: v = x_{target} / t + \tfrac12 g t\, e_z,
 
-    with derivatives that are integrated along the flight. Where that finds nothing, the family of
-    all launches to the target is followed: it contains the answer, or the nearest launch there is.
-    A launch whose flight to the target leads through the ground, as strong back spin may ask for,
-    does not count.
+    with derivatives that are integrated along the flight. Where it does not converge, the family of
+    all launches to the target is followed; it contains the solution, or the nearest launch. A
+    launch whose flight to the target intersects the ground, as with strong back spin, does not
+    count.
 
     Args:
         goal: from the ball's position.

@@ -29,7 +29,7 @@ NEVER = 1e6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pass(ReprMixin):
-    """A launch that brings the ball to a place along the ground.
+    """A launch that brings the ball to a target along the ground.
 
     Attributes:
         status: `met`; or `unreachable`, and this is the nearest there is.

@@ -25,7 +25,7 @@ from kickdyn.robot.leg import Leg
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Swing(ReprMixin):
-    """A joint trajectory from rest through the impact to rest, with what proves it.
+    """A joint trajectory from rest through the impact to rest, with its errors and limits.
 
     Attributes:
         status: `met`; or `beyond-limits`: then this is the same kick at `share` of its speed, the

@@ -79,7 +79,7 @@ def test_a_name_is_no_markup(tmp_path):
     text = (SCENES / "paper_kick.toml").read_text()
     bold.write_text(text.replace("the paper's kick", "[bold]x[/bold] [/foo]"))
     ended = CliRunner().invoke(tradeoff, ["--scene", str(bold)])
-    assert ended.stdout.startswith("[bold]x[/bold] [/foo]: 6.485 N s, landed at (")
+    assert ended.stdout.startswith("[bold]x[/bold] [/foo]: impulse 6.485 N s, landed at (")
 
 
 def test_the_command_writes_json_only_where_asked():

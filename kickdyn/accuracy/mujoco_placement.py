@@ -34,7 +34,8 @@ def placement_warnings(
     The foot is to be touched where its normal is that of the contact, towards the ball.
 
     Empty for a leg that was not read from such a file. The foot is the body of the contact frame
-    with those fixed to it. Geoms of meshes that are missing are left out.
+    with those fixed to it. Geoms of meshes that are missing are left out, and so
+    are bodies that move apart from the leg, such as a ball that the file has already.
     """
     file = posture.leg.file
     if not isinstance(file, MjcfFile):
@@ -53,6 +54,8 @@ def placement_warnings(
         if geom == ball or (is_mesh and compiled.mesh(mesh).name in file.missing):
             continue
         body = int(compiled.geom_bodyid[geom])
+        if body_name(compiled, body) in file.left_out:
+            continue
         own = str(compiled.geom(geom).name)
         label = repr(own) if own else f"geom {geom - (geom > ball)}"  # its number in the file
         name = f"{label} of {body_name(compiled, body)!r}"

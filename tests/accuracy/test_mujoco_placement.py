@@ -65,6 +65,12 @@ def test_the_ball_lies_under_the_floor_where_a_ref_is_forgotten(tmp_path):
     assert "inside 'floor'" in line
 
 
+def test_a_ball_that_the_file_has_already_is_left_out(tmp_path, monkeypatch):
+    ball = '<body name="ball" pos="0.2 0 0.2"><freejoint/><geom size="0.1"/></body></worldbody>'
+    monkeypatch.setitem(globals(), "ROBOT", ROBOT.replace("</worldbody>", ball))
+    assert warnings(tmp_path) == ()
+
+
 def test_another_normal_is_said(tmp_path):
     """The ball touches the sphere beside the contact point."""
     up = np.array([0.6, 0, 0.8])

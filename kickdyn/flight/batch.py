@@ -18,13 +18,13 @@ from kickdyn.core.compilation import calling_beside
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.flight.compiling import compiled_rates
-from kickdyn.flight.equations import MAX_SPEED, tolerances
+from kickdyn.flight.equations import FINEST, MAX_SPEED, tolerances
 from kickdyn.flight.flight_result import (
     ROUNDING,
     FlightStatus,
     least_error,
     outside_ranges,
-    refinements,
+    refinement,
 )
 from kickdyn.flight.fly import drops
 from kickdyn.flight.forces import ballistic, brakes, downward, is_ballistic
@@ -84,12 +84,10 @@ def fly_many(
     outside = _outside(states, flown.nodes, np.flatnonzero(flown.evaluations), ball, air)
     data = _variables(states, *flown, outside)
     if validation.flag("error", error):
-        others = [
-            (_flown(states, ball, air, drop, time_limit, *other).nodes, factor)
-            for *other, factor in refinements(tol, flown.nodes[:, 0], air)
-        ]
+        finer_tol, longest = refinement(tol, flown.nodes[:, 0], air)
+        finer = _flown(states, ball, air, drop, time_limit, finer_tol, longest).nodes
         meaning = {"units": "m", "long_name": "estimate of the error of the landing point"}
-        data["error"] = ("flight", _errors(states, flown, others, tol), meaning)
+        data["error"] = ("flight", _errors(states, flown, finer, tol), meaning)
     attributes = {
         "title": "flights of a ball",
         "source": f"kickdyn {__version__}",
@@ -147,17 +145,13 @@ def _flown(
     return _Flown(nodes, status, evaluations)
 
 
-def _errors(
-    states: BallState, flown: _Flown, others: list[tuple[Array, float]], tol: float
-) -> Array:
+def _errors(states: BallState, flown: _Flown, finer: Array, tol: float) -> Array:
     """Return the estimate of `Flight.error` for each flight [m], nan where it failed."""
     nodes = flown.nodes
     length = np.abs(nodes[:, [1, 2, 3, 9, 10, 11]]).max(axis=1, initial=0.0)
-    speed, error = validation.length(nodes[:, 4:7]), least_error(tol) * length
-    for other, factor in others:
-        late = speed * np.abs(other[:, 0] - nodes[:, 0])
-        moved = np.maximum(validation.length(other[:, 1:4] - nodes[:, 1:4]), late)
-        error = np.maximum(error, np.where(np.isnan(moved), math.inf, factor * moved))
+    late = validation.length(nodes[:, 4:7]) * np.abs(finer[:, 0] - nodes[:, 0])
+    moved = np.maximum(validation.length(finer[:, 1:4] - nodes[:, 1:4]), late)
+    error = np.maximum(least_error(tol) * length, 2.0 * np.where(np.isnan(moved), math.inf, moved))
     error = np.where(flown.evaluations > 0, error, ROUNDING * length)
     error += ROUNDING * np.abs(states.position).max(axis=1, initial=0.0)
     return np.where(flown.status == FAILED, math.nan, error)
@@ -203,7 +197,7 @@ def _integrate(
     """Return nodes, status and evaluations of flights through the air."""
     compile_flights(ball, air)
     rates, velocities = compiled_rates(ball, air), np.array(velocities)  # which can be written to
-    limits = max(tol, 100 * float(np.finfo(float).eps)), tol, time_limit
+    limits = max(tol, FINEST), tol, time_limit
     try:
         return march(rates, scenes, velocities, *limits)
     except Exception:  # a coefficient's own: only its rows shall fail

@@ -27,6 +27,9 @@ from kickdyn.flight.forces import acceleration_function, brakes, downward
 MAX_SPEED = 299_792_458.0
 """In air [m/s], that of light. Tolerances hold up to there; coefficients end far below."""
 
+FINEST = 10 * float(np.finfo(float).eps)
+"""Least relative tolerance of a step: below it, the estimate of the step's error is rounding."""
+
 _PER_DECADE, _DECADES = 8, 3
 _FARTHEST = 15
 """The drag length is tabulated for Reynolds numbers from 1e-15 to 1e15."""
@@ -149,10 +152,8 @@ def tolerances(
         length = np.where(slowed > 0.0, free * np.log1p(slowed) / np.maximum(slowed, 1e-300), free)
         pace = np.maximum(fastest / np.sqrt(1.0 + slowed), wind)
         near, slow = tol * np.maximum(length, drop), tol * pace
-    # scipy raises rtol to 100 machine epsilons by itself, with a warning: do it here; and divides
-    # by atol: never 0, not even for a balloon that starts at rest
-    rtol = max(tol, 100 * float(np.finfo(float).eps))
-    return rtol, np.maximum(near, 1e-300), np.maximum(slow, 1e-300)
+    # the integrators divide by atol: it is never 0, not even for a balloon that starts at rest
+    return max(tol, FINEST), np.maximum(near, 1e-300), np.maximum(slow, 1e-300)
 
 
 def drag_length(ball: Ball, air: Air) -> Callable[[Array], Array]:

@@ -104,38 +104,35 @@ class Flight(ReprMixin):
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the error of the landing point [m], from further flights; not a bound.
+        """Estimate of the error of the landing point [m], from a second flight; not a bound.
 
         It is twice what the landing moves, in space or along the path in its time, when the
-        tolerance is 10,000 times tighter (at tightest 1e-13). Below 1e-11, where that is not tight
-        enough to tell, it is at least 1.4 times what it moves when the tolerance is 5 times wider,
-        and 0.6 times when it is 10 times wider. It is never less than a thousandth of the
-        tolerance's share of the flight's length or 3e-14 of it, and the rounding of the position is
-        added. In the median it is 2 to 10 times the error (`benchmarks/batch_flight.py`). For a
-        closed form the rounding is all. Each of those flights is computed on first use; where the
-        integrator gives one up, it is infinite.
+        tolerance is 10,000 times tighter (at tightest 5e-15). It is never less than a thousandth of
+        the tolerance's share of the flight's length or 3e-14 of it, and the rounding of the
+        position is added. In the median it is 2 to 10 times the error
+        (`benchmarks/batch_flight.py`). For a closed form the rounding is all. The second flight is
+        computed on first use; where the integrator gives it up, the error is infinite.
 
         Where the wind or a coefficient is a function of your own, the finer flight also takes at
         least 500 steps: what lasts a 2000th of the flight, such as the time in which the ball
         crosses a peak of C_D, counts.
         """
         length = float(np.abs(self._trajectory(np.linspace(0, self.duration, 33))[:, :3]).max())
-        speed, grazing, moved = math.hypot(*self.landing.velocity), 1.0, 0.0
+        speed, grazing = math.hypot(*self.landing.velocity), 1.0
         if self.status is FlightStatus.AT_PLANE and self.plane is not None:
             across = abs(float(self.plane.normal @ self.landing.velocity))
             grazing = speed / max(across, 1e-300)
         rounding = ROUNDING * float(np.abs(self.launch.position).max()) * grazing
         if self.evaluations == 0:
             return rounding + ROUNDING * length * grazing
-        for tol, longest, factor in refinements(self.tol, self.duration, self.air):
-            try:
-                other = self._fly_again(tol=tol, max_step=longest).landing
-            except KickdynError:
-                return math.inf
-            late = speed * abs(self.duration - float(other.time))
-            apart = float(np.linalg.norm(self.landing.position - other.position))
-            moved = max(moved, factor * max(late, apart))
-        return max(moved, least_error(self.tol) * length) + rounding
+        tol, longest = refinement(self.tol, self.duration, self.air)
+        try:
+            finer = self._fly_again(tol=tol, max_step=longest).landing
+        except KickdynError:
+            return math.inf
+        late = speed * abs(self.duration - float(finer.time))
+        apart = float(np.linalg.norm(self.landing.position - finer.position))
+        return max(2.0 * late, 2.0 * apart, least_error(self.tol) * length) + rounding
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -212,19 +209,17 @@ class Flight(ReprMixin):
         return Rotation.from_rotvec(turned[..., None] * self.launch.spin)
 
 
-def refinements(tol: float, duration: Any, air: Air | None) -> list[tuple[float, Any, float]]:
-    """Return tolerance and longest step [s] of the flights that show the error of one at `tol`.
+def refinement(tol: float, duration: Any, air: Air | None) -> tuple[float, Any]:
+    """Return tolerance and longest step [s] of the flight that shows the error of one at `tol`.
 
-    The third number is the factor from what the landing moves to the error. The duration is that of
-    one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the user's own may have features
-    that are too narrow for the steps of an integration to see: an estimate that compares two
-    flights is then honest only if the steps of one are limited.
+    The duration is that of one flight, or of n, shape `(n,)` [s]. A wind or coefficient of the
+    user's own may have features that are too narrow for the steps of an integration to see: an
+    estimate that compares two flights is then honest only if the steps of one are limited.
     """
     models = () if air is None else (air.drag, air.lift, air.torque)
     known = all(model is None or is_known(model) for model in models)
     own = air is not None and (callable(air.wind) or not known)
-    finer = (max(1e-4 * tol, 1e-13), duration / 500 if own else None, 2.0)
-    return [finer, (5 * tol, None, 1.4), (10 * tol, None, 0.6)] if tol < 1e-11 else [finer]
+    return max(1e-4 * tol, 5e-15), duration / 500 if own else None
 
 
 def least_error(tol: float) -> float:

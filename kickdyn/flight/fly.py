@@ -70,13 +70,26 @@ def fly(
     check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)
     time_limit = validation.number("time limit", time_limit, above=0, unit="s")
-    longest = math.inf
     if max_step is not None:
-        longest = validation.number("max_step", max_step, above=0, unit="s")
+        max_step = validation.number("max_step", max_step, above=0, unit="s")
+    return _fly(state, ball, air, ground, tol, plane, time_limit, max_step)
+
+
+def _fly(
+    state: BallState,
+    ball: Ball,
+    air: Air | None,
+    ground: Ground | None,
+    tol: float,
+    plane: Plane | None,
+    time_limit: float,
+    max_step: float | None,
+) -> Flight:
+    """Return what `fly` does; `Flight.error` asks for tolerances here that `fly` refuses."""
     drop, wall = float(drops(state.position, ball, ground)), wall_of(plane, ball, state)
-    limits = _Limits(drop, wall, time_limit, longest)
+    limits = _Limits(drop, wall, time_limit, math.inf if max_step is None else max_step)
     # for `Flight.error`, `Flight.arrival` and unpickling, which fly once more
-    again = partial(fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
+    again = partial(_fly, state, ball, air, ground, tol=tol, plane=plane, time_limit=time_limit,
                     max_step=max_step)  # fmt: skip
     flown = partial(Flight, ball, air, ground, plane, tol, again)
     if air is None or _has_closed_form(state, ball, air, drop):

@@ -176,6 +176,8 @@ def fly_until(
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
         while t < time_limit:
             step, h = solver.step(t, state, rate, h, time_limit)
+            if climb is not None and up(state) > 0.0 > up(step.end):
+                step, h = solver.up_to_crest(climb, (t, state, rate), step, h)
             before, node = state, (t, state, rate)
             t, state, rate = step.t, step.end, step.slopes[_STAGES]
             times = [_when(each, step, before, state) for each in events]
@@ -248,6 +250,25 @@ class _Solver:
             most = 1.0
             if h < least:
                 raise _given_up(t, "the step would be shorter than time can be resolved")
+
+    def up_to_crest(
+        self, climb: int, start: tuple[float, Array, Array], step: Step, h: float
+    ) -> tuple[Step, float]:
+        """Return a step and the next one's length h [s], the step cut at a crest if need be.
+
+        A ball that goes straight up reverses its drag at the crest, where drag by the square of the
+        speed has a jump in its second derivative. A step across it misses the more, and its
+        estimate of the error may not see that.
+        """
+        level = math.hypot(*step.end[climb - 2 : climb])
+        fall = float(step.begin[climb] - step.end[climb])
+        if level > 0.1 * fall:
+            return step, h
+        crest = _root(lambda y: float(y[climb]), step, (step.begin[climb], step.end[climb]))
+        part = (crest - step.t_old) / (step.t - step.t_old)
+        if not 1e-6 < part < 1.0 - 1e-6:  # it ends there already
+            return step, h
+        return self.step(*start, crest - step.t_old, crest)[0], h
 
     def first_of(
         self, events: Sequence[Event], event: Event, start: tuple[float, Array, Array], end: float

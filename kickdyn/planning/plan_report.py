@@ -113,6 +113,8 @@ class PlanReport:
         up, left = plan.impact_target.contact_offset
         heading = _aside(math.degrees(plan.heading), 2, "deg")
         turned = [f"base    turned by {heading}"]
+        mean = " (mean square of the joint speeds over their limits)"
+        meaning = mean if plan.objective == "joint-speed" else ""
         given = impact.contact.restitution
         used = describe_restitution(given, impact.restitution, impact.approach_speed)
         return [
@@ -126,7 +128,7 @@ class PlanReport:
             f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
             f"leg     up to {plan.speed_use:.0%} of the speed limits and {plan.torque_use:.0%} of "
             f"the torque limits of the joints; largest joint impulse {impact.worst_joint[1]:.3g} "
-            f"N s, at {impact.worst_joint[0]}; objective {plan.objective} = "
+            f"N s, at {impact.worst_joint[0]}; objective {plan.objective}{meaning} = "
             f"{f'{plan.value:.4g} {plan.objective.unit}'.strip()}",
             *(turned if not heading.startswith("0.00 ") else []),
             *(

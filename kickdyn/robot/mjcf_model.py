@@ -85,8 +85,43 @@ def build_mjcf_model(
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
-    read = replace(file, left_out=left_out, gears=tuple(builder.mimics))
+    starts = {
+        str(builder.model.names[joint.number]): float(
+            compiled.qpos0[compiled.jnt_qposadr[joint.theirs]]
+        )
+        for joint in builder.joints
+        if joint.kind in (SLIDE, HINGE)
+    }
+    read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
     return MjcfModel(read, model, tuple(builder.loops))
+
+
+def sliding_joints(file: MjcfFile) -> set[str]:
+    """Return the names of a document's prismatic joints, also of those that a model names itself.
+
+    Raises `MjcfError` as `MjcfFile.compile` does.
+    """
+    compiled = file.compile()
+    kinds = [int(kind) for kind in compiled.jnt_type]
+    taken, slides = {compiled.joint(joint).name for joint in range(compiled.njnt)}, set()
+    for joint, kind in enumerate(kinds):
+        if kind != FREE:
+            own = str(compiled.joint(joint).name)
+            body = body_name(compiled, int(compiled.jnt_bodyid[joint]))
+            name = own or _unused(f"{body}_joint", taken)
+            taken.add(name)
+            if kind == SLIDE:
+                slides.add(name)
+    return slides
+
+
+def _unused(wish: str, taken: Set[str]) -> str:
+    """Return a name that is not taken: what is wished for, with a number if need be."""
+    name, count = wish, 1
+    while name in taken:
+        count += 1
+        name = f"{wish}{count}"
+    return name
 
 
 def _root_of(compiled: Any, frame: str) -> int | None:
@@ -189,11 +224,8 @@ class _Builder:
         self, parent: int, kind: int, theirs: int, place: Any, wish: str, axis: Array | None = None
     ) -> int:
         """Add a joint under its own name, or what is wished for one without; return its number."""
-        name = self.compiled.joint(theirs).name if theirs >= 0 else ""
-        count = 1
-        while not name:
-            unused = wish if count == 1 else f"{wish}{count}"
-            name, count = "" if unused in self.taken else unused, count + 1
+        own = self.compiled.joint(theirs).name if theirs >= 0 else ""
+        name = own or _unused(wish, self.taken)
         self.taken.add(name)
         number = self.model.addJoint(parent, _JOINTS[kind](axis), place, name)
         self.model.addJointFrame(number)
@@ -278,7 +310,7 @@ class _Builder:
                 self._add_mimic(first, second, float(values[0]), float(values[1]))
             else:
                 what = kind.name.removeprefix("mjEQ_").lower()
-                remedy = "lock its joints (locked=), " if "joint" in what else ""
+                remedy = "lock its joints (locked=, --lock), " if "joint" in what else ""
                 raise InvalidInput(
                     f"equality constraint {name!r} ({what}) is not read: only <connect> of two "
                     "bodies of the robot and <joint> with two joints and a linear polycoef are; "
@@ -293,7 +325,7 @@ class _Builder:
         if not joint or not driver or joint in taken or driver in {m.joint for m in self.mimics}:
             raise InvalidInput(
                 f"joint {joint!r} mimics {driver!r}: both must have a name, and no third joint may "
-                "mimic one that mimics another; lock them (locked=)"
+                "mimic one that mimics another; lock them (locked=, --lock)"
             )
         offset += float(start[at[first]]) - multiplier * float(start[at[second]])
         self.mimics.append(Mimic(joint, driver, multiplier, offset))

@@ -62,6 +62,38 @@ def test_a_joint_of_an_mjcf_is_locked_in_degrees(tmp_path):
     assert leg.posture([0.0]).contact_point == pytest.approx([-1.0, 0.0, 0.0], abs=1e-15)
 
 
+@pytest.mark.parametrize("name", ["rail", ""], ids=["named", "unnamed"])
+def test_joints_of_an_mjcf_are_locked_before_it_is_judged(tmp_path, name):
+    # joints of the file that move its root body make a floating base singular
+    part = '<joint name="{}" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>'
+    knee = f'<body name="toe" pos="0 0 -1">{part.format("knee")}</body>'
+    rail = f'<joint {f"name={name!r}" if name else ""} type="slide" axis="1 0 0"/>'
+    body = f'<body name="body">{rail}{part.format("turn")}{knee}</body>'
+    tie = '<equality><joint joint1="knee" joint2="turn" polycoef="0 0 1 0 0"/></equality>'
+    file = tmp_path / "leg.xml"
+    file.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    locked = {name or "body_joint": 0.25, "turn": 90.0}
+    with pytest.raises(kd.MjcfError, match="lock them"):
+        load_leg(str(file), base="floating")
+    leg = load_leg(str(file), base="floating", locked=locked)
+    assert leg.joint_names == ("root_joint", "knee")
+    point = leg.posture(leg.configuration()).contact_point
+    assert point == pytest.approx([0.25 - 1.0, 0.0, 0.0], abs=1e-15)
+    scene = tmp_path / "scene.toml"
+    locks = ", ".join(f"{joint} = {value}" for joint, value in locked.items())
+    scene.write_text(
+        f'[leg]\nfile = "leg.xml"\nbase = "floating"\nlocked = {{ {locks} }}\n'
+        "[posture]\njoint_velocity_rad_s = { knee = 1.0 }\n"
+        "[contact]\nattack_deg = 45.0\nrestitution = 0.8\n"
+    )
+    assert kd.load_scene(scene).leg.joint_names == ("root_joint", "knee")
+    file.write_text(f"<mujoco><worldbody>{body}</worldbody>{tie}</mujoco>")
+    with pytest.raises(kd.MjcfError, match=r"lock its joints \(locked=, --lock\)"):
+        load_leg(str(file))
+    tied = {"turn": 0.0, "knee": 0.0}
+    assert load_leg(str(file), locked=tied).joint_names == (name or "body_joint",)
+
+
 @pytest.mark.parametrize("name", ["human", "g1", "g1_description"])
 def test_folders_of_packages_are_not_for_a_robot_by_name(name):
     with pytest.raises(kd.InvalidInput, match=f"it is for a URDF file, not {name}$"):

@@ -116,7 +116,8 @@ def vertical_answers(
     `Flight.error` estimates a distance d at the end of a flight of duration T and final speed v; it
     counts when the ball ends, too. It is d of the height; d / v of the duration, in which the ball
     covers d; and 2 d / T of the speed, since an error of the speed that grows evenly to that value
-    moves the ball by d.
+    moves the ball by d. Of the speed it is at least the tolerance: an error that the last steps
+    make has not moved the ball yet.
     """
     path = fly(launch, ball, air, ground, tol=TOL, time_limit=1e9)
     speed, error = float(path.landing.speed), path.error
@@ -124,7 +125,7 @@ def vertical_answers(
     travelled = speed * path.duration
     claims = {"height": digits(error / path.height) if path.height else FULL}
     claims["duration"] = digits(error / travelled) if travelled else FULL
-    claims["landing speed"] = digits(2.0 * error / travelled) if travelled else FULL
+    claims["landing speed"] = digits(max(2.0 * error / travelled, TOL)) if travelled else FULL
     return answers, claims if path.evaluations else dict.fromkeys(answers, FULL)
 
 

@@ -130,7 +130,7 @@ def test_they_stay_within_double_precision(mass):
         rtol, near, slow = tolerances(
             np.array([speed, 0, 0]), 0.0, 0.0, kd.Ball(mass, BALL.radius), kd.Air(), 1e-13
         )
-        assert rtol >= 100 * np.finfo(float).eps  # scipy would raise it, with a warning
+        assert rtol >= 10 * np.finfo(float).eps  # else a step's estimated error is rounding
         assert min(near, slow) > 0
 
 

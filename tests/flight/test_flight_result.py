@@ -149,6 +149,29 @@ def test_the_error_of_many_circles_is_at_or_above_the_truth(tol):
     assert true < path.error < 10 * true
 
 
+@pytest.mark.parametrize("tol", [1e-10, 1e-12, 1e-13])
+def test_the_error_of_a_shot_straight_up_is_at_or_above_that_of_its_duration(tol):
+    """Drag against the square of the speed has a jump in its second derivative at the apex.
+
+    What the step that crosses it misses does not fall evenly with the tolerance. The duration is
+    v_t / g (atan(v / v_t) + atanh(v' / v_t)) with the terminal speed v_t and the landing speed v'.
+    """
+    air = kd.Air(drag=constant(0.5), lift=None, torque=None, buoyancy=False)
+    limit = math.sqrt(2 * BALL.mass * 9.81 / (air.density * BALL.cross_section * 0.5))
+    speeds = np.geomspace(2.0, 200.0, 20)
+    launches = kd.BallState(np.zeros((20, 3)), speeds[:, None] * [0, 0, 1], np.zeros((20, 3)))
+    paths = [kd.fly(launch((0, 0, up)), BALL, air, tol=tol) for up in speeds]
+    many = kd.fly_many(launches, BALL, air, tol=tol, error=True)
+    down = speeds / np.sqrt(1 + (speeds / limit) ** 2)
+    exact = limit / 9.81 * (np.arctan(speeds / limit) + np.arctanh(down / limit))
+    for duration, error in (
+        (np.array([path.duration for path in paths]), [path.error for path in paths]),
+        (many.duration.values, many.error.values),
+    ):
+        assert (np.abs(duration - exact) * down <= error).all()
+        assert duration == pytest.approx(exact, rel=4 * tol)
+
+
 @pytest.mark.parametrize("tol", [1e-6, 1e-10, 1e-12])
 def test_the_error_is_within_ten_times_the_truth_in_the_median(tol):
     """Against landings computed with 20 digits."""

@@ -280,7 +280,7 @@ EXTREMES = {
 @pytest.mark.parametrize("tol", [1e-8, 1e-11])
 def test_extremes(name, tol):
     state, air = EXTREMES[name]
-    agrees(state, BALL, air, tol)
+    agrees(state, BALL, air, tol, within=100)  # slowly through the joins of the drag's formulas
 
 
 @pytest.mark.parametrize("velocity", [(25, 0, 0), (20, 3, -15), (0, 0, -30), (0, 0, 0)])

@@ -59,6 +59,16 @@ def test_an_mjcf_has_its_files_anywhere_in_its_package(described):
         load_leg(name, "foot", package_dirs=["a"])
 
 
+def test_joints_are_locked_before_the_file_is_judged(described):
+    slide = MJCF.replace("<freejoint/>", '<joint name="rail" type="slide"/>')
+    name = described("g1_mj_description", slide, "MJCF_PATH")
+    with pytest.raises(kd.MjcfError, match="lock them"):
+        load_leg(name, "foot", "floating")
+    leg = load_leg(name, "foot", "floating", locked={"rail": 0.25})
+    assert leg.joint_names == ("root_joint", "hip")
+    assert leg.posture(leg.configuration()).contact_point.tolist() == [0, 0, 0.25]
+
+
 def test_a_bad_file_is_named(described):
     name = described("atlas_v4_description", "<robot/>", "URDF_PATH")
     with pytest.raises(kd.UrdfError, match=r"robot\.xml: a robot has no name"):

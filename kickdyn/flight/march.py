@@ -5,8 +5,8 @@ allows, not 0.9: fewer are rejected, and as many evaluations give half the error
 are not read off an interpolant within a long step: the step that crosses one is taken anew with the
 length that ends there, within a small fraction of a step, which a polynomial covers. A node is then
 as accurate as the steps are. A step in which the ball sinks and rises again is taken anew up to its
-lowest point, so that a landing there is seen. Every flight has a lane, with its own time and step; whichever ends
-makes room for the next.
+lowest point, so that a landing there is seen. Every flight has a lane, with its own time and step;
+whichever ends makes room for the next.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -371,8 +371,9 @@ def _guess_event(i, y, new, h, rates, event, drop):
 def _write_event(i, event, y, rates, new, tol, lane, out, row):
     """Write the states at the event if a step ends close to it, else correct the step's length.
 
-    Return whether it ends close to it; at a lowest point nothing is written. The states are those of the quintics through both ends of the step:
-    of a fraction e of the step, they are wrong by e cubed times their error within the step.
+    Return whether it ends close to it; at a lowest point nothing is written. The states are those
+    of the quintics through both ends of the step: of a fraction e of the step, they are wrong by e
+    cubed times their error within the step.
     """
     h, drop = lane[H, i], lane[DROP, i]
     last = rates[STAGES]

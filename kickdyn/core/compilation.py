@@ -15,12 +15,16 @@ log = logging.getLogger(__name__)
 """Says at level INFO what is compiled."""
 
 _CALL = """
-import pickle, sys
+import os, pickle, sys, threading
 sys.path[:], module, name = pickle.load(sys.stdin.buffer)
 arguments = pickle.load(sys.stdin.buffer)
+threading.Thread(target=lambda: (os.read(0, 1), os._exit(1)), daemon=True).start()
 getattr(__import__(module, fromlist=[name]), name)(*arguments)
 """
-"""Program of a process that calls a function whose machine code it shall leave on the disk."""
+"""Program of a process that calls a function whose machine code it shall leave on the disk.
+
+It ends with its parent, even if that is killed: then its input ends.
+"""
 
 
 @contextmanager
@@ -61,7 +65,8 @@ def calling_beside(what: str, function: Callable[..., Any], *arguments: Any) -> 
     """Call a function that compiles `what` in another process, and wait for it at the end.
 
     The function is one of a module; its result and its errors are lost. It is called for the
-    machine code that it leaves on disk. It is not called where this process has one core, or where
+    machine code that it leaves on disk. Where an error or Ctrl-C comes first, the other process is
+    ended. It is not called where this process has one core, or where
     the arguments cannot be sent.
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -76,12 +81,17 @@ def calling_beside(what: str, function: Callable[..., Any], *arguments: Any) -> 
     log.info("compiling %s in another process", what)
     lost = subprocess.DEVNULL
     with subprocess.Popen(
-        [sys.executable, "-c", _CALL], stdin=subprocess.PIPE, stdout=lost, stderr=lost
+        [sys.executable, "-P", "-c", _CALL], stdin=subprocess.PIPE, stdout=lost, stderr=lost
     ) as process:
         assert process.stdin is not None
-        with suppress(BrokenPipeError), process.stdin as stdin:
-            stdin.write(sent)
-        yield
+        with suppress(BrokenPipeError):
+            process.stdin.write(sent)
+            process.stdin.flush()
+        try:
+            yield
+            process.wait()
+        finally:
+            process.terminate()
 
 
 def compiled(

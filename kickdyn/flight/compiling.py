@@ -198,7 +198,10 @@ def _compile(function: Callable[..., Any], signature: Any, name: str) -> Any:
     try:
         dispatcher = _tree(function, SIGNATURE if signature is SIGNATURE else None)
         if signature is not SIGNATURE:
-            dispatcher.compile(signature)
+            python = dispatcher.py_func
+            more = max(python.__code__.co_argcount - len(signature), 0)  # which have defaults
+            omitted = (python.__defaults__ or ())[-more:] if more else ()
+            dispatcher.compile((*signature, *map(numba.types.Omitted, omitted)))
     except Exception as error:  # numba has no common base for what it cannot do
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reasons = [line for line in lines if not line.startswith(("Failed in", "During:", "File "))]

@@ -122,7 +122,7 @@ def sweep(
         return with_variables(finished, np.hstack(rows), np.hstack(status), kept)
     filled = SweepStore(store, described, kept, solver.chunk, resume=resume)
     own = nullcontext(executor) if executor else _pool(threads, workers)
-    with filled.locked(), _resumable(filled, store), own as pool:
+    with filled.locked(), _resumable(filled, store, executor), own as pool:
         missing, spans = filled.missing(), filled.chunks.span
         if progress is not None:
             progress(grid.size - sum(spans(k)[1] for k in missing), math.nan)
@@ -268,18 +268,26 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _resumable(store: SweepStore, path: str | PathLike[str]) -> Iterator[None]:
-    """Raise `Unfinished` where a sweep is stopped; remove a new store that holds no chunk."""
+def _resumable(
+    store: SweepStore, path: str | PathLike[str], executor: Executor | None
+) -> Iterator[None]:
+    """Raise `Unfinished` where a sweep is stopped; remove a new store that holds no chunk.
+
+    After Ctrl-C, an executor of the caller may still write to the store, which then stays.
+    """
     try:
         yield
-    except InvalidInput:
-        if store.created and len(store.missing()) == len(store.chunks):
-            shutil.rmtree(path)
-        raise
-    except (KeyboardInterrupt, OSError, BrokenExecutor) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
-        reason = "interrupted" if isinstance(error, KeyboardInterrupt) else reason
+    except (InvalidInput, KeyboardInterrupt, OSError, BrokenExecutor) as error:
         done = len(store.chunks) - len(store.missing())
+        stopped, refused = isinstance(error, KeyboardInterrupt), isinstance(error, InvalidInput)
+        if store.created and done == 0 and (refused or (stopped and executor is None)):
+            shutil.rmtree(path)
+            if stopped:
+                raise Unfinished("interrupted before the first chunk: nothing is stored") from None
+        if refused:
+            raise
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        reason = "interrupted" if stopped else reason
         raise Unfinished(
             f"{reason}: {done} of {len(store.chunks)} chunks are in {path}, --resume goes on "
             "from there"

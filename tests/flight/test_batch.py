@@ -122,13 +122,13 @@ def helper(spin_parameter, slope=0.1):
 def test_ones_own_functions():
     gain = 0.3
 
-    def rising(reynolds, spin_parameter):
-        return gain * min(spin_parameter, 1)
+    def rising(reynolds, spin_parameter, most=1, least=0.0):
+        return gain * max(min(spin_parameter, most), least)
 
-    def aloft(height):
-        return (0.3 * height, -1, 0)
+    def aloft(height, growth=0.3):
+        return (growth * height, -1, 0)
 
-    air = kd.Air(drag=helper, lift=rising, torque=lambda re, sp: 0.02, wind=aloft)
+    air = kd.Air(drag=helper, lift=rising, torque=lambda re, sp, gain=0.02: gain, wind=aloft)
     agree(launches(20, 3), BALL, air, tol=1e-12)
     again = kd.Air(drag=drag.MODELS["stokes"].function, lift=None, torque=None)
     agree(launches(6, 4), kd.Ball(0.001, 0.05), again, tol=1e-12)

@@ -333,6 +333,15 @@ def test_workers_must_see_the_store(tmp_path):
     assert not list(tmp_path.iterdir())  # nothing that is in the next attempt's way
 
 
+def test_a_sweep_that_is_stopped_before_its_first_chunk_leaves_no_store(tmp_path):
+    def stop(count, speed):
+        raise KeyboardInterrupt
+
+    with pytest.raises(Unfinished, match=r"^interrupted before the first chunk"):
+        stored(tmp_path / "s.zarr", progress=stop)
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_is_stopped_leaves_nothing_to_an_executor_of_the_caller(tmp_path):
     def stop(count, speed):
         if math.isfinite(speed):

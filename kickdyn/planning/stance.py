@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from kickdyn.core.validation import Array
+from kickdyn.robot.ground_clearance import Spheres
 from kickdyn.robot.leg import Posture
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
@@ -36,9 +37,12 @@ who leans over the ball.
 UPRIGHT = 1.0 - math.cos(TILT)
 """Scale of the height of the trunk's axis over that at the largest tilt."""
 
-CLEARANCE = 3e-3
-"""Height of the corners of the kicking foot that remains for the rest of it where there must be a
-backswing [m]: a foot of rounded shape is up to 1 mm lower than these corners."""
+CLEARANCE = 1e-3
+"""Least height of the kicking foot [m]: the solver keeps its conditions within a tolerance."""
+
+CORNERS, DIRECTIONS = 24, 400
+"""Number of spheres that stand for the kicking foot at most, and of directions, evenly over the
+unit sphere, in which the foot is at most a known distance larger than these."""
 
 STEP = 1e-6
 """Step of the differences that stand for the derivatives of the support's impulse [rad, m]."""
@@ -81,7 +85,7 @@ class Stance:
         hull = ConvexHull(standing.sole)
         self.normals, self.offsets = hull.equations[:, :2], -hull.equations[:, 2]
         foot = joint_spheres(robot, robot.contact_joint)
-        ends = _extremes(foot.centres)
+        ends, self._left = _extremes(foot)
         # the pose of the kicking foot's joint in its frame is that in the leg's
         own = robot.workspace.model.frames[robot.frame_id].placement
         new = leg.workspace.model.frames[leg.frame_id].placement
@@ -98,7 +102,7 @@ class Stance:
         centre = self.centre_of_mass(posture)[:2]  # it brings the joints' placements up to date
         known = {
             Condition.BALANCE: (self.offsets - self.normals @ centre) / LENGTH,
-            Condition.CLEARANCE: (self._points(posture)[:, 2] - self._radii - rise) / LENGTH,
+            Condition.CLEARANCE: (self._heights(posture) - np.maximum(self._left, rise)) / LENGTH,
             Condition.UPRIGHT: (self._trunk_axis(posture)[2:] - math.cos(TILT)) / UPRIGHT,
         }
         parts = [rows for name, rows in known.items() if name != self.without]
@@ -192,8 +196,8 @@ class Stance:
     def _rise(self, posture: Posture, v: Array) -> tuple[Array, Array, Array]:
         r"""Return how high each corner of the foot must be to rise as it does, `(k,)` [m].
 
-        That is :math:`\dot z^2 / (2 a)` where it rises, and `CLEARANCE`; with its derivatives by q
-        and v, shape `(k, nv)`.
+        That is :math:`\dot z^2 / (2 a)` where it rises, which counts where it is more than the
+        foot reaches beyond its corners; with its derivatives by q and v, shape `(k, nv)`.
         """
         assert self.lift is not None
         leg, lift = posture.leg, self.lift
@@ -207,8 +211,9 @@ class Stance:
         ]
         by_q, by_v = (np.array([part[side][2] for part in found]) for side in (0, 1))
         up = (by_v @ v).clip(min=0.0)
-        gain = (up / lift)[:, None]
-        return up**2 / (2 * lift) + CLEARANCE, gain * by_q, gain * by_v
+        rise = up**2 / (2 * lift)
+        gain = (up / lift * (rise > self._left))[:, None]
+        return rise, gain * by_q, gain * by_v
 
     def _trunk_joint(self, posture: Posture) -> int:
         """Return the number of the joint that carries the trunk; 0 if none does."""
@@ -227,14 +232,28 @@ class Stance:
             posture.leg.workspace.data.oMi[number].rotation @ self.standing.trunk_axis
         )
 
-    def _points(self, posture: Posture) -> Array:
-        """Return the centres of the kicking foot's spheres, shape `(k, 3)` [m, world frame]."""
+    def _heights(self, posture: Posture) -> Array:
+        """Return how far the kicking foot's spheres are above `CLEARANCE`, shape `(k,)` [m]."""
         turn = posture.rotation_world_joint
         origin = posture.contact_point - turn @ posture.contact_lever
-        return np.asarray(self._centres @ turn.T + origin)
+        lowest = self._centres @ turn[2] + origin[2] - self._radii
+        return np.asarray(lowest - CLEARANCE)
 
 
-def _extremes(points: Array) -> Array:
-    """Return indices of points that are extreme along one of the diagonals of a cube."""
-    signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T
-    return np.unique(np.argmax(points @ signs.T, axis=0))
+def _extremes(body: Spheres) -> tuple[NDArray[np.int64], float]:
+    """Return indices of at most `CORNERS` spheres, and how far the body reaches beyond them [m].
+
+    Each next one is farthest outside of the hull of those before, in one of `DIRECTIONS`.
+    """
+    count = np.arange(DIRECTIONS) + 0.5
+    height, turn = 1.0 - 2.0 * count / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * count
+    ring = np.sqrt(1.0 - height**2)
+    directions = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    reach = body.centres @ directions.T + body.radii[:, None]
+    most, known = reach.max(axis=0), [int(np.argmax(reach[:, 0]))]
+    while True:
+        left = most - reach[known].max(axis=0)
+        worst = int(np.argmax(left))
+        if left[worst] < 1e-9 or len(known) == CORNERS:
+            return np.array(known), float(left[worst])
+        known.append(int(np.argmax(reach[:, worst])))

@@ -10,7 +10,7 @@ are the largest of eight kicks that reach the ball at different moments within a
 Joint impulses are the sum over the steps of the force in each joint, less what it would be without
 the ball, and are compared with those of `collide` and of `strike`.
 
-The tables printed are parts of the file that `--csv` writes. It takes ten minutes on two cores.
+The tables printed are parts of the file that `--csv` writes. It takes some minutes on two cores.
 """
 
 import csv
@@ -26,8 +26,8 @@ from matplotlib.figure import Figure
 
 import kickdyn as kd
 from kickdyn.accuracy.mujoco_fit import (
+    SHAPES,
     SPEEDS,
-    WIDTHS,
     find_best,
     find_error,
     fit_contact,
@@ -41,6 +41,8 @@ POSTURE = kd.Leg.human().posture(np.radians([40, 30, -20]))
 V = np.array([8.25, -18.15, 2.48])  # rad/s
 NORMALS = {0.0: (0.866, 0.0, 0.5), 0.4: (1.0, 0.0, 0.0)}
 CONTACT_TIME = 0.010  # s
+DISSIPATION = "walton-braun"  # the default of `collide` and of `tune_mujoco`
+TOLERANCE = 0.03  # the default of `tune_mujoco`
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)  # s
 INTEGRATORS = ("implicitfast", "Euler", "RK4")
@@ -81,14 +83,12 @@ def measure(friction: float, restitution: float, integrator: str, step: float) -
     """Return the row of the tuned contact, and that of MuJoCo's defaults."""
     contact = kd.Contact(NORMALS[friction], restitution, friction)
     impact = kd.strike(POSTURE, V, kd.Ball(), contact)
-    hit = kd.collide(
-        POSTURE, V, kd.Ball(), contact, contact_time=CONTACT_TIME, dissipation="hunt-crossley"
-    )
-    cases = kick_cases(impact.approach, CONTACT_TIME)[: 1 + len(SPEEDS)]
-    tuned = find_best(cases, step, integrator, CONTACT_TIME).contact
+    hit = kd.collide(POSTURE, V, kd.Ball(), contact, contact_time=CONTACT_TIME)
+    cases = kick_cases(impact.approach, CONTACT_TIME, DISSIPATION)[: 1 + len(SPEEDS)]
+    tuned = find_best(cases, step, integrator, CONTACT_TIME, TOLERANCE).contact
     rows = []
     for name, one in ((TUNED, tuned), (DEFAULTS, MujocoContact(friction=friction))):
-        kicks = [MujocoKick(case.approach, step, one, integrator, True) for case in cases]
+        kicks = [MujocoKick(case.approach, step, one, integrator, gravity=True) for case in cases]
         errors = [find_error(*pair, one) for pair in zip(cases, kicks, strict=True)]
         found = kicks[0].run(0.5, joint_impulses=True).joint_impulses
         rows.append(
@@ -140,13 +140,16 @@ def direction_errors(e: float, margin: bool, options: dict[str, int], step: floa
     friction = 0.4
     contact = kd.Contact(NORMALS[friction], e, friction)
     approach = kd.strike(POSTURE, V, kd.Ball(), contact).approach
-    cases = kick_cases(approach, CONTACT_TIME)
+    cases = kick_cases(approach, CONTACT_TIME, DISSIPATION)
     plain = MujocoContact(friction=friction, margin=cases[0].deflection if margin else 0.0)
-    kicks = [MujocoKick(case.approach, step, plain, INTEGRATORS[0], True) for case in cases]
+    kicks = [MujocoKick(case.approach, step, plain, INTEGRATORS[0], gravity=True) for case in cases]
     for kick in kicks:
         for name, value in options.items():
             setattr(kick.model.opt, name, value)
-    fits = [fit_contact(cases, kicks, CONTACT_TIME, width, INTEGRATORS[0]) for width in WIDTHS]
+    fits = [
+        fit_contact(cases, kicks, CONTACT_TIME, shape, INTEGRATORS[0], TOLERANCE)
+        for shape in SHAPES
+    ]
     best = min((fit for fit in fits if fit is not None), key=lambda fit: fit.score)
     return float(np.degrees(best.errors[0].direction))
 

@@ -14,7 +14,9 @@ ball, contact = kd.Ball(mass=0.2, radius=0.07), kd.Contact((1, 0, 0.2), 0.75)
 
 tuning = kd.tune_mujoco(posture, v, ball, contact, timestep=0.002, contact_time=0.01)
 print(tuning)
-Path("ball.xml").write_text(tuning.mjcf())  # for an <include> in your own model
+folder = Path("build")
+folder.mkdir(exist_ok=True)
+(folder / "ball.xml").write_text(tuning.mjcf())  # for an <include> in your own model
 
 
 def kick(model: mujoco.MjModel) -> np.ndarray:
@@ -33,4 +35,4 @@ print("kickdyn ", collision.ball_after.velocity, "m/s")
 print("tuned   ", kick(model), "m/s")
 model.pair_solref[0], model.pair_solimp[0] = (0.02, 1), (0.9, 0.95, 0.001, 0.5, 2)
 print("defaults", kick(model), "m/s")
-kd.page(kd.strike(posture, v, ball, contact)).save("mujoco_kick.html")
+kd.page(kd.strike(posture, v, ball, contact)).save(folder / "mujoco_kick.html")

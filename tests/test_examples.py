@@ -36,5 +36,5 @@ def test_an_example_runs(file, tmp_path):
     assert ended.stdout
     for line in ended.stdout.splitlines():
         assert "nan" not in line.split()
-    written = [path.suffix for path in tmp_path.iterdir()]
+    written = [path.suffix for path in tmp_path.rglob("*")]
     assert ".html" in written or file.stem in ("posture_sweep", "self_motion", "uncertainty")

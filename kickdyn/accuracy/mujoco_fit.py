@@ -19,16 +19,19 @@ from kickdyn.accuracy.mujoco_kick import (
 )
 from kickdyn.ball import BallState
 from kickdyn.core.validation import Array
-from kickdyn.errors import KickdynError, NoImpact
+from kickdyn.errors import InvalidInput, KickdynError, NoImpact
 from kickdyn.impact.approach import Approach, find_approach
-from kickdyn.impact.collide import collide
+from kickdyn.impact.collide import Collision, collide
 from kickdyn.robot.leg import Posture
 
-WIDTHS = (1.0, 0.6, 1.5, 0.0)
-"""Depths that are tried, over which the contact's impedance grows, in deepest deflections."""
+SHAPES = (
+    (1.0, 1.0), (0.6, 1.0), (1.5, 1.0), (1.0, 2.0), (1.5, 2.0), (2.5, 2.0), (2.5, 3.0), (0.0, 1.0),
+)  # fmt: skip
+"""Growths of the contact's impedance that are tried: the depth over which it grows, in deepest
+deflections, and MuJoCo's exponent. The higher the exponent, the later is the force."""
 
 ENOUGH = 0.5
-"""Score of a fit after which no other depth is tried: half of the errors that weigh 1."""
+"""Share of the accepted errors at which no other growth is tried."""
 
 SPEEDS = (0.5, 1.5, 0.75, 1.25)
 """Factors on all velocities at which errors are given; the first two are fitted, too."""
@@ -36,14 +39,19 @@ SPEEDS = (0.5, 1.5, 0.75, 1.25)
 TURNED = 0.1
 """Largest change of a joint between neighbouring postures [rad; m]."""
 
-SPEED_ERROR, DIRECTION_ERROR = 0.02, math.radians(1.0)
-"""Errors of the kick of equal weight where contacts are compared: of the ball's speed, relative,
-and of its direction [rad]. Twice that of the speed weighs the same in other kicks."""
+DIRECTION_LIMIT = math.radians(1.0)
+"""Error of the ball's direction that is accepted [rad]."""
 
-OTHERS, SPIN, KEPT = 0.5, 0.3, 0.03
-"""Weights of the fit beside 1 for the ball's velocity: of other kicks, of the spin times the
-radius, and of the logarithms by which friction's coefficient and damping change. The last one keeps
-the coefficient where a kick sticks and thus does not determine it."""
+AROUND = 2.0
+"""Errors of the ball's speed that are accepted in other kicks, in those of the tuned kick."""
+
+DURATION = 0.1
+"""Error of the contact time, relative, from which on the result has a warning."""
+
+SPIN, KEPT = 0.3, 0.03
+"""Weights of the fit beside 1 for the ball's velocity: of the spin times the radius, and of the
+logarithms by which friction's coefficient and damping change. The last one keeps the coefficient
+where a kick sticks and thus does not determine it."""
 
 EARLY = 1e-3
 """Share of an interval between moments by which the simulation begins before the first contact: if
@@ -99,14 +107,16 @@ class FittedContact(NamedTuple):
     """A contact that was fitted.
 
     Attributes:
-        score: largest of its errors, by which contacts are compared.
+        score: by which contacts are compared, the smaller one is better: the largest error that
+            `accepted` limits, in its limit, or 1 if all are accepted; and the largest of all
+            errors, those of the spin, of other postures and of the contact time too.
         contact: its parameters.
         errors: in the order of the cases.
         contact_time: of the simulated kick, a mean [s].
         kick: the simulation of the first case with this contact.
     """
 
-    score: float
+    score: tuple[float, float]
     contact: MujocoContact
     errors: tuple[KickError, ...]
     contact_time: float
@@ -131,31 +141,59 @@ def closed_form_contact(
     return stiffness / timestep**2, damping / timestep
 
 
-def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
-    """Return the kick, and those around it that can be computed, for a contact time [s]."""
+def accepted(tolerance: float) -> dict[str, float]:
+    """Return the errors that are accepted of a contact, for a tolerance of the ball's speed.
+
+    Those of speed and direction [rad] of the tuned kick, and of the speed at other speeds.
+    """
+    return {
+        "speed": tolerance,
+        "direction": DIRECTION_LIMIT,
+        "speed around": AROUND * tolerance,
+    }
+
+
+def other_speed(factor: float) -> str:
+    """Return the name of the kick with all velocities times a factor."""
+    return f"speed x {factor:g}"
+
+
+def limited_errors(errors: Sequence[KickError]) -> dict[str, float]:
+    """Return the errors of a contact that `accepted` limits, from those of all its kicks."""
+    own, names = errors[0], [other_speed(factor) for factor in SPEEDS]
+    around = max((error.speed for error in errors if error.change in names), default=0.0)
+    return {"speed": own.speed, "direction": own.direction, "speed around": around}
+
+
+def kick_cases(approach: Approach, contact_time: float, dissipation: str) -> list[KickCase]:
+    """Return the kick, and those around it that can be computed.
+
+    The stiffness is that with which the first one has a contact time [s].
+    """
     posture, ball, contact, before = (
         approach.posture, approach.ball, approach.contact, approach.ball_before,
     )  # fmt: skip
-    stiffness = None
+    first = collide(
+        posture, approach.v, ball, contact, contact_time=contact_time, dissipation=dissipation,
+        tol=1e-6, ball_velocity=before.velocity, ball_spin=before.spin,
+    )  # fmt: skip
 
     def case(change: str, at: Posture, factor: float) -> KickCase:
         """Return a kick at a posture, with all velocities times a factor."""
-        nonlocal stiffness
         motion = factor * before.velocity, factor * before.spin
         near = find_approach(at, factor * approach.v, ball, contact, *motion)
         hit = collide(
-            at, near.v, ball, contact, contact_time=contact_time if stiffness is None else None,
-            stiffness=stiffness, dissipation="hunt-crossley", tol=1e-6,
-            ball_velocity=motion[0], ball_spin=motion[1],
+            at, near.v, ball, contact, stiffness=first.force_model.stiffness,
+            dissipation=dissipation, tol=1e-6, ball_velocity=motion[0], ball_spin=motion[1],
         )  # fmt: skip
-        stiffness = hit.force_model.stiffness
-        during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
-        forces = np.linalg.norm(during.force, axis=1)
-        mean = float(forces @ during.deflection / forces.sum())
-        return KickCase(change, near, hit.ball_after, mean)
+        return _case(change, near, hit)
 
-    cases = [case("", posture, 1.0)]
-    cases += [case(f"speed x {factor:g}", posture, factor) for factor in SPEEDS]
+    cases = [_case("", approach, first)]
+    for factor in SPEEDS:
+        try:
+            cases.append(case(other_speed(factor), posture, factor))
+        except InvalidInput:  # a ball that would be pressed beyond its radius
+            continue
     ahead = TURNED * approach.v / float(np.abs(approach.v).max())
     for change, sign in (("earlier in the swing", -1.0), ("later in the swing", 1.0)):
         q = pin.integrate(posture.leg.model, posture.q, sign * ahead)
@@ -167,20 +205,35 @@ def kick_cases(approach: Approach, contact_time: float) -> list[KickCase]:
     return cases
 
 
+def _case(change: str, approach: Approach, hit: Collision) -> KickCase:
+    """Return a computed kick with its mean deflection."""
+    during = hit.sample(np.linspace(0.0, hit.contact_time, 33))
+    forces = np.linalg.norm(during.force, axis=1)
+    mean = float(forces @ during.deflection / forces.sum())
+    return KickCase(change, approach, hit.ball_after, mean)
+
+
 def find_best(
-    cases: Sequence[KickCase], timestep: float, integrator: str, contact_time: float
+    cases: Sequence[KickCase],
+    timestep: float,
+    integrator: str,
+    contact_time: float,
+    tolerance: float,
 ) -> FittedContact:
-    """Return the best contact at a time step [s] for a contact time [s]."""
+    """Return the best contact at a time step [s] for a contact time [s].
+
+    One whose errors are all accepted is preferred.
+    """
     friction = cases[0].approach.contact.friction
     margin = _rounded(cases[0].deflection) if friction else 0.0
     plain = MujocoContact(friction=friction, margin=margin)
-    kicks = [MujocoKick(case.approach, timestep, plain, integrator, True) for case in cases]
+    kicks = [MujocoKick(case.approach, timestep, plain, integrator, gravity=True) for case in cases]
     found: list[FittedContact] = []
-    for width in WIDTHS:
-        one = fit_contact(cases, kicks, contact_time, width, integrator)
+    for shape in SHAPES:
+        one = fit_contact(cases, kicks, contact_time, shape, integrator, tolerance)
         if one is not None:
             found.append(one)
-            if one.score < ENOUGH:
+            if one.score[1] < ENOUGH:
                 break
     if not found:
         raise KickdynError(f"no kick in MuJoCo ends with a time step of {timestep:g} s")
@@ -193,19 +246,23 @@ def fit_contact(
     cases: Sequence[KickCase],
     kicks: Sequence[MujocoKick],
     contact_time: float,
-    width: float,
+    shape: tuple[float, float],
     integrator: str,
+    tolerance: float,
 ) -> FittedContact | None:
     """Return the contact fitted to the first three kicks; None if they do not end.
 
-    The impedance reaches its largest value at `width` deepest deflections.
+    The impedance grows as one of `SHAPES`.
     """
     approach, step = cases[0].approach, kicks[0].timestep
     e, mu = approach.restitution, approach.contact.friction
     stiffness, damping = closed_form_contact(e, contact_time, step, integrator)
     unit = math.sqrt(stiffness)
+    width, power = shape
     depth = _rounded(width * approach.speed / unit)
-    solimp = (1e-4, IMPEDANCE, depth, 0.5, 1.0) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
+    solimp = (
+        (1e-4, IMPEDANCE, depth, 0.5, power) if width else (IMPEDANCE, IMPEDANCE, 1.0, 0.5, 1.0)
+    )
     across = min(4.0 / contact_time, 0.8 / step)
 
     def contact_of(unknowns: Array) -> MujocoContact:
@@ -224,7 +281,7 @@ def fit_contact(
     def residuals(x: Array) -> Array:
         """Return the weighted errors, relative to the ball's speed."""
         parts: list[Array] = []
-        for weight, case, kick in zip((1.0, OTHERS, OTHERS), cases, kicks, strict=False):
+        for weight, case, kick in zip((1.0, *2 * (1.0 / AROUND,)), cases, kicks, strict=False):
             kick.set_contact(contact_of(x))
             speed = case.scale
             balls = simulate(kick, 4, 20.0 * contact_time)
@@ -252,11 +309,14 @@ def fit_contact(
         lasted = float(np.mean([ball.contact_time for ball in simulate(kicks[0], 8)]))
     except KickdynError:
         return None
-    score = max(errors[0].speed / SPEED_ERROR, errors[0].direction / DIRECTION_ERROR)
+    limits, limited = accepted(tolerance), limited_errors(errors)
+    worst = max(limited[name] / limit for name, limit in limits.items())
+    largest = max(worst, abs(lasted / contact_time - 1.0) / DURATION)
     for case, error in zip(cases, errors, strict=True):
         turning = SPIN * approach.ball.radius * error.spin / case.scale if mu else 0.0
-        allowed = SPEED_ERROR if case is cases[0] else SPEED_ERROR / OTHERS
-        score = max(score, error.speed / allowed, turning / allowed)
+        limit = tolerance if case is cases[0] else AROUND * tolerance
+        largest = max(largest, error.speed / limit, turning / limit)
+    score = (max(worst, 1.0), largest)
     return FittedContact(score, contact, errors, lasted, kicks[0])
 
 

@@ -131,12 +131,13 @@ class MujocoKick:
         timestep: float,
         contact: MujocoContact,
         integrator: str = "Euler",
+        *,
         gravity: bool = False,
     ) -> None:
         """Compile the model; raise `InvalidInput` if MuJoCo refuses the leg."""
         self.mujoco = load_mujoco()
         self.approach, self.timestep, self.margin = approach, timestep, contact.margin
-        text = scene(approach, timestep, contact, integrator, gravity)
+        text = scene(approach, timestep, contact, integrator, gravity=gravity)
         try:
             self.model = self.mujoco.MjModel.from_xml_string(text)
         except ValueError as error:
@@ -231,6 +232,7 @@ def scene(
     timestep: float,
     contact: MujocoContact,
     integrator: str = "Euler",
+    *,
     gravity: bool = False,
 ) -> str:
     """Return an MJCF model of the leg, with a flat face at its toe, and the ball before it.

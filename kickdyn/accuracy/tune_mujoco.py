@@ -13,17 +13,21 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from kickdyn.accuracy.mujoco_fit import (
-    DIRECTION_ERROR,
+    DURATION,
     SPEEDS,
     FittedContact,
     KickError,
     MujocoIntegrator,
+    accepted,
     find_best,
     find_error,
     kick_cases,
+    limited_errors,
+    other_speed,
     simulate,
 )
 from kickdyn.accuracy.mujoco_kick import MujocoContact, load_mujoco, pair, row, scene
+from kickdyn.accuracy.mujoco_placement import placement_warnings
 from kickdyn.ball import Ball
 from kickdyn.contact import Contact
 from kickdyn.core import validation
@@ -32,6 +36,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.approach import AT_REST, find_approach
 from kickdyn.impact.collide import CONTACT_TIME
+from kickdyn.impact.force_model import Dissipation
 from kickdyn.impact.strike import strike
 from kickdyn.robot.leg import Posture
 
@@ -43,9 +48,6 @@ LONGEST_STEP = 0.02
 
 STEPS = (5e-3, 4e-3, 3e-3, 2e-3, 1.5e-3, 1e-3, 7.5e-4, 5e-4, 3e-4, 2e-4, 1e-4)
 """Time steps among which the largest one is sought that meets a goal [s]."""
-
-AROUND = 2.0
-"""Errors that are accepted around the tuned kick, in tolerances."""
 
 WATCHED = 2.0
 """Time after the contact in which a second push is looked for, in contact times."""
@@ -59,7 +61,8 @@ class MujocoGoal(NamedTuple):
             speeds.
         error: of the tuned contact, relative; of the direction [rad].
         limit: that is accepted.
-        largest_timestep: at which the error is accepted, of those tried [s]; None if at none.
+        largest_timestep: of those tried, at which this error of the contact tuned there is
+            accepted [s]; None if there is none. The contact is chosen by all goals together.
     """
 
     name: str
@@ -89,6 +92,7 @@ class MujocoTuning(ReprMixin):
         timestep: of the simulation [s].
         integrator: of MuJoCo.
         contact_time: of the simulated kick, a mean [s].
+        wanted_contact_time: that was asked for [s].
         errors: of the tuned kick; at other speeds; earlier and later in the swing; and of the tuned
             kick against the ball of `strike`, an impact without duration.
         tolerance: the largest error of the ball's speed that was asked for, relative.
@@ -99,6 +103,8 @@ class MujocoTuning(ReprMixin):
         scene: MJCF model of leg and ball just before they touch.
         ball: the ball.
         ball_position: of its centre at first contact, shape `(3,)` [m, world frame].
+        placement: lines about the ball's place among the geoms of the leg's MJCF file, part of
+            `warnings`; empty for other legs.
     """
 
     solref: tuple[float, float]
@@ -110,6 +116,7 @@ class MujocoTuning(ReprMixin):
     timestep: float
     integrator: str
     contact_time: float
+    wanted_contact_time: float
     errors: tuple[KickError, ...]
     tolerance: float
     goals: tuple[MujocoGoal, ...]
@@ -118,6 +125,7 @@ class MujocoTuning(ReprMixin):
     scene: str
     ball: Ball
     ball_position: Array
+    placement: tuple[str, ...] = ()
 
     @property
     def within_tolerance(self) -> bool:
@@ -148,15 +156,30 @@ class MujocoTuning(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for each goal that is missed, with the largest time step that meets it.
 
-        And one where the foot pushes the ball a second time.
+        And one where no ball is computed at other velocities, because it would be pressed beyond
+        its radius; where the contact time is more than 10 % off; where the foot pushes the ball a
+        second time; where the ball does not touch the foot of the leg's MJCF file; and where it
+        overlaps another geom there.
         """
         lines = [self._missed(goal) for goal in self.goals if not goal.met]
+        names = [error.change for error in self.errors]
+        for factor in SPEEDS:
+            if other_speed(factor) not in names:
+                lines.append(
+                    f"at {factor:g} times all velocities kd.collide computes no ball, which would "
+                    "be pressed beyond its radius: the error there is unknown"
+                )
+        if abs(self.contact_time / self.wanted_contact_time - 1.0) > DURATION:
+            lines.append(
+                f"the contact lasts {1e3 * self.contact_time:.3g} ms, "
+                f"{1e3 * self.wanted_contact_time:.3g} ms was asked for"
+            )
         if self.second_push > self.tolerance:
             lines.append(
                 f"after the contact the foot pushes the ball again, by {self.second_push:.1%} of "
                 "its speed: the simulated leg has neither motors nor joint limits that stop it"
             )
-        return tuple(lines)
+        return (*lines, *self.placement)
 
     def _missed(self, goal: MujocoGoal) -> str:
         """Return the sentence about a goal that is missed."""
@@ -244,7 +267,8 @@ friction="{float(self.friction)!r} 0 0"
             yield "friction", self.friction, ""
             yield "solreffriction", digits(self.solreffriction), "(of a <pair>)"
             yield "margin", 1e3 * self.margin, "mm"
-        yield "contact time", 1e3 * self.contact_time, "ms"
+        asked = f"ms, {1e3 * self.wanted_contact_time:g} ms asked for"
+        yield "contact time", 1e3 * self.contact_time, asked
         for error in self.errors:
             text = f"speed {error.speed:.2%}, direction {math.degrees(error.direction):.2f} deg"
             if self.friction:
@@ -264,15 +288,15 @@ def tune_mujoco(
     timestep: float = 0.002,
     integrator: str = "implicitfast",
     contact_time: float = CONTACT_TIME,
+    dissipation: str = Dissipation.WALTON_BRAUN,
     tolerance: float = 0.03,
     ball_velocity: ArrayLike = AT_REST,
     ball_spin: ArrayLike = AT_REST,
 ) -> MujocoTuning:
     r"""Find the contact with which MuJoCo gives the ball that kickdyn computes.
 
-    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide` with the dissipation
-    `hunt-crossley`, because a contact of MuJoCo takes several time steps; the last of the errors
-    says how far that is from `strike`.
+    Needs MuJoCo: `pip install "kickdyn[mjcf]"`. The ball is that of `collide`, because a contact
+    of MuJoCo takes several time steps; the last of the errors says how far that is from `strike`.
 
     Along the normal MuJoCo's contact is a spring and a damper per unit of mass that do not pull.
     Of damping ratio :math:`\zeta` and frequency :math:`\omega`, with
@@ -286,8 +310,9 @@ def tune_mujoco(
     :math:`k = (2 - b h - 2 e^{-\zeta \omega h} \cos(s\, \omega h)) / h^2`. From there k and b, and
     with friction its coefficient and damping, are fitted by least squares to simulated kicks that
     reach the ball at several moments within a time step. An impedance that grows with the depth
-    makes this moment matter less: several depths are tried, and the fit with the smallest errors is
-    taken.
+    makes this moment matter less: several growths are tried. Among the fits whose errors are all
+    accepted, the one with the smallest errors is taken; if there is none, the one whose largest
+    error is the smallest, compared with what is accepted.
 
     MuJoCo applies the force of a contact halfway between the two surfaces, `collide` at the foot's.
     With friction, the ball's geom is therefore smaller than the ball by the `margin`, the mean
@@ -297,14 +322,19 @@ def tune_mujoco(
     The leg is simulated without motors, its foot as a plane, as in `collide`.
 
     Args:
-        posture: of a leg without supports, loops, mimic and stiff joints.
+        posture: of a leg without supports, loops, mimic and stiff joints. An MJCF file is read by
+            `Leg.from_mjcf`; the result then has a warning where the ball does not touch the foot of
+            the file, or overlaps another geom. `Leg.configuration` puts joints that are not named
+            at 0, not at their `ref` as MuJoCo does.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: its centre is at `contact point + radius * normal`.
         contact: normal, friction, and a restitution of at least 0.2 at this
             speed of approach; one that depends on the speed is met at this speed best.
         timestep: of the simulation [s], at most 0.02 and half of `contact_time`.
         integrator: `Euler`, `implicit`, `implicitfast` or `RK4`.
-        contact_time: as for `collide` [s]; 10 ms by default.
+        contact_time: as for `collide` [s]; 10 ms by default. That of the simulated kick is fitted
+            with a small weight, and given with the result.
+        dissipation: as for `collide`.
         tolerance: error of the ball's speed that is accepted, relative, above 0; around the tuned
             kick, at 0.5 to 1.5 times all velocities, twice as much. Of the direction 1 degree is
             accepted. For each error that is larger, the largest time step is sought at which it
@@ -321,6 +351,7 @@ def tune_mujoco(
     load_mujoco()
     step = validation.number("timestep", timestep, above=0, at_most=LONGEST_STEP, unit="s")
     chosen = validation.choice("integrator", integrator, MujocoIntegrator)
+    kind = validation.choice("dissipation", dissipation, Dissipation)
     validation.number("tolerance", tolerance, above=0, at_most=1)
     duration = validation.number("contact time", contact_time, above=0, unit="s")
     if step > 0.5 * duration:
@@ -331,10 +362,13 @@ def tune_mujoco(
     approach = find_approach(posture, v, ball, contact, ball_velocity, ball_spin)
     validation.number("restitution", approach.restitution, at_least=LEAST_RESTITUTION)
     scene(approach, step, MujocoContact())  # refuses a leg before the work
-    cases = kick_cases(approach, duration)
-    found = find_best(cases, step, chosen, duration)
+    cases = kick_cases(approach, duration, kind)
+    found = find_best(cases, step, chosen, duration, tolerance)
     goals = find_goals(
-        found, step, tolerance, lambda each: find_best(cases, each, chosen, duration)
+        found,
+        step,
+        tolerance,
+        lambda each: find_best(cases, each, chosen, duration, tolerance),
     )
     instant = strike(
         posture, v, ball, contact, ball_velocity=ball_velocity, ball_spin=ball_spin
@@ -355,6 +389,7 @@ def tune_mujoco(
         timestep=step,
         integrator=chosen.value,
         contact_time=found.contact_time,
+        wanted_contact_time=duration,
         errors=(*found.errors, find_error(against_strike, found.kick, best)),
         tolerance=tolerance,
         goals=goals,
@@ -363,6 +398,9 @@ def tune_mujoco(
         scene=scene(approach, step, best, chosen.value, gravity=True),
         ball=ball,
         ball_position=approach.ball_before.position,
+        placement=placement_warnings(
+            posture, approach.contact.normal, approach.ball_before.position, ball.radius
+        ),
     )
 
 
@@ -373,20 +411,12 @@ def find_goals(
 
     For goals that are missed, `STEPS` that are smaller are tried, the largest ones first.
     """
-    limits = {"speed": tolerance, "direction": DIRECTION_ERROR, "speed around": AROUND * tolerance}
-
-    def errors(contact: FittedContact) -> dict[str, float]:
-        """Return the error of each goal."""
-        own, *others = contact.errors
-        around = max(error.speed for error in others[: len(SPEEDS)])
-        return {"speed": own.speed, "direction": own.direction, "speed around": around}
-
-    first = errors(found)
+    limits, first = accepted(tolerance), limited_errors(found.errors)
     steps = {name: timestep for name, limit in limits.items() if first[name] <= limit}
     for smaller in (each for each in STEPS if each < timestep):
         if len(steps) == len(limits):
             break
-        left = errors(fit(smaller))
+        left = limited_errors(fit(smaller).errors)
         for name, limit in limits.items():
             if name not in steps and left[name] <= limit:
                 steps[name] = smaller

@@ -27,6 +27,7 @@ from kickdyn.impact.laws import ImpactLaw
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
+from kickdyn.robot.model_validation import unknown
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.sweeps.grid import read_postures
@@ -36,8 +37,8 @@ from kickdyn.sweeps.grid import read_postures
 @click.argument("scene_file", metavar="[SCENE]", required=False)
 @leg_options
 @click.option("--joint", "joints", multiple=True, metavar="NAME=VALUE",
-              help="Value of a joint [deg; m for prismatic joints], 0 by default; "
-              "repeatable.")  # fmt: skip
+              help="Value of a joint [deg; m for prismatic joints]; repeatable.  "
+              "[default: 0, or its ref in an MJCF file]")  # fmt: skip
 @click.option("--offset", callback=TRIPLE, metavar="X,Y,Z",
               help="Contact point relative to --frame, in its axes [m].")  # fmt: skip
 @click.option("--speed", default=5.0, show_default=True, help="Foot speed [m/s].")
@@ -137,13 +138,15 @@ def tune_mujoco(
             f"stiffness is {scene.stiffness!r}: a contact of MuJoCo is tuned for a contact time, "
             "contact_time_s"
         )
+    _check_feet(scene.leg, feet)
     if scene.contact.friction and not feet:
         feet = find_foot(scene.leg)
     with busy("tuning"):
         tuning = tune_contact(
             scene.posture, scene.v, scene.ball, scene.contact, timestep=timestep,
             integrator=integrator, contact_time=scene.contact_time or CONTACT_TIME,
-            tolerance=tolerance, ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
+            dissipation=scene.dissipation, tolerance=tolerance,
+            ball_velocity=scene.ball_velocity, ball_spin=scene.ball_spin,
         )  # fmt: skip
     model = tuning.mjcf(*feet)
     written = {out: model, scene_out: tuning.scene}
@@ -185,12 +188,33 @@ def _check_source(scene_file: str | None) -> None:
 
 
 def _angles(leg: Leg, joints: Sequence[str]) -> dict[str, float]:
-    """Return the values of joints that `--joint` names [rad; m]."""
+    """Return the values of joints that `--joint` names, and of others [rad; m].
+
+    Joints of an MJCF file that are not named are where MuJoCo begins with them.
+    """
     values = read_postures(leg, joints) if joints else {}
     for name, several in values.items():
         if len(several) != 1:
             raise InvalidInput(f"joint {name!r} has {len(several)} values: a kick has one posture")
-    return {name: float(several[0]) for name, several in values.items()}
+    mimicking = {mimic.joint for mimic in leg.mimics}
+    starts = leg.file.starts if isinstance(leg.file, MjcfFile) else {}
+    free = {
+        name: start
+        for name, start in starts.items()
+        if name in leg.joint_names and name not in mimicking
+    }
+    return free | {name: float(several[0]) for name, several in values.items()}
+
+
+def _check_feet(leg: Leg, feet: Sequence[str]) -> None:
+    """Raise `InvalidInput` for a name that no geom of the leg's MJCF file has."""
+    if feet and isinstance(leg.file, MjcfFile):
+        compiled = leg.file.compile()
+        names = [str(compiled.geom(geom).name) for geom in range(compiled.ngeom)]
+        for foot in feet:
+            if foot not in names:
+                known = [name for name in names if name]
+                raise InvalidInput(unknown("geom", foot, leg.name, known))
 
 
 def find_foot(leg: Leg) -> tuple[str, ...]:
@@ -236,6 +260,7 @@ def _document(name: str, tuning: MujocoTuning, model: str) -> dict[str, Any]:
         "condim": tuning.condim,
         "margin": tuning.margin,
         "contact_time": tuning.contact_time,
+        "wanted_contact_time": tuning.wanted_contact_time,
         "errors": [error._asdict() for error in tuning.errors],
         "tolerance": tuning.tolerance,
         "within_tolerance": tuning.within_tolerance,

@@ -4,8 +4,9 @@ Coefficients and error estimate are scipy's. The next step is 0.7 of what the es
 allows, not 0.9: fewer are rejected, and as many evaluations give half the error. Apex and landing
 are not read off an interpolant within a long step: the step that crosses one is taken anew with the
 length that ends there, within a small fraction of a step, which a polynomial covers. A node is then
-as accurate as the steps are. Every flight has a lane, with its own time and step; whichever ends
-makes room for the next.
+as accurate as the steps are. A step in which the ball sinks and rises again is taken anew up to its
+lowest point, so that a landing there is seen. Every flight has a lane, with its own time and step;
+whichever ends makes room for the next.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -57,8 +58,11 @@ step is for, where it begins, whether the step before was rejected; evaluations.
 
 _ROWS = 15
 
-_FLYING, _TO_APEX, _TO_LANDING, _IDLE = 0.0, 1.0, 2.0, 3.0  # phases: what a step is for
-_NOT_YET_UP, _ANYWHERE, _AT_APEX = 0.0, 1.0, 2.0  # places, which say what events a step can have
+# phases: what a step is for
+_FLYING, _TO_APEX, _TO_LANDING, _TO_LOWEST, _IDLE = 0.0, 1.0, 2.0, 3.0, 4.0
+# places, which say what events a step can have
+_NOT_YET_UP, _ANYWHERE, _AT_APEX, _AT_LOWEST = 0.0, 1.0, 2.0, 3.0
+_CREST, _LANDING, _LOWEST = 1.0, 0.0, -1.0  # events; the sign is that of the speed before a turn
 
 _EPS = float(np.finfo(float).eps)
 
@@ -289,10 +293,12 @@ def _take_ordinary_steps(y, new, limit, lane):
     """
     for i in range(LANES):
         h, t = lane[H, i], lane[T, i] + lane[H, i]
-        no_apex = (y[W + i] < 0.0) | (new[W + i] > 0.0)
+        place, climb, sink = lane[PLACE, i], y[W + i], new[W + i]
+        no_apex = ((climb < 0.0) & (place != _AT_LOWEST)) | (sink > 0.0)
+        no_lowest = ((climb >= 0.0) & (place != _AT_APEX)) | (sink <= 0.0)
         no_landing = (y[Z + i] + lane[DROP, i] < 0.0) | (new[Z + i] + lane[DROP, i] > 0.0)
         good = (lane[ERROR, i] < 1.0) & (h < limit - lane[T, i]) & (lane[PHASE, i] == _FLYING)
-        taken = good & no_apex & no_landing & (lane[CALLS, i] < MAX_EVALUATIONS)
+        taken = good & no_apex & no_lowest & no_landing & (lane[CALLS, i] < MAX_EVALUATIONS)
         most = 10.0 - 9.0 * lane[REJECTED, i]
         longer = lane[GROWTH, i] if lane[GROWTH, i] < most else most
         further = h * longer if h * longer < lane[LONGEST, i] else lane[LONGEST, i]
@@ -304,7 +310,7 @@ def _take_ordinary_steps(y, new, limit, lane):
         lane[H, i] = further if taken else h
         lane[CALLS, i] += STAGES
         lane[REJECTED, i] = 0.0 if taken else lane[REJECTED, i]
-        lane[PLACE, i] = _ANYWHERE if taken & (lane[PLACE, i] == _AT_APEX) else lane[PLACE, i]
+        lane[PLACE, i] = _ANYWHERE if taken & (place != _NOT_YET_UP) else place
 
 
 @inlined
@@ -322,18 +328,19 @@ def _path(c, h, y, rates, new, new_rates):
 
 
 @inlined
-def _event_path(i, apex, drop, h, y, rates, new, new_rates):
+def _event_path(i, event, drop, h, y, rates, new, new_rates):
     """Return six coefficients of what falls through 0 at an event, in the fraction of a step."""
     p0, p1, p2, p3, p4, p5 = _path(Z + i, h, y, rates, new, new_rates)
-    if apex:
+    if event != _LANDING:
+        p1, p2, p3, p4, p5 = event * p1, event * p2, event * p3, event * p4, event * p5
         return p1, 2.0 * p2, 3.0 * p3, 4.0 * p4, 5.0 * p5, 0.0
     return p0 + drop, p1, p2, p3, p4, p5
 
 
 @inlined
-def _guess_event(i, y, new, h, rates, apex, drop):
+def _guess_event(i, y, new, h, rates, event, drop):
     """Return about where in a step the event falls through 0, as a fraction, or -1 for nowhere."""
-    p0, p1, p2, p3, p4, p5 = _event_path(i, apex, drop, h, y, rates[0], new, rates[STAGES])
+    p0, p1, p2, p3, p4, p5 = _event_path(i, event, drop, h, y, rates[0], new, rates[STAGES])
     # An event that is zero at the start, as a level launch that lift carries up, must rise first.
     begin, end, first = 0.0, 1.0, p0
     while first <= 0.0 and end > 1e-18:
@@ -361,15 +368,17 @@ def _guess_event(i, y, new, h, rates, apex, drop):
 
 
 @inlined
-def _write_event(i, apex, y, rates, new, tol, lane, out, row):
+def _write_event(i, event, y, rates, new, tol, lane, out, row):
     """Write the states at the event if a step ends close to it, else correct the step's length.
 
-    Return whether they are written. They are those of the quintics through both ends of the step:
-    of a fraction e of the step, they are wrong by e cubed times their error within the step.
+    Return whether it ends close to it; at a lowest point nothing is written. The states are those
+    of the quintics through both ends of the step: of a fraction e of the step, they are wrong by e
+    cubed times their error within the step.
     """
     h, drop = lane[H, i], lane[DROP, i]
     last = rates[STAGES]
-    p0, p1, p2, p3, p4, p5 = _event_path(i, apex, drop, -h, new, last, y, rates[0])
+    # backwards in time, which changes the sign of the speed
+    p0, p1, p2, p3, p4, p5 = _event_path(i, -event, drop, -h, new, last, y, rates[0])
     s = 0.0
     for _ in range(6):
         value = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
@@ -391,9 +400,9 @@ def _write_event(i, apex, y, rates, new, tol, lane, out, row):
             h = 0.5 * (lane[LOW, i] + lane[HIGH, i])
         lane[H, i] = h
         return False
-    k = 8 if apex else 0
-    if apex and new[Z + i] <= out[row, 11]:
-        return True  # an earlier crest is higher
+    k = 8 if event == _CREST else 0
+    if event == _LOWEST or (event == _CREST and new[Z + i] <= out[row, 11]):
+        return True  # nothing to write: an earlier crest is higher
     if s == 0.0:
         _write_node(i, lane[T, i] + h, new, out, row, k)
         return True
@@ -439,14 +448,19 @@ def _handle_step(i, y, rates, new, lane, limit, out, row):
         lane[REJECTED, i] = 1.0
         return _set_step(i, h * max(0.2, growth) if error < math.inf else 0.2 * h, limit, lane)
     further = h * min(growth, 1.0 if lane[REJECTED, i] == 1.0 else 10.0)
-    apex = place != _AT_APEX and climb >= 0.0 >= sink and climb > sink
-    if apex or (place != _NOT_YET_UP and above >= 0.0 >= below and above > below):
-        part = _guess_event(i, y, new, h, rates, apex, drop)
-        if part < 0.0 and apex:  # it is level, and sinks from the start
-            lane[PLACE, i] = _AT_APEX
+    # at a crest or a lowest point the speed is zero but for rounding, of either sign
+    rose = place == _AT_LOWEST or (place != _AT_APEX and climb >= 0.0 and climb > sink)
+    sank = place == _AT_APEX or (place != _AT_LOWEST and climb < 0.0)
+    apex, lowest = rose and sink <= 0.0, sank and sink > 0.0 and above > 0.0
+    lands = place != _NOT_YET_UP and above >= 0.0 >= below and above > below
+    if apex or lands or lowest:
+        event = _CREST if apex else _LANDING if lands else _LOWEST
+        part = _guess_event(i, y, new, h, rates, event, drop)
+        if part < 0.0 and event != _LANDING:  # it is level, and turns at the start
+            lane[PLACE, i] = _AT_APEX if apex else _AT_LOWEST
             return -1
         lane[NEXT, i], lane[LOW, i], lane[HIGH, i], lane[H, i] = further, 0.0, h, max(part, 0.0) * h
-        lane[PHASE, i] = _TO_APEX if apex else _TO_LANDING
+        lane[PHASE, i] = _TO_APEX if apex else _TO_LANDING if lands else _TO_LOWEST
         return -1
     if place == _NOT_YET_UP and below < 0.0:  # it rose and fell unseen
         lane[REJECTED, i] = 1.0
@@ -469,16 +483,20 @@ def _handle_event_step(i, y, rates, new, lane, tol, limit, out, row):
     """Handle a step towards an event; return the flight's status, -1 while it lasts."""
     if not lane[ERROR, i] < math.inf:
         return FAILED
-    apex = lane[PHASE, i] == _TO_APEX
-    if not _write_event(i, apex, y, rates, new, tol, lane, out, row):
+    apex, lands = lane[PHASE, i] == _TO_APEX, lane[PHASE, i] == _TO_LANDING
+    event = _CREST if apex else _LANDING if lands else _LOWEST
+    if not _write_event(i, event, y, rates, new, tol, lane, out, row):
         return -1
-    if not apex:
+    if lands:
         out[row, 3] = -lane[DROP, i]  # by definition; the event's root says so but for rounding
         return LANDED
-    if new[Z + i] + lane[DROP, i] < 0.0:  # it is a later crest: the ball landed before
+    below = new[Z + i] + lane[DROP, i]
+    if apex and below < 0.0:  # it is a later crest: the ball landed before
         lane[REJECTED, i] = 1.0
         return _set_step(i, 0.5 * lane[H, i], limit, lane)
+    if not apex and below <= 0.0:  # this step again, which now ends in the ground
+        return _set_step(i, lane[H, i], limit, lane)
     lane[TAKEN, i] = 1.0
     lane[T, i] += lane[H, i]
-    lane[PLACE, i], lane[REJECTED, i] = _AT_APEX, 0.0
+    lane[PLACE, i], lane[REJECTED, i] = _AT_APEX if apex else _AT_LOWEST, 0.0
     return _set_step(i, lane[NEXT, i], limit, lane)

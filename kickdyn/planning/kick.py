@@ -42,8 +42,14 @@ from kickdyn.planning.stance import Stance
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
 from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
+from kickdyn.robot.kicking_chain import (
+    KickingChain,
+    kicking_chain,
+    rest_configuration,
+    with_angles,
+)
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import listed
 from kickdyn.robot.standing import StandingRobot, hold_support, is_floating, missing_shapes
 
 LIFT = 100.0
@@ -163,12 +169,14 @@ class KickPlan(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for each limit, pose or flight of the plan that needs attention.
 
-        A coefficient of the flight or of the contact used outside its range; a body that is under
-        the ground (level, under the ball or under the target, whichever is lower) at the impact.
-        Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        body of the kicking limb whose shape is not known, a support that does not stand, those of
-        `backswing`, and a body that is under the ground in the backswing; without one, while the
-        foot approaches the ball by the ball's radius with the joints' velocity of the impact.
+        A coefficient of the flight or of the contact used outside its range; joints outside the
+        kicking limb that are not at 0, because their range does not contain it; a body that is
+        under the ground (level, under the ball or under the target, whichever is lower) at the
+        impact. Bodies are the shapes in the leg's file; without any, its frames. Of a standing
+        robot also a body of the kicking limb whose shape is not known, a support that does not
+        stand, those of `backswing`, and a body that is under the ground in the backswing; without
+        one, while the foot approaches the ball by the ball's radius with the joints' velocity of
+        the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
@@ -176,11 +184,29 @@ class KickPlan(ReprMixin):
         return (
             *self.path.warnings,
             *of_contact,
+            *self._at_rest(),
             *self._leaving(),
             *of_backswing,
             *self._unknown_shapes(),
             *self._under_ground(),
         )
+
+    def _at_rest(self) -> list[str]:
+        """Return a line for the joints that a kick does not move and that cannot be at 0."""
+        leg, rest = self.leg, rest_configuration(self.leg)
+        values, shown = leg.joint_values(rest), leg.display_values(rest)
+        here = leg.joint_values(self.q)
+        idle = [
+            f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
+            for name, value in values.items()
+            if value and value == here[name] and self.v[leg.velocity_index(name)] == 0.0
+        ]
+        if not idle:
+            return []
+        return [
+            "joints that the kick does not move stay at 0 or, where their range does not contain "
+            f"it, at the nearest value in the range: {listed(idle)}"
+        ]
 
     def _leaving(self) -> list[str]:
         """Return a line for each support that does not stand.

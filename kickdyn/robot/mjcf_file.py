@@ -83,6 +83,8 @@ class MjcfFile(RobotFile):
         name: of the model.
         left_out: moving bodies that are not part of the robot.
         gears: what the property `mimics` returns.
+        starts: values of sliding and hinge joints, by name, at which MuJoCo begins and at which the
+            file draws the robot: their `ref` [rad; m].
     """
 
     meshes: dict[str, bytes] = field(default_factory=dict, repr=False)
@@ -90,6 +92,7 @@ class MjcfFile(RobotFile):
     name: str = ""
     left_out: tuple[str, ...] = ()
     gears: tuple[Mimic, ...] = ()
+    starts: dict[str, float] = field(default_factory=dict)
 
     @property
     def mimics(self) -> tuple[Mimic, ...]:

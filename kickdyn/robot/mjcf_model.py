@@ -85,7 +85,14 @@ def build_mjcf_model(
         raise MjcfError(file.source, [str(fault)]) from None
     moving = (body for body in bodies if body not in own and compiled.body_weldid[body])
     left_out = tuple(body_name(compiled, body) for body in moving)
-    read = replace(file, left_out=left_out, gears=tuple(builder.mimics))
+    starts = {
+        str(builder.model.names[joint.number]): float(
+            compiled.qpos0[compiled.jnt_qposadr[joint.theirs]]
+        )
+        for joint in builder.joints
+        if joint.kind in (SLIDE, HINGE)
+    }
+    read = replace(file, left_out=left_out, gears=tuple(builder.mimics), starts=starts)
     return MjcfModel(read, model, tuple(builder.loops))
 
 

@@ -105,7 +105,7 @@ def test_from_the_mjcf_of_a_robot_to_a_ball_that_bounces_as_asked(tmp_path, fric
     assert (ended.exit_code, ended.stderr) == (0, "")
     posture = kd.Leg.from_mjcf(file, "toe").posture([0, 0])
     v, contact = posture.joint_velocity((5, 0, 0)), kd.Contact((1, 0, 0), 0.75, friction)
-    hit = kd.collide(posture, v, kd.Ball(), contact, dissipation="hunt-crossley")
+    hit = kd.collide(posture, v, kd.Ball(), contact)
     model, velocity = kicked_in_bare_mujoco(tmp_path, ROBOT, v)
     assert velocity == pytest.approx(hit.ball_after.velocity, abs=0.03 * hit.ball_after.speed)
     assert model.body("ball").mass[0] == pytest.approx(kd.Ball().mass)
@@ -136,6 +136,44 @@ def test_of_several_geoms_the_command_asks_which(tmp_path, shoes, known):
         "which geom of 'toe' strikes the ball? MuJoCo needs its name for friction: name it with "
         f"--foot (there are {known}), or choose --friction 0"
     )
+
+
+def test_the_geoms_of_foot_are_those_of_the_file(tmp_path):
+    file = tmp_path / "robot.xml"
+    file.write_text(ROBOT)
+    ended = run("--leg", file, "--frame", "toe", "--foot", "sho")
+    assert isinstance(ended.exception, kd.InvalidInput)
+    assert str(ended.exception).startswith("geom 'sho' is unknown: did you mean 'shoe'? ")
+
+
+def test_joints_of_an_mjcf_begin_at_their_ref(tmp_path):
+    """As gymnasium's walker2d: `ref` is the height at which the file draws the trunk."""
+    rail = '<joint name="rail" type="slide" axis="0 0 1" ref="1.25"/><joint name="hip"'
+    file, ball = tmp_path / "robot.xml", tmp_path / "ball.xml"
+    file.write_text(ROBOT.replace('<joint name="hip"', rail))
+    kick = ("--leg", file, "--frame", "toe", "--friction", 0, "--out", ball)
+    ended = run(*kick)
+    assert ended.exit_code == 0, ended.output
+    text = ball.read_text().replace("</mujoco>", f"{FOOT}</mujoco>")
+    assert mujoco.MjModel.from_xml_string(text).body("ball").pos[2] == pytest.approx(0.2)
+    assert run(*kick, "--joint", "rail=1.5").exit_code == 0
+    text = ball.read_text().replace("</mujoco>", f"{FOOT}</mujoco>")
+    assert mujoco.MjModel.from_xml_string(text).body("ball").pos[2] == pytest.approx(0.45)
+
+
+def test_the_dissipation_is_that_of_the_scene(scene, tmp_path, monkeypatch):
+    asked = []
+
+    def tune(*_, dissipation, **__):
+        asked.append(dissipation)
+        raise kd.NoImpact("enough")
+
+    monkeypatch.setattr("kickdyn.cli.tune_mujoco_command.tune_contact", tune)
+    run(scene)
+    damped = tmp_path / "damped.toml"
+    damped.write_text(KICK + 'dissipation = "hunt-crossley"\n')
+    run(damped)
+    assert asked == ["walton-braun", "hunt-crossley"]
 
 
 def test_a_scene_has_the_whole_kick(scene):

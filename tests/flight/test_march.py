@@ -69,3 +69,53 @@ def test_outside_of_a_flight_that_failed_is_not_claimed():
     many = fly_many(states, BALL, kd.Air(lift="kiratidis-leinweber"))
     assert int(many.status[0]) == 2
     assert not many.outside[0]
+
+
+def low_shots(n):
+    """Launches up to 0.4 m above the ground, downward, with a back spin that lifts many of them."""
+    draw = np.random.default_rng(7)
+    height, down = draw.uniform(0.0, 0.4, n), draw.uniform(0.0, 3.0, n)
+    position = np.column_stack([np.zeros((n, 2)), BALL.radius + height])
+    velocity = np.column_stack([draw.uniform(10, 35, n), np.zeros(n), -down])
+    side = draw.normal(0, 5, (2, n))
+    spin = np.column_stack([side[0], -draw.uniform(0, 150, n), side[1]])
+    return kd.BallState(position, velocity, spin, np.zeros(n))
+
+
+def test_a_ball_that_dips_into_the_ground_within_a_step_lands():
+    states, ground = low_shots(400), kd.Ground()
+    many = fly_many(states, BALL, AIR, ground)
+    rows = zip(states.position, states.velocity, states.spin, strict=True)
+    paths = [kd.fly(kd.BallState(*row), BALL, AIR, ground) for row in rows]
+    assert many.range.values == pytest.approx([path.range for path in paths], abs=1e-6)
+    assert many.height.values == pytest.approx([path.height for path in paths], abs=1e-6)
+    risen = many.apex_time.values > 0.0  # after a dip above the ground
+    assert 20 < risen.sum() < 200
+
+
+@pytest.mark.parametrize(
+    ("gap", "velocity", "spin", "air"),
+    [
+        (0.3, (30, 0, -2), (0, -150, 0), AIR),
+        (0.036, (33.29, 0, -0.592), (0, -45, 0), AIR),
+        (1e-6, (0, 0, -0.1), (0, 0, 0), kd.Air(wind=(0, 0, 40))),
+    ],
+    ids=["fast spin", "shallow", "carried up by wind"],
+)
+@pytest.mark.parametrize("tol", [1e-6, 1e-9, 1e-12])
+def test_a_dip_lands_where_fly_lands(gap, velocity, spin, air, tol):
+    state = kd.BallState((0, 0, BALL.radius + gap), velocity, spin)
+    path = kd.fly(state, BALL, air, kd.Ground(), tol)
+    states = kd.BallState(*(each[None] for each in (state.position, state.velocity, state.spin)))
+    many = fly_many(states, BALL, air, kd.Ground(), tol)
+    assert path.status == "landed"
+    assert int(many.status[0]) == 0
+    assert float(many.duration[0]) == pytest.approx(path.duration, rel=10 * tol, abs=1e-10)
+
+
+def test_the_apex_is_found_at_a_wide_tolerance():
+    draw = np.random.default_rng(5)
+    velocity = np.column_stack([draw.uniform(5, 30, 300), np.zeros(300), draw.uniform(2, 20, 300)])
+    states = kd.BallState(velocity=velocity, spin=(0, -60, 9))
+    exact, wide = (fly_many(states, BALL, AIR, tol=tol).height.values for tol in (1e-12, 1e-2))
+    assert wide == pytest.approx(exact, abs=0.1)

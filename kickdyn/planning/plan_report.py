@@ -297,7 +297,8 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
     return (
         f"The robot stands on {frame}, with its centre of mass {1e3 * (plan.balance or 0.0):.1f} "
         f"mm inside the edge of the sole, seen from above. In the impact this foot "
-        f"{state.replace('-', ' ')}{needs}."
+        f"{state.replace('-', ' ')}{needs}. The moment of friction about the "
+        "vertical is not included."
     )
 
 

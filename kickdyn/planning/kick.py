@@ -76,12 +76,13 @@ class KickPlan(ReprMixin):
 
     Attributes:
         status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
-            kick in the planned direction that gives the ball the most speed.
+            kick in the planned direction that gives the ball the most speed; or, with a `share` of
+            1, the kick meets the goal but its `backswing` takes more than the torque limits.
         goal: that was asked for.
         launch: that meets it.
         objective: that was minimized, or maximized for `most-joint-impulse`.
         value: of the objective.
-        share: of the launch speed that is reached; 1 where the status is `met`.
+        share: of the launch speed that is reached; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from there, to the target's plane or to the ground before it; of a pass,
@@ -90,7 +91,8 @@ class KickPlan(ReprMixin):
         torque_use: largest torque at the impact, over its limit; the torque is what keeps the
             joints' speed, gravity included.
         binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
-            a harder kick has no motion from rest and to rest.
+            a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
+            where that takes more than the limit.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
         phases: of the swing that `swing=True` found with the kick, before and after the impact;
@@ -230,8 +232,9 @@ class KickPlan(ReprMixin):
             return [f"it is unknown whether the foot stands ({error})"]
         off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
         return [
-            f"with ground that can only push (kd.unilateral_strike), {name} "
-            f"{state.replace('-', ' ')}, which changes the ball's velocity by {off:.2g} m/s"
+            "with ground that can only push (kd.unilateral_strike), which limits also the moment "
+            f"of friction about the vertical, {name} {state.replace('-', ' ')}, which changes "
+            f"the ball's velocity by {off:.2g} m/s"
             for name, state in free.footing.items()
             if state != Footing.STANDS
         ]
@@ -365,7 +368,8 @@ def plan_kick(
     rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
     speeds, the trunk at most 45 degrees from upright and the kicking foot above the ground. Torques
     and the force of the ground keep their limits where there is such a motion; `warnings` names
-    those that do not. The motion after the impact is not planned.
+    those that do not, and torques above their limits make the status `beyond-limits`. The motion
+    after the impact is not planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -427,8 +431,9 @@ def plan_kick(
     speed = np.abs(solution.v[program.vs]) / program.velocity_limit
     torque = np.abs(program.torque(solution.posture.q, solution.v)) / program.torque_limit
     met = solution.share == 1.0
+    over = {} if backswing is None else backswing.too_strong
     return KickPlan(
-        status=PlanStatus.MET if met else PlanStatus.BEYOND_LIMITS,
+        status=PlanStatus.MET if met and not over else PlanStatus.BEYOND_LIMITS,
         goal=goal,
         launch=launch,
         objective=objective,
@@ -443,6 +448,7 @@ def plan_kick(
             *(["swing"] if solution.share < static_share - 1e-6 else []),
             *_reached("speed", program.names, speed),
             *_reached("torque", program.names, torque),
+            *(f"torque of {name} in the backswing" for name in over),
         ),
         heading=program.heading,
         phases=phases,
@@ -529,6 +535,8 @@ def _solve_with_backswing(
             backswing, reason = find_backswing(standing, q, v)
             if backswing is not None:
                 return lifted, solution, backswing
+        if found:
+            reason = f"{reason} (another goal, offset or objective takes another posture)"
     raise InvalidInput(f"{standing.robot.name} finds no backswing to this kick: {reason}")
 
 

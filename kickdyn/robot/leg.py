@@ -533,9 +533,8 @@ class Posture(ReprMixin):
         self._cholesky, self._condition_bound = cholesky_with_condition(self.inertia)
         if not self._condition_bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
             fault = singularity_fault(model, self.inertia, self.condition)
-            raise InvalidInput(
-                f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault}"
-            )
+            here = f"q = {self.q.tolist()}" if leg.nq <= SHOWN else "this posture"
+            raise InvalidInput(f"the joint-space inertia of {leg.name} at {here} {fault}")
         self.constraint_projector: ConstraintProjector | None = None
         if leg.constraints is not None:
             leg.constraints.check_closed(model, data, self)

@@ -12,6 +12,7 @@ from kickdyn.core import validation
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.constraints import Support
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import frame_id
 
 
 class LegOptions(NamedTuple):
@@ -41,7 +42,14 @@ class LegOptions(NamedTuple):
         A leg that stands on a support has a floating base, which could not move otherwise.
         """
         base = "floating" if self.supports else "fixed"
-        leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, self.locked)
+        try:
+            leg = load_leg(self.leg_name, self.frame, base, self.package_dirs, self.locked)
+        except InvalidInput:
+            if self.supports:  # a support that the leg has not explains more than a floating base
+                fixed = load_leg(self.leg_name, self.frame, "fixed", self.package_dirs, self.locked)
+                for support in self.supports:
+                    frame_id(fixed.model, support.frame)
+            raise
         if self.supports:
             leg = leg.with_supports(*self.supports)
         if self.loops:

@@ -274,7 +274,8 @@ def _write(report: PlanReport, json_file: str | None, view: str | None, plot: st
 
         save_figure(swing_figure(report.swing), plot)
     if view is not None:
-        _write_page(report, view, " ".join(sentences))
+        told = [line for line in sentences if not line.startswith("Warning: ")]  # the page has them
+        _write_page(report, view, " ".join(told))
     if json_file == "-":
         return
     for file in (json_file, view, plot):

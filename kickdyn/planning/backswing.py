@@ -145,6 +145,14 @@ class Backswing(ReprMixin):
             found.append(min(_height(data.oMi[model.getJointId(j)], one) for j, one in limb))
         return np.array(found)
 
+    @property
+    def too_strong(self) -> dict[str, float]:
+        """Largest torque over limit of the joints that exceed it, by name."""
+        chain = self.phase.chain
+        use = (np.abs(self.phase.fine.torque) / chain.effort_limit).max(axis=0)
+        every = zip(chain.names, use.tolist(), strict=True)
+        return {name: share for name, share in every if share > 1.0}
+
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """A line for torques above their limits, and one for a support that does not stand.
@@ -152,13 +160,8 @@ class Backswing(ReprMixin):
         `footing` judges the wrench of the ground, gravity included; friction's moment about the
         vertical is not judged.
         """
-        motion, chain, lines = self.phase.fine, self.phase.chain, list[str]()
-        use = (np.abs(motion.torque) / chain.effort_limit).max(axis=0)
-        over = [
-            f"{name} {share:.0%}"
-            for name, share in zip(chain.names, use.tolist(), strict=True)
-            if share > 1.0
-        ]
+        motion, lines = self.phase.fine, list[str]()
+        over = [f"{name} {share:.0%}" for name, share in self.too_strong.items()]
         if over:
             lines.append(f"the backswing takes more than the torque limits: {', '.join(over)}")
         counts = Counter(self._footing(motion))

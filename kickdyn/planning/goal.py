@@ -28,7 +28,8 @@ class PlanStatus(StrEnum):
     UNREACHABLE = "unreachable"
     """No launch meets it: the plan is the nearest there is."""
     BEYOND_LIMITS = "beyond-limits"
-    """The leg is not fast or strong enough: the plan is the kick of the largest share of it."""
+    """The leg is not fast or strong enough: the plan is the kick of the largest share of it,
+    or one whose backswing takes more than the torque limits."""
 
 
 class LaunchLimit(StrEnum):

@@ -42,8 +42,14 @@ from kickdyn.planning.stance import Stance
 from kickdyn.planning.swing_phase import SwingPhase, check_solver
 from kickdyn.restitution import checked_restitution, range_warnings
 from kickdyn.robot.ground_clearance import find_depths
-from kickdyn.robot.kicking_chain import KickingChain, kicking_chain, with_angles
+from kickdyn.robot.kicking_chain import (
+    KickingChain,
+    kicking_chain,
+    rest_configuration,
+    with_angles,
+)
 from kickdyn.robot.leg import Leg
+from kickdyn.robot.model_validation import listed
 from kickdyn.robot.standing import StandingRobot, hold_support, is_floating, missing_shapes
 
 LIFT = 100.0
@@ -70,12 +76,13 @@ class KickPlan(ReprMixin):
 
     Attributes:
         status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
-            kick in the planned direction that gives the ball the most speed.
+            kick in the planned direction that gives the ball the most speed; or, with a `share` of
+            1, the kick meets the goal but its `backswing` takes more than the torque limits.
         goal: that was asked for.
         launch: that meets it.
         objective: that was minimized, or maximized for `most-joint-impulse`.
         value: of the objective.
-        share: of the launch speed that is reached; 1 where the status is `met`.
+        share: of the launch speed that is reached; 1 where the goal is met.
         impact_target: impulse, normal and contact point on the ball.
         impact: the strike, from the planned posture and joint velocity.
         path: the flight from there, to the target's plane or to the ground before it; of a pass,
@@ -84,7 +91,8 @@ class KickPlan(ReprMixin):
         torque_use: largest torque at the impact, over its limit; the torque is what keeps the
             joints' speed, gravity included.
         binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
-            a harder kick has no motion from rest and to rest.
+            a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
+            where that takes more than the limit.
         heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
             leg whose foot moves in a plane, and a goal aside of it.
         phases: of the swing that `swing=True` found with the kick, before and after the impact;
@@ -161,12 +169,14 @@ class KickPlan(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for each limit, pose or flight of the plan that needs attention.
 
-        A coefficient of the flight or of the contact used outside its range; a body that is under
-        the ground (level, under the ball or under the target, whichever is lower) at the impact.
-        Bodies are the shapes in the leg's file; without any, its frames. Of a standing robot also a
-        body of the kicking limb whose shape is not known, a support that does not stand, those of
-        `backswing`, and a body that is under the ground in the backswing; without one, while the
-        foot approaches the ball by the ball's radius with the joints' velocity of the impact.
+        A coefficient of the flight or of the contact used outside its range; joints outside the
+        kicking limb that are not at 0, because their range does not contain it; a body that is
+        under the ground (level, under the ball or under the target, whichever is lower) at the
+        impact. Bodies are the shapes in the leg's file; without any, its frames. Of a standing
+        robot also a body of the kicking limb whose shape is not known, a support that does not
+        stand, those of `backswing`, and a body that is under the ground in the backswing; without
+        one, while the foot approaches the ball by the ball's radius with the joints' velocity of
+        the impact.
         """
         impact = self.impact
         of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
@@ -174,11 +184,29 @@ class KickPlan(ReprMixin):
         return (
             *self.path.warnings,
             *of_contact,
+            *self._at_rest(),
             *self._leaving(),
             *of_backswing,
             *self._unknown_shapes(),
             *self._under_ground(),
         )
+
+    def _at_rest(self) -> list[str]:
+        """Return a line for the joints that a kick does not move and that cannot be at 0."""
+        leg, rest = self.leg, rest_configuration(self.leg)
+        values, shown = leg.joint_values(rest), leg.display_values(rest)
+        here = leg.joint_values(self.q)
+        idle = [
+            f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
+            for name, value in values.items()
+            if value and value == here[name] and self.v[leg.velocity_index(name)] == 0.0
+        ]
+        if not idle:
+            return []
+        return [
+            "joints that the kick does not move stay at 0 or, where their range does not contain "
+            f"it, at the nearest value in the range: {listed(idle)}"
+        ]
 
     def _leaving(self) -> list[str]:
         """Return a line for each support that does not stand.
@@ -204,8 +232,9 @@ class KickPlan(ReprMixin):
             return [f"it is unknown whether the foot stands ({error})"]
         off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
         return [
-            f"with ground that can only push (kd.unilateral_strike), {name} "
-            f"{state.replace('-', ' ')}, which changes the ball's velocity by {off:.2g} m/s"
+            "with ground that can only push (kd.unilateral_strike), which limits also the moment "
+            f"of friction about the vertical, {name} {state.replace('-', ' ')}, which changes "
+            f"the ball's velocity by {off:.2g} m/s"
             for name, state in free.footing.items()
             if state != Footing.STANDS
         ]
@@ -339,7 +368,8 @@ def plan_kick(
     rest, with its centre of mass above the sole, to the impact, within the joints' ranges and
     speeds, the trunk at most 45 degrees from upright and the kicking foot above the ground. Torques
     and the force of the ground keep their limits where there is such a motion; `warnings` names
-    those that do not. The motion after the impact is not planned.
+    those that do not, and torques above their limits make the status `beyond-limits`. The motion
+    after the impact is not planned.
 
     Raises:
         OutOfReach: a goal that no launch meets, with the nearest there is.
@@ -401,8 +431,9 @@ def plan_kick(
     speed = np.abs(solution.v[program.vs]) / program.velocity_limit
     torque = np.abs(program.torque(solution.posture.q, solution.v)) / program.torque_limit
     met = solution.share == 1.0
+    over = {} if backswing is None else backswing.too_strong
     return KickPlan(
-        status=PlanStatus.MET if met else PlanStatus.BEYOND_LIMITS,
+        status=PlanStatus.MET if met and not over else PlanStatus.BEYOND_LIMITS,
         goal=goal,
         launch=launch,
         objective=objective,
@@ -417,6 +448,7 @@ def plan_kick(
             *(["swing"] if solution.share < static_share - 1e-6 else []),
             *_reached("speed", program.names, speed),
             *_reached("torque", program.names, torque),
+            *(f"torque of {name} in the backswing" for name in over),
         ),
         heading=program.heading,
         phases=phases,
@@ -503,6 +535,8 @@ def _solve_with_backswing(
             backswing, reason = find_backswing(standing, q, v)
             if backswing is not None:
                 return lifted, solution, backswing
+        if found:
+            reason = f"{reason} (another goal, offset or objective takes another posture)"
     raise InvalidInput(f"{standing.robot.name} finds no backswing to this kick: {reason}")
 
 

@@ -39,7 +39,7 @@ from kickdyn.planning.impact_target import ImpactTarget
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.scatter import checked_spread, landing_covariances, landing_slopes
 from kickdyn.planning.stance import Condition, Stance
-from kickdyn.robot.kicking_chain import kicking_chain
+from kickdyn.robot.kicking_chain import kicking_chain, rest_configuration
 from kickdyn.robot.leg import Leg, Posture
 
 FEASIBLE = 1e-4
@@ -184,7 +184,7 @@ class KickProgram:
 
     def posture(self, q: Array) -> Posture:
         """Return the posture for the coordinates of the joints that move the foot."""
-        whole = self.leg.configuration()
+        whole = self._rest.copy()
         whole[self.qs] = q
         return self.leg.posture(whole).with_contact_offset(self.target.contact.offset)
 
@@ -290,6 +290,7 @@ class KickProgram:
     def _set_leg(self, leg: Leg) -> None:
         """Take a leg, and find the directions in which its foot can move, by drawn postures."""
         self.leg, self._model, self._data = leg, leg.model, leg.model.createData()
+        self._rest = rest_configuration(leg)
         drawn = (self._draw.uniform(self.lower, self.upper) for _ in range(8))
         stacked = np.hstack([self.posture(q).jacobian for q in drawn])
         left, gains, _ = np.linalg.svd(stacked)

@@ -54,8 +54,7 @@ def describe_passage(wall: Wall, plan: KickPlan) -> str:
         return "The ball lands before it reaches the wall."
     if passage.is_clear:
         return str(passage)
-    met = plan.status == PlanStatus.MET
-    weak = "" if met else "the goal is beyond the limits of the leg, and "
+    weak = "" if plan.share == 1.0 else "the goal is beyond the limits of the leg, and "
     message = f"{weak}the ball {passage.hit}"
     if not isinstance(plan.path, Course):
         kind = {"speed": "launch-speed"}.get(plan.goal.kind, plan.goal.kind)
@@ -126,9 +125,9 @@ class PlanReport:
             f"{_aside(1e3 * left, 1, 'mm')}, "
             f"impulse {math.hypot(*impact.impulse):.4f} N s, "
             f"foot speed {math.hypot(*impact.foot_velocity):.4f} m/s{', ' if used else ''}{used}",
-            f"leg     up to {plan.speed_use:.0%} of the speed limits and {plan.torque_use:.0%} of "
-            f"the torque limits of the joints; largest joint impulse {impact.worst_joint[1]:.3g} "
-            f"N s, at {impact.worst_joint[0]}; objective {plan.objective}{meaning} = "
+            f"leg     {_limit_use(speed=plan.speed_use, torque=plan.torque_use)} of the joints; "
+            f"largest joint impulse {impact.worst_joint[1]:.3g} N s, at "
+            f"{impact.worst_joint[0]}; objective {plan.objective}{meaning} = "
             f"{f'{plan.value:.4g} {plan.objective.unit}'.strip()}",
             *(turned if not heading.startswith("0.00 ") else []),
             *(
@@ -173,7 +172,7 @@ class PlanReport:
             "time": plan.path.duration,
             **_attributes(plan, "share landing_error time_error warnings"),
         }
-        if plan.status != PlanStatus.MET:
+        if plan.share < 1.0:
             path = _flight_within_limits(plan)
             report["within_limits"] = path and {"distance": path.range, "time": path.duration}
         if self.wall is not None:
@@ -206,10 +205,15 @@ def verdict(plan: KickPlan) -> str:
     where = ", ".join(f"{part:.4g}" for part in plan.goal.target)
     path = plan.path
     after = f"after {path.duration:.4g} s"
-    if plan.status == PlanStatus.MET:
+    if plan.share == 1.0:
+        beyond = (
+            ""
+            if plan.status == PlanStatus.MET
+            else f" The backswing is beyond the limits of the robot ({', '.join(plan.binding)})."
+        )
         return (
             f"The ball reaches the target ({where}) m {after}; the computed impact and flight "
-            f"miss it by {plan.landing_error:.2g} m."
+            f"miss it by {plan.landing_error:.2g} m.{beyond}"
         )
     missed = "" if plan.landing_error < 5e-4 else f", {plan.landing_error:.3g} m from the target"
     if path.status == "at-plane":
@@ -293,7 +297,8 @@ def _describe_stance(frame: str, plan: KickPlan) -> str:
     return (
         f"The robot stands on {frame}, with its centre of mass {1e3 * (plan.balance or 0.0):.1f} "
         f"mm inside the edge of the sole, seen from above. In the impact this foot "
-        f"{state.replace('-', ' ')}{needs}."
+        f"{state.replace('-', ' ')}{needs}. The moment of friction about the "
+        "vertical is not included."
     )
 
 
@@ -303,9 +308,8 @@ def _describe_swing(swing: Swing) -> str:
         return f"The leg cannot swing to this kick within its limits: {swing.limit}."
     return (
         f"The swing takes {swing.backswing.duration:.3g} s from rest to the impact and "
-        f"{swing.follow_through.duration:.3g} s from there to rest, with up to "
-        f"{swing.torque_use:.0%} of the torque limits and {swing.speed_use:.0%} of the speed "
-        "limits."
+        f"{swing.follow_through.duration:.3g} s from there to rest, with "
+        f"{_limit_use(torque=swing.torque_use, speed=swing.speed_use)}."
     )
 
 
@@ -313,11 +317,16 @@ def _describe_backswing(backswing: Backswing) -> str:
     """Return the backswing of a standing robot in a line."""
     phase = backswing.phase
     return (
-        f"The backswing takes {phase.duration:.3g} s from rest to the impact, with up to "
-        f"{phase.torque_use:.0%} of the torque limits and {phase.speed_use:.0%} of the speed "
-        f"limits. The kicking foot stays at least {1e3 * backswing.clearance:.1f} mm above the "
-        "ground."
+        f"The backswing takes {phase.duration:.3g} s from rest to the impact, with "
+        f"{_limit_use(torque=phase.torque_use, speed=phase.speed_use)}. The kicking foot stays at "
+        f"least {1e3 * backswing.clearance:.1f} mm above the ground."
     )
+
+
+def _limit_use(**uses: float) -> str:
+    """Return the largest use of each kind of limit in words; 0 is of joints without a limit."""
+    named = [f"{use:.0%} of the {name} limits" for name, use in uses.items() if use > 0.0]
+    return f"up to {' and '.join(named)}" if named else "no use of the limits"
 
 
 def _backswing_json(backswing: Backswing) -> dict[str, Any]:

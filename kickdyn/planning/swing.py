@@ -70,7 +70,7 @@ class Swing(ReprMixin):
 
     @property
     def chain(self) -> KickingChain:
-        """The joints that move, and their limits; all others stay at 0."""
+        """The joints that move, and their limits; all others stay where they are."""
         return self.backswing.chain
 
     @property

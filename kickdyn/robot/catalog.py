@@ -161,12 +161,18 @@ def robot_model(name: str, base: str, *, legs_only: bool) -> Any:
     names = list(model.names)
     locked = names[1:2] if base == "fixed" else []
     if legs_only:
-        locked += [name for name in names[2:] if not name.startswith(known.legs)]
+        locked += outside_legs(name, model)
     if locked:
         model = reduced_model(model, locked, pin.neutral(model))
     if known.contact_points:
         _add_contact_points(model, known)
     return model
+
+
+def outside_legs(name: str, model: Any) -> list[str]:
+    """Return the joints of a robot's model that are neither a leg's nor the floating base."""
+    legs = robot(name).legs
+    return [joint for joint in list(model.names)[1:] if not joint.startswith((*legs, "root_joint"))]
 
 
 def _add_contact_points(model: Any, known: Robot) -> None:

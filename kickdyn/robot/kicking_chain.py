@@ -19,10 +19,10 @@ class KickingChain:
     """The joints between a fixed base and the contact frame, and where the whole robot has them.
 
     On a fixed base, an impact on the chain and its equations of motion are those of the whole
-    robot, whose other joints stay at 0.
+    robot, whose other joints stay where `rest_configuration` has them.
 
     Attributes:
-        leg: the chain alone, all other joints locked at 0; the whole robot, if there are none.
+        leg: the chain alone, all other joints locked; the whole robot, if there are none.
         model: `pin.Model` of the chain, gravity included.
         names: of its joints, in order.
         qs, vs: indices of its joints in the robot's q and v.
@@ -43,10 +43,23 @@ class KickingChain:
     effort_limit: Array
 
     def whole(self, robot: Leg, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v of the robot from those of the chain, all other joints at 0."""
-        configuration, velocity = robot.configuration(), np.zeros(robot.nv)
+        """Return q and v of the robot from those of the chain, all other joints at rest."""
+        configuration, velocity = rest_configuration(robot), np.zeros(robot.nv)
         configuration[self.qs], velocity[self.vs] = q, v
         return configuration, velocity
+
+
+def rest_configuration(robot: Leg) -> Array:
+    """Return q with every joint at the value of its range that is nearest to 0, shape `(nq,)`.
+
+    Joints of several degrees of freedom are at 0, mimic joints where their drivers put them.
+    """
+    following = {mimic.joint for mimic in robot.mimics}
+    ranges = {name: robot.joint_range(name) for name in robot.single_joints}
+    nearest = {name: min(max(low, 0.0), high) for name, (low, high) in ranges.items()}
+    return robot.configuration({
+        name: value for name, value in nearest.items() if value and name not in following
+    })  # fmt: skip
 
 
 def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
@@ -84,7 +97,7 @@ def kicking_chain(robot: Leg, *, branches: bool = False) -> KickingChain:
     others = [str(model.names[j]) for j in range(1, model.njoints) if j not in kept]
     leg = robot
     if others:
-        leg = robot.with_model(reduced_model(model, others, robot.configuration()))
+        leg = robot.with_model(reduced_model(model, others, rest_configuration(robot)))
     qs, vs = (
         np.concatenate([np.arange(first[j], first[j] + size[j]) for j in kept])
         for first, size in ((model.idx_qs, model.nqs), (model.idx_vs, model.nvs))

@@ -21,7 +21,7 @@ from kickdyn.core.validation import Array, read_only
 from kickdyn.core.vectors import cross3
 from kickdyn.errors import FaultyFile, InvalidInput, MjcfError, UrdfError
 from kickdyn.robot.articulated_body import ArticulatedBodies
-from kickdyn.robot.catalog import ROBOTS, TOE, robot, robot_file, robot_model
+from kickdyn.robot.catalog import ROBOTS, TOE, outside_legs, robot, robot_file, robot_model
 from kickdyn.robot.constraints import (
     ConstraintProjector,
     Constraints,
@@ -29,7 +29,7 @@ from kickdyn.robot.constraints import (
     find_open_loops,
 )
 from kickdyn.robot.descriptions import find_description
-from kickdyn.robot.joint_table import JointTable, lock_joints
+from kickdyn.robot.joint_table import JointTable, lock_joints, reduced_model
 from kickdyn.robot.mjcf_file import MjcfFile, read_mjcf
 from kickdyn.robot.mjcf_model import build_mjcf_model
 from kickdyn.robot.model_validation import (
@@ -242,7 +242,8 @@ class Leg(JointTable, ReprMixin):
                 icub); or any frame of the file. A robot of robot_descriptions has no default,
                 unless its file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
-            legs_only: lock all joints but the legs' at 0; of example-robot-data only.
+            legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
+                example-robot-data only.
             locked: joints to lock at their values, as for `from_urdf`.
 
         Raises:
@@ -253,9 +254,14 @@ class Leg(JointTable, ReprMixin):
             if legs_only:
                 raise InvalidInput(f"legs_only is for {', '.join(ROBOTS)}: for {name}, use locked=")
             return cls._from_description(name, frame, base, locked)
-        model, known = robot_model(name, base, legs_only=legs_only), robot(name)
+        all_joints = bool(locked) or not legs_only
+        model, known = robot_model(name, base, legs_only=not all_joints), robot(name)
         file, (frame, cone) = robot_file(name), known.contact(frame)
-        leg = cls(lock_joints(model, locked, file.mimics), frame, file, contact_normal_cone=cone)
+        model = lock_joints(model, locked, file.mimics)
+        if all_joints and legs_only:  # locked may have joints outside the legs, too
+            others = outside_legs(name, model)
+            model = reduced_model(model, others, pin.neutral(model)) if others else model
+        leg = cls(model, frame, file, contact_normal_cone=cone)
         try:
             check_model(leg.model)
             singular = _find_singularity(leg)
@@ -527,9 +533,8 @@ class Posture(ReprMixin):
         self._cholesky, self._condition_bound = cholesky_with_condition(self.inertia)
         if not self._condition_bound < MAX_CONDITION and not self.condition < MAX_CONDITION:
             fault = singularity_fault(model, self.inertia, self.condition)
-            raise InvalidInput(
-                f"the joint-space inertia of {leg.name} at q = {self.q.tolist()} {fault}"
-            )
+            here = f"q = {self.q.tolist()}" if leg.nq <= SHOWN else "this posture"
+            raise InvalidInput(f"the joint-space inertia of {leg.name} at {here} {fault}")
         self.constraint_projector: ConstraintProjector | None = None
         if leg.constraints is not None:
             leg.constraints.check_closed(model, data, self)

@@ -241,6 +241,7 @@ def page(
             f"path is named with a {type(subject).__name__}: it belongs to an Impact"
         )
     swing: Swing | Backswing | None = None
+    warnings: tuple[str, ...] = ()
     if isinstance(subject, Scene):
         subject = simulate_as_instant(subject)
     if isinstance(subject, Swing):
@@ -251,7 +252,7 @@ def page(
         impact, path, caption, boxes = _of_scene(subject, caption)
         scenery = [*scenery, *boxes]
     elif isinstance(subject, KickPlan):
-        impact, path = subject.impact, subject.path
+        impact, path, warnings = subject.impact, subject.path, subject.warnings
         swing = swing or subject.backswing
     elif isinstance(subject, Impact):
         impact = subject
@@ -265,7 +266,7 @@ def page(
     drawn = draw_kick(viewer, impact, path, scenery, swing, lies=lies)
     caption = " ".join(filter(None, [caption, drawn.text]))
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
-    panel = kick_panel(impact, path, drawn, caption, viewer.window.warnings)
+    panel = kick_panel(impact, path, drawn, caption, [*viewer.window.warnings, *warnings])
     return Page(viewer, title, panel, drawn.pace, height)
 
 

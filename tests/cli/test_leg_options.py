@@ -94,6 +94,8 @@ def test_supports_of_a_file_float_its_base():
         (("--stiff", "toe"), "joint 'toe' is unknown"),
         ((*BOLT, "--support", "toe"), "support toe is on the kicking limb"),
         ((*BOLT, "--support", "tow"), "frame 'tow' is unknown"),
+        (("--support", "left_foot"), "^frame 'left_foot' is unknown: did you mean 'foot'"),
+        (("--support", "base"), "inertia of leg_human at this posture is not positive definite"),
     ],
 )
 def test_bad_options_are_refused(arguments, said):

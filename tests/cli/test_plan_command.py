@@ -5,6 +5,7 @@ import math
 import re
 import subprocess
 import sys
+from html import escape
 
 import numpy as np
 import pytest
@@ -156,7 +157,7 @@ def test_the_flight_s_warnings_are_in_table_page_and_json(tmp_path):
     page = (tmp_path / "kick.html").read_text()
     for line in lines:
         assert f"\nWarning: {line}.\n" in ended.stdout
-        assert f"Warning: {line}." in page
+        assert f'<p class="warning">{escape(line)}</p>' in page
 
 
 def test_an_unreachable_goal_has_json_with_the_nearest():

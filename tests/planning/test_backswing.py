@@ -19,6 +19,7 @@ from kickdyn.planning.backswing import (
     _Dynamics,
     find_backswing,
 )
+from kickdyn.planning.plan_report import PlanReport, verdict
 from kickdyn.robot.standing import StandingRobot, joint_spheres
 
 BALL, AIR, FOOT = kd.Ball(), kd.Air(), "left_ankle_roll_link"
@@ -40,7 +41,7 @@ def fine_times(backswing, count=40):
 
 def test_it_ends_in_the_plan_and_starts_at_rest(plan):
     backswing = plan.backswing
-    assert plan.status == "met"
+    assert plan.share == 1.0
     assert backswing.configuration(0.0) == pytest.approx(plan.q, abs=1e-9)
     assert backswing.velocity(0.0) == pytest.approx(plan.v, abs=1e-9)
     assert np.abs(backswing.velocity(-backswing.duration)).max() < 1e-9
@@ -147,6 +148,17 @@ def test_what_it_takes_beyond_the_limits_is_named(plan):
     assert line_of(limit) == [last]
 
 
+def test_torques_above_their_limits_are_beyond_the_limits(plan):
+    over = plan.backswing.too_strong
+    assert over  # of this kick
+    assert plan.status == "beyond-limits"
+    assert set(plan.binding) >= {f"torque of {name} in the backswing" for name in over}
+    line = verdict(plan)
+    assert line.startswith("The ball reaches the target (3, 0, 0) m after 0.4 s; ")
+    assert "The backswing is beyond the limits of the robot (" in line
+    assert "within_limits" not in PlanReport(plan).to_json()
+
+
 def test_a_support_that_does_not_stand_is_named(plan):
     rough = StandingRobot(ROBOT.with_supports(kd.Support(FOOT, friction=0.01)))
     (line,) = [one for one in Backswing(plan.backswing.phase, rough).warnings if "slips" in one]
@@ -222,7 +234,8 @@ def test_a_humanoid_of_an_mjcf_file_has_a_backswing():
     front = (0.075, 0.0, 0.1)
     plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=front, swing=True)
     model, data = plan.leg.model, plan.leg.model.createData()
-    assert plan.status == "met"
+    assert plan.share == 1.0
+    assert (plan.status == "met") == (plan.backswing.phase.torque_use <= 1.0)
     for time in fine_times(plan.backswing):
         pin.forwardKinematics(model, data, plan.backswing.configuration(time))
         for foot, height in (("right_foot", plan.backswing.clearance - 5e-4), ("left_foot", -1e-9)):

@@ -447,6 +447,26 @@ def test_a_humanoid_of_an_mjcf_file_kicks_from_one_foot():
     assert lowest == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_joints_that_do_not_move_stay_in_their_range(tmp_path, base):
+    file = FilePath(gymnasium.__file__).parent / "envs/mujoco/assets/humanoid.xml"
+    elbow = 'name="right_elbow" pos="0 0 0" range="{}"'
+    text = file.read_text().replace(elbow.format("-90 50"), elbow.format("20 90"))
+    (tmp_path / "humanoid.xml").write_text(text)
+    robot = kd.Leg.from_mjcf(tmp_path / "humanoid.xml", "right_foot", base=base)
+    standing = robot.with_supports("left_foot") if base == "floating" else robot
+    plan = kd.plan_kick(standing, kd.Goal(1.5, time=0.5), BALL, AIR, offset=(0.075, 0.0, 0.1))
+    assert not plan.leg.outside_range(plan.q)
+    assert plan.leg.angles_deg(plan.q)["right_elbow"] == pytest.approx(20.0, abs=1e-12)
+    said = [line for line in plan.warnings if line.startswith("joints that the kick does not move")]
+    assert len(said) == 1
+    assert said[0].endswith(
+        "right_elbow at 20 deg"
+        if base == "floating"
+        else "left_knee at -2 deg, right_elbow at 20 deg"
+    )
+
+
 def test_a_continuous_joint_is_planned_by_its_angle(tmp_path):
     path = tmp_path / "leg.urdf"
     text = kd.Leg.human().file.text

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kickdyn as kd
-from kickdyn.planning.plan_report import PlanReport, describe_passage, score, verdict
+from kickdyn.planning.plan_report import PlanReport, _limit_use, describe_passage, score, verdict
 from kickdyn.planning.scatter import scatter
 from kickdyn.scene.pitch import Wall, read_wall
 
@@ -237,3 +237,12 @@ def test_the_goal():
     assert missing((20, wide["post"], high["over"])).end == "over"
     weak = kd.plan_kick(LEG, kd.Goal(100, time=3), BALL, AIR)
     assert str(score(weak)) == "The ball does not reach the goal."
+
+
+def test_joints_without_a_limit_have_no_use_of_it():
+    assert (
+        _limit_use(torque=0.5, speed=0.25)
+        == "up to 50% of the torque limits and 25% of the speed limits"
+    )
+    assert _limit_use(torque=0.5, speed=0.0) == "up to 50% of the torque limits"
+    assert _limit_use(torque=0.0, speed=0.0) == "no use of the limits"

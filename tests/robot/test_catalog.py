@@ -214,3 +214,19 @@ def test_options_are_not_guessed():
         kd.Leg.from_robot("bolt", "")
     with pytest.raises(kd.InvalidInput, match="legs_only is 'no': it must be True or False"):
         kd.Leg.from_robot("bolt", legs_only="no")
+
+
+@pytest.mark.parametrize("base", ["fixed", "floating"])
+def test_joints_outside_the_legs_are_locked_at_values(base):
+    locked = {"waist_yaw_joint": 0.25, "left_knee_joint": 0.5}
+    legs = kd.Leg.from_robot("g1", base=base, legs_only=True, locked=locked)
+    whole = kd.Leg.from_robot("g1", base=base)
+    assert legs.nv == (11 if base == "fixed" else 17)
+    turned, q = legs.posture(legs.configuration()), whole.configuration(locked)
+    assert turned.contact_point == pytest.approx(whole.posture(q).contact_point, abs=1e-14)
+    data, other = legs.model.createData(), whole.model.createData()
+    centre = pin.centerOfMass(legs.model, data, turned.q)
+    if base == "floating":
+        assert centre == pytest.approx(pin.centerOfMass(whole.model, other, q), abs=1e-14)
+    with pytest.raises(kd.InvalidInput, match="joint 'waist' is unknown"):
+        kd.Leg.from_robot("g1", base=base, legs_only=True, locked={"waist": 0.25})

@@ -6,7 +6,12 @@ import pytest
 from chains import floating_leg
 
 import kickdyn as kd
-from kickdyn.robot.kicking_chain import configuration_with_angles, kicking_chain, with_angles
+from kickdyn.robot.kicking_chain import (
+    configuration_with_angles,
+    kicking_chain,
+    rest_configuration,
+    with_angles,
+)
 
 G1 = kd.Leg.from_robot("g1")
 
@@ -113,3 +118,40 @@ def test_a_continuous_joint_may_move_beside_the_kicking_limb():
     assert plan.q[:3] == pytest.approx(
         kd.plan_kick(kd.Leg.human(), kd.Goal(3, time=0.5), kd.Ball(), kd.Air()).q, abs=1e-6
     )
+
+
+def test_joints_outside_the_chain_rest_at_the_nearest_value_in_their_range():
+    model = kd.Leg.human().model
+    add_body(model, 0, pin.JointModelRY(), "elbow")
+    add_body(model, 4, pin.JointModelRY(), "wrist")
+    add_body(model, 5, pin.JointModelRUBY(), "spinner")
+    add_body(model, 6, pin.JointModelSpherical(), "ball")
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    lower[3:5], upper[3:5] = (0.25, -2.0), (1.5, -0.5)
+    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+    robot = kd.Leg.from_model(model, "toe")
+    rest = rest_configuration(robot)
+    assert rest.tolist() == [0, 0, 0, 0.25, -0.5, 1, 0, 0, 0, 0, 1]
+    chain = kicking_chain(robot)
+    assert chain.whole(robot, np.ones(3), np.ones(3))[0].tolist() == [1, 1, 1, *rest[3:]]
+
+
+def test_a_mimic_joint_rests_where_its_driver_puts_it(tmp_path):
+    joint = (
+        '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>'
+        '<axis xyz="0 1 0"/><limit lower="{3}" upper="{4}" effort="1" velocity="1"/>{5}</joint>'
+    )
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    link = f'<link name="{{}}"><inertial><mass value="1"/>{inertia}</inertial></link>'
+    follow = '<mimic joint="elbow" multiplier="2"/>'
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        '<robot name="r"><link name="base"/>'
+        + "".join(link.format(name) for name in ("toe", "arm", "hand"))
+        + joint.format("hip", "base", "toe", -1, 1, "")
+        + joint.format("elbow", "base", "arm", 0.25, 1, "")
+        + joint.format("wrist", "arm", "hand", 0.125, 2, follow)
+        + "</robot>"
+    )
+    leg = kd.Leg.from_urdf(path)
+    assert leg.joint_values(rest_configuration(leg)) == {"hip": 0, "elbow": 0.25, "wrist": 0.5}

@@ -18,6 +18,7 @@ from kickdyn.core.compilation import compiled
 from kickdyn.core.validation import Array
 from kickdyn.flight.batch import fly_many
 from kickdyn.sweeps.kernel_model import KernelModel
+from kickdyn.sweeps.sweep_kick import FLIGHT_TOLERANCE
 
 NODES, CHECKS = 8, 9
 """Flights per side of a patch, to fit its polynomial and to check it."""
@@ -111,7 +112,8 @@ class CarryTable:
         normal = share * self._largest_impulse
         impulse = np.column_stack([slope * normal, np.zeros(len(share)), normal])
         kick = self._model.kick
-        flown = fly_many(launches(self._model, impulse), kick.ball, kick.air, tol=1e-11)
+        balls = launches(self._model, impulse)
+        flown = fly_many(balls, kick.ball, kick.air, tol=FLIGHT_TOLERANCE)
         return np.asarray(np.where(flown.status.values == 0, flown.range.values, np.nan))
 
 

@@ -16,7 +16,13 @@ from kickdyn.robot.leg import Leg
 from kickdyn.sweeps.dataset import VARIABLES, variables_of
 from kickdyn.sweeps.grid import Grid
 from kickdyn.sweeps.kernel_model import KernelModel
-from kickdyn.sweeps.sweep_kick import Kick, PostureOutcome, PostureStatus, kick_from
+from kickdyn.sweeps.sweep_kick import (
+    FLIGHT_TOLERANCE,
+    Kick,
+    PostureOutcome,
+    PostureStatus,
+    kick_from,
+)
 
 KERNEL_FROM = 2000
 """Postures of a grid from which a kernel is used: compiling it takes seconds the first time."""
@@ -42,7 +48,7 @@ class ChunkSolver:
     and where the kernel marks a posture as doubtful, it is `kick_from`, a thousand times slower.
 
     `tolerance` is the largest error of a carry [m], where balls of the air are interpolated between
-    flights (`CarryTable`); 0 flies every ball, to 1e-9 of the carry.
+    flights (`CarryTable`); 0 flies every ball, to 1e-8 of the carry.
 
     Attributes:
         chunk: number of postures to compute at a time.
@@ -130,7 +136,8 @@ class ChunkSolver:
             to_fly = self._table(answer[NORMAL], answer[TANGENT], rows[_CARRY])
         flown = np.flatnonzero(to_fly & ~doubtful)
         if flown.size:
-            flights = fly_many(launches(model, answer[:3, flown].T), kick.ball, kick.air)
+            balls = launches(model, answer[:3, flown].T)
+            flights = fly_many(balls, kick.ball, kick.air, tol=FLIGHT_TOLERANCE)
             rows[_CARRY, flown] = flights.range.values
             doubtful[flown[flights.status.values != 0]] = True
         return doubtful
@@ -150,7 +157,8 @@ class ChunkSolver:
         row = np.array(list(variables_of(outcome, self._kick).values()))
         for k, name in enumerate(VARIABLES):
             slack = AGREEMENT * abs(row[k])
-            if k == _CARRY:  # a launch that is level but for rounding comes down at once
+            if k == _CARRY:  # both flights are wrong by up to 1e-8 of the carry; a launch that is
+                # level but for rounding comes down at once
                 slack = 1e-7 * abs(row[k]) + (self.carry_tolerance or 1e-9)
             if name in _CHECKED and not abs(rows[k, i] - row[k]) <= slack:
                 raise KickdynError(

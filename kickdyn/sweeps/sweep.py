@@ -70,7 +70,8 @@ def sweep(
     From each posture the foot moves with the velocity of the kick. The impulse on the ball follows
     from the leg's effective mass along the contact normal, :math:`1 / (n^T J M^{-1} J^T n)`,
     Newton's restitution and Coulomb's friction; the ball then flies through the air. The answers
-    are those of `kickdyn.strike` and `kickdyn.fly`, and agree with them to 1e-9.
+    are those of `kickdyn.strike` and `kickdyn.fly`, and agree with them to 1e-9; the carry of
+    a ball that is flown, and not interpolated, is that of `kickdyn.fly` with `tol=1e-11`, to 1e-8.
 
     Args:
         leg: the leg.
@@ -84,7 +85,7 @@ def sweep(
             `["ball_speed", "carry"]`; None keeps all, about 30 bytes a posture in a store.
         resume: compute only what `store` lacks.
         tolerance: largest error of `carry` [m] where balls fly through air in the plane of the leg,
-            whose carries are interpolated between flights; 0 flies every ball, to 1e-9 of its
+            whose carries are interpolated between flights; 0 flies every ball, to 1e-8 of its
             carry.
         threads: threads of this process; None takes one per core.
         workers: processes of this machine instead of threads. They are children of this process

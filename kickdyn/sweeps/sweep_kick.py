@@ -23,6 +23,9 @@ from kickdyn.robot.leg import Posture
 ROUNDING = 1e-12
 """Relative size below which a sum of products is taken for the rounding error of its terms."""
 
+FLIGHT_TOLERANCE = 1e-11
+"""Relative tolerance of every flight of a sweep: carries are then right to 1e-8."""
+
 UNLIMITED = 1e300
 """Velocity limit from which on there is none: Pinocchio's default is the largest float64."""
 
@@ -142,7 +145,7 @@ def kick_from(posture: Posture, kick: Kick) -> PostureOutcome:
     if use <= 1 < speed_use(posture, v):
         v = slowest_joint_velocity(posture, foot_velocity)
     impact = strike(posture, v, kick.ball, kick.contact, kick.law)
-    path = fly(impact.ball_after, kick.ball, kick.air)
+    path = fly(impact.ball_after, kick.ball, kick.air, tol=FLIGHT_TOLERANCE)
     status = PostureStatus.OK if use <= 1 else PostureStatus.TOO_FAST
     return PostureOutcome(posture, status, use, impact, path.range)
 

@@ -102,3 +102,22 @@ def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, fricti
     monkeypatch.setattr(chunk_solver, "strike", wrong)
     with pytest.raises(kd.KickdynError, match=r"N s by pin\.impulseDynamics"):
         kd.sweep(legs, angles, kd.Kick(friction=friction))
+
+
+def test_flown_carries_are_right_to_what_is_promised():
+    leg = kd.Leg.human()
+    kick = Kick(speed=24.0, attack=0.1, restitution=0.6, friction=0.3, air=kd.Air())
+    grid = Grid({"hip": np.linspace(-0.4, 0.9, 12), "knee": np.linspace(-1.4, -0.1, 12)})
+    found = ChunkSolver(leg, grid, kick, 0.0)
+    found.prepare()
+    rows, _ = found(0, grid.size)
+    carries = rows[list(VARIABLES).index("carry")]
+    outcomes = [kick_from(leg.posture(grid.configuration(leg, i)), kick) for i in range(grid.size)]
+    struck = [i for i, outcome in enumerate(outcomes) if outcome.impact is not None]
+    launches = [outcomes[i].impact.ball_after for i in struck]
+    states = kd.BallState(*(np.array([getattr(each, name) for each in launches])
+                            for name in ("position", "velocity", "spin")))  # fmt: skip
+    exact = fly_many(states, kick.ball, kick.air, tol=1e-13).range.values
+    assert (exact > 1.0).sum() > 100
+    assert carries[struck] == pytest.approx(exact, rel=1e-8)
+    assert [outcomes[i].carry for i in struck] == pytest.approx(exact, rel=1e-8)

@@ -159,7 +159,7 @@ def _march(
             break
         _step(rates_of, scene, y, lane, rates, work[4:], new)
         _estimate_error(y, new, rates, rtol, scale, lane, work[5], work[6])
-        _take_ordinary_steps(y, new, limit, lane)
+        _take_ordinary_steps(y, rates, new, limit, lane)
         for i in range(LANES):
             if lane[TAKEN, i] != 0.0 or lane[PHASE, i] == _IDLE:
                 continue
@@ -286,7 +286,7 @@ def _start(
 
 
 @inlined
-def _take_ordinary_steps(y, new, limit, lane):
+def _take_ordinary_steps(y, rates, new, limit, lane):
     """Take the steps that are not rejected, cross no event and end before the limit of time.
 
     Row `TAKEN` says in which lanes.
@@ -298,7 +298,11 @@ def _take_ordinary_steps(y, new, limit, lane):
         no_lowest = ((climb >= 0.0) & (place != _AT_APEX)) | (sink <= 0.0)
         no_landing = (y[Z + i] + lane[DROP, i] < 0.0) | (new[Z + i] + lane[DROP, i] > 0.0)
         good = (lane[ERROR, i] < 1.0) & (h < limit - lane[T, i]) & (lane[PHASE, i] == _FLYING)
-        taken = good & no_apex & no_lowest & no_landing & (lane[CALLS, i] < MAX_EVALUATIONS)
+        begins, ends = climb + h * rates[0, W + i], sink - h * rates[STAGES, W + i]
+        no_turns = (begins * climb >= 0.0) | (ends * sink >= 0.0) | (climb * sink <= 0.0)
+        taken = (
+            good & no_apex & no_lowest & no_landing & no_turns & (lane[CALLS, i] < MAX_EVALUATIONS)
+        )
         most = 10.0 - 9.0 * lane[REJECTED, i]
         longer = lane[GROWTH, i] if lane[GROWTH, i] < most else most
         further = h * longer if h * longer < lane[LONGEST, i] else lane[LONGEST, i]
@@ -462,7 +466,9 @@ def _handle_step(i, y, rates, new, lane, limit, out, row):
         lane[NEXT, i], lane[LOW, i], lane[HIGH, i], lane[H, i] = further, 0.0, h, max(part, 0.0) * h
         lane[PHASE, i] = _TO_APEX if apex else _TO_LANDING if lands else _TO_LOWEST
         return -1
-    if place == _NOT_YET_UP and below < 0.0:  # it rose and fell unseen
+    begins, ends = climb + h * rates[0, W + i], sink - h * rates[STAGES, W + i]
+    turns = climb * sink > 0.0 and begins * climb < 0.0 and ends * sink < 0.0  # perhaps, and back
+    if turns or (place == _NOT_YET_UP and below < 0.0):  # or it rose and fell unseen
         lane[REJECTED, i] = 1.0
         return _set_step(i, 0.5 * h, limit, lane)
     last = h == limit - lane[T, i]

@@ -119,3 +119,10 @@ def test_the_apex_is_found_at_a_wide_tolerance():
     states = kd.BallState(velocity=velocity, spin=(0, -60, 9))
     exact, wide = (fly_many(states, BALL, AIR, tol=tol).height.values for tol in (1e-12, 1e-2))
     assert wide == pytest.approx(exact, abs=0.1)
+
+
+def test_a_ball_that_turns_twice_within_a_step_is_seen_at_a_wide_tolerance():
+    states = low_shots(400)
+    exact, wide = (fly_many(states, BALL, AIR, kd.Ground(), tol) for tol in (1e-12, 1e-6))
+    assert wide.range.values == pytest.approx(exact.range.values, abs=1e-3)
+    assert wide.height.values == pytest.approx(exact.height.values, abs=1e-4)

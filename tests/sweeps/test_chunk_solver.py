@@ -106,7 +106,7 @@ def test_a_sweep_stops_where_pinocchio_finds_another_impulse(monkeypatch, fricti
 
 def test_flown_carries_are_right_to_what_is_promised():
     leg = kd.Leg.human()
-    kick = Kick(speed=24.0, attack=0.1, restitution=0.6, friction=0.3, air=kd.Air())
+    kick = Kick(speed=30.0, attack=0.3, restitution=0.6, friction=0.3, air=kd.Air())
     grid = Grid({"hip": np.linspace(-0.4, 0.9, 12), "knee": np.linspace(-1.4, -0.1, 12)})
     found = ChunkSolver(leg, grid, kick, 0.0)
     found.prepare()
@@ -119,5 +119,5 @@ def test_flown_carries_are_right_to_what_is_promised():
                             for name in ("position", "velocity", "spin")))  # fmt: skip
     exact = fly_many(states, kick.ball, kick.air, tol=1e-13).range.values
     assert (exact > 1.0).sum() > 100
-    assert carries[struck] == pytest.approx(exact, rel=1e-8)
-    assert [outcomes[i].carry for i in struck] == pytest.approx(exact, rel=1e-8)
+    assert carries[struck] == pytest.approx(exact, rel=2e-9)
+    assert [outcomes[i].carry for i in struck] == pytest.approx(exact, rel=2e-9)

@@ -88,7 +88,7 @@ def _length(path: Flight | Course) -> str:
     """Return how far, how high and how long a ball goes."""
     if isinstance(path, Course):
         return f"{path.distance:.4g} m along the ground, {path.duration:.3g} s"
-    return f"{path.range:.4g} m, {path.height:.4g} m high, {path.duration:.3g} s"
+    return f"{path.range:.4g} m, rises {path.height:.4g} m, {path.duration:.3g} s"
 
 
 def draw_impacts(viewer: Any, impacts: Mapping[str, Impact], title: str) -> str:

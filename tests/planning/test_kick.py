@@ -424,7 +424,7 @@ def test_a_foot_that_turns_about_the_vertical_is_named():
     plan = kd.plan_kick(STANDING, goal, BALL, AIR)
     free = kd.unilateral_strike(plan.leg.posture(plan.q), plan.v, BALL, plan.impact_target.contact)
     (state,) = free.footing.values()
-    named = [line for line in plan.warnings if f"only push (kd.unilateral_strike), {FOOT} " in line]
+    named = [line for line in plan.warnings if f"about the vertical, {FOOT} " in line]
     assert plan.impact.footing == {FOOT: "stands"}
     assert len(named) == (state != "stands")
 

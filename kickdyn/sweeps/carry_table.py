@@ -70,7 +70,7 @@ class CarryTable:
             if not 0 < len(corners) <= 1500:  # patches per halving: some ten seconds in all
                 break
         self._patches = np.array(patches) if patches else np.zeros((1, 3 + NODES**2))
-        self._evaluate = _compiled_evaluate()
+        self._evaluate = compiled_evaluate()
 
     def __call__(self, normal: Array, tangent: Array, carry: Array) -> NDArray[np.bool_]:
         """Fill in the carries [m] of impulses along normal and tangent [N s], shapes `(n,)`.
@@ -144,7 +144,7 @@ def _evaluate(normal, tangent, largest, slope, index, patches, carry, to_fly):  
 
 
 @cache
-def _compiled_evaluate() -> Callable[..., None]:
+def compiled_evaluate() -> Callable[..., None]:
     """Return `_evaluate` in machine code."""
     vector, index, patches = numba.float64[::1], numba.int64[:, ::1], numba.float64[:, ::1]
     number, flags = numba.float64, numba.boolean[::1]

@@ -69,16 +69,24 @@ class ChunkSolver:
         self._table: Callable[[Array, Array, Array], NDArray[np.bool_]] | None = None
 
     def compile(self) -> None:
-        """Compile a kernel that is not on disk yet, and meanwhile flights in another process."""
+        """Compile what is not on disk yet, in two processes that take about as long.
+
+        The other one compiles the integrator of flights, this one the rest.
+        """
         if self._model is None:
             return
-        from kickdyn.flight.batch import compile_flights  # numba is needed by large grids only
+        from kickdyn.flight.compiling import compiled_rates  # numba is needed by large grids only
+        from kickdyn.flight.march import compiled_march
+        from kickdyn.sweeps.carry_table import compiled_evaluate
         from kickdyn.sweeps.kernels import compiled_kernel, kernel_is_kept
 
         planar, kick = self._model.planar, self._kick
         if kick.air is not None and kernel_is_kept(planar) is False:
-            with calling_beside("flights", compile_flights, kick.ball, kick.air):
+            with calling_beside("the integrator of flights", compiled_march):
                 compiled_kernel(planar)
+                compiled_rates(kick.ball, kick.air)
+                if self.carry_tolerance > 0.0:
+                    compiled_evaluate()
 
     def prepare(self) -> None:
         """Compile the kernel and fly the balls of the carry table; to be called before threads."""

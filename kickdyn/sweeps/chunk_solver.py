@@ -69,9 +69,10 @@ class ChunkSolver:
         self._table: Callable[[Array, Array, Array], NDArray[np.bool_]] | None = None
 
     def compile(self) -> None:
-        """Compile what is not on disk yet, in two processes that take about as long.
+        """Compile what is not on disk yet, in two processes at the same time.
 
-        The other one compiles the integrator of flights, this one the rest.
+        The second process compiles the integrator of flights and this process everything else,
+        which takes about the same time.
         """
         if self._model is None:
             return

@@ -362,7 +362,7 @@ def _turns_twice(rate: Callable[[Array], float], step: Step) -> bool:
 
 
 def _falls(value: Callable[[Array], float], step: Step) -> bool:
-    """Return whether a value falls to zero or through it from the beginning to the end of a step."""
+    """Return whether a value falls to zero or through it between the ends of a step."""
     return value(step.begin) >= 0.0 >= value(step.end) < value(step.begin)
 
 

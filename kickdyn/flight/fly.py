@@ -235,7 +235,7 @@ def _arc(
 ) -> tuple[FlightArc | None, FlightStatus]:
     """Return the solution up to its end, None where it ends at once, and which end it is."""
     begin = equations.begin
-    floor = _reaching(np.array([0.0, 0.0, 1.0]), ends.drop)
+    floor = Event(lambda states: ends.drop + float(states[2]), lambda states: float(states[5]))
     walls = [] if ends.wall is None else [_reaching(*ends.wall)]
     rates = np.array(equations.rates(0.0, begin))
     rises = begin[5] > 0.0 or (begin[5] == 0.0 and rates[5] > 0.0)

@@ -246,7 +246,9 @@ class KickPlan(ReprMixin):
         now = find_depths(self.leg, [self.q], floor)
         lines = [f"{one.frame} by {one.depth:.3f} m" for one in now]
         if lines:
-            lines = [f"bodies are under the ground at the impact: {listed(lines)}; {self._lift(now)}"]
+            lines = [
+                f"bodies are under the ground at the impact: {listed(lines)}; {self._lift(now)}"
+            ]
         if self.balance is None:
             return lines
         if self.backswing is not None:

@@ -49,7 +49,7 @@ from kickdyn.robot.kicking_chain import (
     with_angles,
 )
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.model_validation import listed
+from kickdyn.robot.names import listed
 from kickdyn.robot.standing import StandingRobot, hold_support, is_floating, missing_shapes
 
 LIFT = 100.0

@@ -13,7 +13,7 @@ from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.impact.constraint_impulses import check_unconstrained
 from kickdyn.planning.goal import PlanStatus
-from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.swing_phase import LONGEST, Motion, SwingPhase, check_solver, swing_chain
 from kickdyn.robot.kicking_chain import (
     KickingChain,

@@ -95,9 +95,9 @@ def lock_remedy(model: Any, joints: Sequence[str]) -> str:
         alike = [name for name in names if fnmatchcase(name, pattern)]
         same = len(alike) > 1 and joint in alike and all(values.get(n) == value for n in alike)
         entries[pattern if same else joint] = value
-    pronoun = "it" if len(values) == 1 else "them"
     if len(entries) > MOST_LOCKED:
-        return f"lock {pronoun} by locked={{joint: value}} in Python, by --lock JOINT=VALUE in commands"
+        return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
+    pronoun = "it" if len(values) == 1 else "them"
     python = ", ".join(f"{name!r}: {value:g}" for name, (value, _) in entries.items())
     options = " ".join(
         f"--lock {shlex.quote(f'{name}={text}')}" for name, (_, text) in entries.items()

@@ -206,10 +206,8 @@ def difference(
     for name in wanted.dims:
         one, other = stored[name].values, wanted[name].values
         if not np.array_equal(one, other):
-            return (
-                f"its {name} has {_span(one, wanted[name])}, this one's {_span(other, wanted[name])}"
-                ", not all the same"
-            )
+            spans = [_span(each, wanted[name].attrs["units"]) for each in (one, other)]
+            return f"its {name} has {spans[0]}, this one's {spans[1]}, not all the same"
     for attribute, value in wanted.attrs.items():
         found = stored.attrs.get(attribute)
         if attribute not in ("finished", "warnings") and found != value:
@@ -221,9 +219,9 @@ def difference(
     return None
 
 
-def _span(values: Array, axis: xr.DataArray) -> str:
+def _span(values: Array, unit: str) -> str:
     """Return how many values of a joint there are and their ends, in its unit, and in degrees."""
-    low, high, unit = float(values[0]), float(values[-1]), axis.attrs["units"]
+    low, high = float(values[0]), float(values[-1])
     text = f"{len(values)} value{'s' * (len(values) != 1)} from {low:.6g} to {high:.6g} {unit}"
     if unit != "rad":
         return text

@@ -100,7 +100,9 @@ def test_an_unknown_package_says_what_to_do(robot):
 
 
 def test_without_a_manifest_it_says_so(tmp_path):
-    with pytest.raises(kd.InvalidInput, match=r"no folder above the robot's file has a package\.xml"):
+    with pytest.raises(
+        kd.InvalidInput, match=r"no folder above the robot's file has a package\.xml"
+    ):
         MeshFinder(tmp_path).find("package://hand_description/meshes/hand.stl")
 
 

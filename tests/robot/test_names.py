@@ -37,7 +37,9 @@ def test_patterns_stand_for_names(values, found):
 
 
 def test_a_name_that_matches_two_values_is_refused():
-    with pytest.raises(kd.InvalidInput, match=r"'finger1' matches 'f\*' and '\*1', which have diff"):
+    with pytest.raises(
+        kd.InvalidInput, match=r"'finger1' matches 'f\*' and '\*1', which have diff"
+    ):
         expand_patterns({"f*": 0.0, "*1": 1.0}, JOINTS)
     with pytest.raises(kd.InvalidInput, match=r"joint f\* is nan"):
         expand_patterns({"f*": float("nan")}, JOINTS)

@@ -90,11 +90,11 @@ def lock_remedy(model: Any, joints: Sequence[str]) -> str:
     if not values or len(values) == len(names) - 1:
         return ""
     entries: dict[str, tuple[float, str]] = {}
-    for joint, value in values.items():
+    for joint, pair in values.items():
         pattern = re.sub(r"\d+", "*", joint)
         alike = [name for name in names if fnmatchcase(name, pattern)]
-        same = len(alike) > 1 and joint in alike and all(values.get(n) == value for n in alike)
-        entries[pattern if same else joint] = value
+        same = len(alike) > 1 and joint in alike and all(values.get(n) == pair for n in alike)
+        entries[pattern if same else joint] = pair
     if len(entries) > MOST_LOCKED:
         return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
     pronoun = "it" if len(values) == 1 else "them"

@@ -48,7 +48,7 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         tolerance: largest error of the position where the path of the ball ends, above 0 [m]. It
             counts everything that the scene names, but not how well the scene describes the world:
             coefficients are as good as their sources. None models everything, with a relative
-            tolerance of 1e-12 of the integrators. A tolerance that they cannot reach is computed in
+            tolerance of 1e-9 of the integrators. A tolerance that they cannot reach is computed in
             the same manner, and `within_tolerance` of the result is False.
 
     Raises:

@@ -27,7 +27,7 @@ from kickdyn.restitution import range_warnings
 from kickdyn.robot.ground_clearance import Depth, find_depths
 from kickdyn.robot.kicking_chain import rest_configuration
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.model_validation import listed
+from kickdyn.robot.names import listed
 from kickdyn.robot.standing import hold_support, missing_shapes
 
 APPROACH, BACKSWING = 10, 40

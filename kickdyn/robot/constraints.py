@@ -23,7 +23,8 @@ from kickdyn.core.representation import ReadOnlyArrays, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.mimic_joints import Gears
-from kickdyn.robot.model_validation import frame_id, listed
+from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.names import listed
 
 CLOSED = 1e-9
 """Gap [m] up to which a loop counts as closed."""

@@ -12,7 +12,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.mimic_joints import Gears, Mimic
-from kickdyn.robot.model_validation import unknown
+from kickdyn.robot.names import expand_patterns, unknown
 
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
@@ -235,20 +235,26 @@ def lock_joints(
 ) -> Any:
     """Return a `pin.Model` with joints locked at their values [rad; m for prismatic joints].
 
-    With a joint, those that mimic it are locked.
+    A name may be a pattern, as for `expand_patterns`. With a joint, those that mimic it are locked.
 
     Raises:
         InvalidInput: no such joint, a value that is not finite or outside the joint's range, a
             mimic joint without its driver, or all joints are locked.
     """
-    table, joints = JointTable(model, mimics), validation.mapping("joints", joints)
-    if not joints:
+    table, wanted = JointTable(model, mimics), validation.mapping("joints", joints)
+    if not wanted:
         return model
+    for name in wanted:
+        if not expand_patterns({name: 0.0}, table.single_joints):
+            table.velocity_index(name)  # raises
+    joints = expand_patterns(wanted, table.single_joints)
     for mimic in table.mimics:
         if mimic.joint in joints and mimic.driver not in joints:
             raise InvalidInput(
                 f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks both"
             )
+        if mimic.joint not in wanted:
+            joints.pop(mimic.joint, None)
     q = table.configuration(joints)
     for line in table.outside_range(q):
         if any(line.startswith(f"{joint} at ") for joint in joints):

@@ -140,8 +140,9 @@ class Leg(JointTable, ReprMixin):
             base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
-            locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
-                joints], before inertias are judged: of a joint that moves no mass, for example.
+            locked: joints to lock at their values [rad; m for prismatic joints], before inertias
+                are judged: of a joint that moves no mass, for example. A name may be a pattern as
+                of a shell, such as `"LFinger*"`; a joint's own name goes before patterns.
             package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
                 named `package://NAME/...`, before the folders that contain the file and those of
                 the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
@@ -319,6 +320,8 @@ class Leg(JointTable, ReprMixin):
 
     def locked(self, joints: Mapping[str, float]) -> "Leg":
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
+
+        Names may be patterns, as for `from_urdf`.
 
         Raises:
             InvalidInput: no such joint, a value that is not finite or outside the joint's range,

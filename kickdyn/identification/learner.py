@@ -108,8 +108,8 @@ class Learner(ReprMixin):
     r"""Finds the launch, or the kick, that meets a goal although the model is only approximate.
 
     `command` is the next launch or kick: carry it out, and pass what the ball did to `observe`,
-    until `is_done`. Without a leg, the command is a launch velocity :math:`v`, and whoever carries it
-    out assumes the restitution :math:`e_0`, so that the ball leaves with
+    until `is_done`. Without a leg, the command is a launch velocity :math:`v`. Whoever carries it
+    out assumes the restitution :math:`e_0`, so that the ball leaves with the velocity
     :math:`v (1 + e) / (1 + e_0)`. With a leg, the command is a kick that is planned with the
     restitution that is known by then.
 

@@ -93,7 +93,9 @@ def sweep(
         executor: an executor with the interface of `concurrent.futures`, such as one of a cluster,
             instead of threads. Its workers must see `store` and have the same versions; it is not
             shut down, and its own errors are not changed.
-        progress: function that is called as postures are computed.
+        progress: function that is called as postures are computed, with their number since the last
+            call and the highest ball speed among those from which the leg can kick
+            [m/s; nan without any].
 
     Returns:
         A dataset with one dimension per joint, the variables of `dataset.VARIABLES` and `status`, a

@@ -40,7 +40,8 @@ from kickdyn.identification.identify import replaced, scaled
 from kickdyn.identification.track import Track
 from kickdyn.impact.strike import strike
 from kickdyn.planning.goal import Goal
-from kickdyn.planning.kick import KickPlan, plan_kick
+from kickdyn.planning.kick import plan_kick
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, fly_to_target, plan_launch
 from kickdyn.restitution import (
     Restitution,

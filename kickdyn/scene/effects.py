@@ -42,11 +42,11 @@ class EffectVerdict(NamedTuple):
     """Whether one effect of the scene is modelled.
 
     Attributes:
-        effect: its name.
-        modelled: whether it is; otherwise it is neglected.
-        bound: how far neglecting it can move the end [m]; inf where no bound is known, nan where
-            none was needed.
-        why: the reason.
+        effect: name of the effect.
+        modelled: whether the effect is modelled; otherwise it is neglected.
+        bound: bound on how far neglecting it can move the end [m]; inf where no bound is known, nan
+            where none was needed.
+        why: reason for the decision.
     """
 
     effect: str

@@ -40,16 +40,18 @@ MODEL_SHARE, CONTACT_SHARE, FLIGHT_SHARE = 0.5, 0.4, 0.1
 def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
     r"""Find where the ball of a scene ends, to a tolerance.
 
-    Every effect of the scene has a bound :math:`b_i` on how far neglecting it can move the end;
-    the least are neglected while :math:`\sum b_i \le` half the tolerance. The rest is computed as
-    exactly as the other half requires, by the integrators' own estimates.
+    Every effect of the scene, such as drag or wind, has a bound :math:`b_i` on how far neglecting
+    it can move the end. The effects with the smallest bounds are neglected, as long as the sum of
+    their bounds is at most half the tolerance. The rest is computed as exactly as the other half
+    requires, by the estimates of the integrators.
 
     Args:
-        scene: the kick.
-        tolerance: on the position where the ball's path ends, above 0 [m]. It is meant against
-            everything the scene names, not against the world: coefficients are as good as their
-            sources. None models everything, at a relative tolerance of `FINEST`. A tolerance below
-            what that reaches is answered likewise, and `within_tolerance` of the answer is False.
+        scene: the scene of the kick.
+        tolerance: largest error of the position where the path of the ball ends, above 0 [m]. It
+            counts everything that the scene names, but not how well the scene describes the world:
+            coefficients are as good as their sources. None models everything, with a relative
+            tolerance of 1e-9 of the integrators. A tolerance that they cannot reach is computed in
+            the same manner, and `within_tolerance` of the result is False.
 
     Raises:
         NoImpact: foot and ball do not approach each other.

@@ -34,23 +34,23 @@ class Simulation(Printed):
     """The result of a scene. `print` shows its error budget as a table.
 
     Attributes:
-        scene: as given.
-        tolerance: on the position of the end [m]; None where everything is modelled, except for
-            what the `verdicts` neglect.
-        impact: of an instant, or one that took time.
+        scene: the scene, as it was given.
+        tolerance: tolerance on the position of the end [m]; None where everything is modelled,
+            except for what the `verdicts` neglect.
+        impact: the impact, of an instant or of a finite contact time.
         launch: the ball as it leaves the foot.
-        end: where its path ends: on the ground, at the height of the launch, at the plane, or at
-            rest on a ground with a surface. Its time counts from the launch.
-        status: which of them: `landed`, `at-plane` or `at-rest`. Any other status, as of `Flight`
-            and `Course`, says why the path has no end; `end` is then its last state.
-        path: the flight or the course; None where large steps were used.
-        verdicts: on each effect of the scene.
+        end: the ball at the end of its path: on the ground, at the height of the launch, at the
+            plane, or at rest on a ground with a surface. Its time counts from the launch.
+        status: how the path ends: `landed`, `at-plane` or `at-rest`. Any other status, as of
+            `Flight` and `Course`, says why it has no end; `end` is then the last state.
+        path: the flight or the course; None where a flight in a few large steps was exact enough.
+        verdicts: the decision on each effect of the scene, with its bound and its reason.
         method: how the end was computed.
-        evaluations: of the accelerations in contact and flight, those for bounds and for
-            `end_deviation` included, but not those of `numerical_error`.
-        end_deviation: standard deviation of the end by the scene's `uncertainty`, to first order,
-            velocity and spin varying together [m]; nan where the scene has none, inf where the path
-            has no end.
+        evaluations: number of evaluations of the accelerations in contact and flight, with those
+            for bounds and for `end_deviation`, but without those of `numerical_error`.
+        end_deviation: standard deviation of the end that follows from the `uncertainty` of the
+            scene, to first order, velocity and spin varying together [m]; nan where the scene has
+            none, inf where the path has no end.
     """
 
     scene: Scene
@@ -73,7 +73,7 @@ class Simulation(Printed):
 
     @cached_property
     def numerical_error(self) -> float:
-        """Estimate of what the integrators miss at the end [m]; inf where there is none."""
+        """Estimate of the numerical error of the end [m]; inf where there is no estimate."""
         return self._numerical()
 
     @cached_property
@@ -90,26 +90,26 @@ class Simulation(Printed):
 
     @property
     def model_error(self) -> float:
-        """Bound on what the neglected effects would change at the end [m]."""
+        """Bound on the distance by which the neglected effects would move the end [m]."""
         return math.fsum(v.bound for v in self.verdicts if not v.modelled)
 
     @property
     def error(self) -> float:
-        """Error of the end: `model_error` and `numerical_error` together [m].
+        """Error of the end, the sum of `model_error` and `numerical_error` [m].
 
-        It is at most `tolerance`, unless the integrators cannot reach that: see
-        `within_tolerance`.
+        It is at most `tolerance`, unless the integrators cannot reach that; then
+        `within_tolerance` is False.
         """
         return self.model_error + self.numerical_error
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the error is within the tolerance; without one, whether the error is known."""
+        """Whether the error is within the tolerance; without one, whether the error is finite."""
         return self.error <= (sys.float_info.max if self.tolerance is None else self.tolerance)
 
     @property
     def end_text(self) -> str:
-        """Status and position of the end in words."""
+        """Status and position of the end, as text."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
         words = _WORDS.get(self.status, f"NO END ({self.status}), computed as far as")
         return f"{words} ({x:.3f}, {y:.3f}, {z:.3f}) m"
@@ -145,7 +145,7 @@ class Simulation(Printed):
         return score_at(left, up, scene.ball.radius, arrives=arrives)
 
     def pitch_numbers(self) -> dict[str, Any]:
-        """Return `passage` and `score` as what JSON can hold, by the keys `wall`, `goal_mouth`."""
+        """Return `passage` and `score` as dictionaries for JSON, `wall` and `goal_mouth`."""
         passage, score = self.passage, self.score
         return {
             "wall": passage and {"above": passage.above, "beside": passage.beside},
@@ -154,7 +154,7 @@ class Simulation(Printed):
 
     @property
     def start_height(self) -> float:
-        """Height of the ball's lower edge over the ground as it leaves the foot [m]."""
+        """Height of the ball's lower edge over the ground at the launch [m]; 0 without a ground."""
         ground = self.scene.ground
         if ground is None:
             return 0.0
@@ -162,7 +162,7 @@ class Simulation(Printed):
 
     @property
     def pitch_text(self) -> str:
-        """How the ball passes the wall and meets the goal, in sentences; empty without both."""
+        """Sentences on how the ball passes the wall and meets the goal; empty without both."""
         said = []
         if self.scene.wall is not None:
             said.append(str(self.passage or "The ball lands before it reaches the wall."))
@@ -174,7 +174,7 @@ class Simulation(Printed):
 
     @property
     def frame_text(self) -> str:
-        """The frame of the positions, and where the ground is, as a sentence."""
+        """A sentence on the frame of the positions and on the height of the ground."""
         origin = "in the world frame" if is_floating(self.scene.leg) else "from the base of the leg"
         ground = self.scene.ground
         where = "" if ground is None else f"; the ground is at z = {ground.height:.3f} m"
@@ -192,7 +192,7 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the leg, and of coefficients of contact and air used outside their ranges."""
+        """Warnings of the leg, and of coefficients of contact and air outside their ranges."""
         impact = self.impact
         return (
             *self.scene.leg.warnings,

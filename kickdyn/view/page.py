@@ -25,7 +25,7 @@ from kickdyn.flight.follow import Course
 from kickdyn.identification.identification_result import Identification
 from kickdyn.impact.impact_result import Impact
 from kickdyn.planning.backswing import Backswing
-from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch
 from kickdyn.planning.passes import Pass
 from kickdyn.planning.swing import Swing

@@ -21,7 +21,7 @@ from kickdyn.scene.effects import INCLUDED, EffectSize, EffectVerdict
 from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
 from kickdyn.scene.scene import Scene
 
-_WORDS = {
+_WORDS: dict[str, str] = {
     FlightStatus.LANDED: "landed at",
     FlightStatus.AT_PLANE: "reached the plane at",
     FlightStatus.AT_REST: "came to rest at",

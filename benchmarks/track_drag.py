@@ -1,12 +1,12 @@
 """Coverage of the drag coefficient of a whole track: `python benchmarks/track_drag.py`.
 
 Each synthetic track has six kicks of 9 to 26 m/s with spins up to 60 rad/s, each with a bounce,
-sampled at 50 Hz with noise of 3 to 15 mm. It is cut by `kd.segments`, and its flights are fitted, as
-by `kickdyn identify`. Printed is how often the true mean lies in the 95 % interval of Student's t
-distribution about the mean over the flights: for one drag coefficient of 0.2 in all flights; for
+sampled at 50 Hz with noise of 3 to 15 mm. It is cut by `kd.segments`, and its flights are fitted,
+as by `kickdyn identify`. Printed is how often the true mean lies in the 95 % interval of Student's
+t distribution about the mean over the flights: for one drag coefficient of 0.2 in all flights; for
 the same with smoothed noise; and for coefficients with a standard deviation of 0.03, where each
-kick ends before its bounce, so that no two flights share a coefficient. Arguments: the number of
-tracks of each kind, 24 without it, and the first seed.
+of twelve kicks ends before its bounce, so that no two flights share a coefficient. Arguments: the
+number of tracks of each kind, 24 without it, and the first seed.
 """
 
 import sys

@@ -139,5 +139,5 @@ def test_a_track_in_other_units_or_under_the_ground_is_refused(change, message):
 def test_a_track_with_times_in_minutes_is_refused():
     path = kd.fly(kd.BallState((0, 0, 1), (15, 2, 6)), BALL)
     times = np.arange(0, path.duration, 0.02)
-    with pytest.raises(kd.InvalidInput, match="faster than sound: .* times in seconds"):
+    with pytest.raises(kd.InvalidInput, match=r"faster than sound: .* times in seconds"):
         kd.segments(kd.Track(times / 60.0, path.sample(times).position))

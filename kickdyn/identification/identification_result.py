@@ -41,11 +41,11 @@ class ModelScore(NamedTuple):
     """How well a drag model predicts the second half of flights from the first.
 
     Attributes:
-        model: its name.
-        prediction_rms: of the distance between prediction and measurement in the second halves,
-            root mean square over the flights [m].
-        fit_rms: of the distance in the first halves, to which it was fitted [m].
-        flights: prediction_rms of each flight [m].
+        model: name of the model.
+        prediction_rms: distance between prediction and measurement in the second halves, root mean
+            square over all flights [m].
+        fit_rms: distance in the first halves, to which the model was fitted, root mean square [m].
+        flights: `prediction_rms` of each flight [m].
     """
 
     model: str
@@ -65,19 +65,19 @@ class Identification(ReprMixin):
 
     Attributes:
         tracks: the measured tracks.
-        ball: mass and radius.
-        air: with the coefficients and the wind that were found.
-        launches: for each flight the state at its first sample. A spin has all three components;
-            those that the measurement does not determine are the most probable ones.
-        names: of the unknowns.
-        estimates: of the unknowns, shape `(p,)`.
-        covariance: of the estimates, shape `(p, p)`.
+        ball: the ball.
+        air: the air, with the coefficients and the wind that were found.
+        launches: the state of the ball at the first sample of each flight. A spin has all three
+            components; those that the measurement does not determine are the most probable ones.
+        names: names of the unknowns.
+        estimates: estimates of the unknowns, shape `(p,)`.
+        covariance: covariance of the estimates, shape `(p, p)`.
         residuals: fitted less measured positions, of all flights in a row, shape `(n, 3)` [m].
         used: which samples count, shape `(n,)`; the others are outliers.
         noise: standard deviation of one measured coordinate [m].
         widening: factor by which the deviations are larger than those of independent samples,
             because neighbouring residuals are correlated.
-        comparison: drag models, the best first.
+        comparison: scores of the drag models and airs that were compared, the best one first.
     """
 
     tracks: tuple[Track, ...]
@@ -114,7 +114,7 @@ class Identification(ReprMixin):
 
     @cached_property
     def undetermined(self) -> dict[str, str]:
-        """The unknowns that the measurement does not determine, and why not.
+        """The unknowns that the measurement does not determine, each with the reason.
 
         Their standard deviation is more than half the value, and not small: more than 1 rad/s of a
         spin, 0.005 of a drag coefficient, 0.025 of a factor, 0.15 m/s of a wind. Or it is more than
@@ -158,7 +158,7 @@ class Identification(ReprMixin):
         """The state at the first sample of the only flight.
 
         Raises:
-            InvalidInput: there are several flights: `launches` has theirs.
+            InvalidInput: there are several flights; `launches` has theirs.
         """
         if len(self.launches) > 1:
             raise InvalidInput(f"there are {len(self.launches)} flights: launches has the states")
@@ -179,7 +179,11 @@ class Identification(ReprMixin):
 
     @property
     def flight(self) -> Flight:
-        """The fitted flight; raises `InvalidInput` if there are several."""
+        """The fitted flight.
+
+        Raises:
+            InvalidInput: there are several flights; `flights` has these.
+        """
         return self.flights[self.launches.index(self.launch)]
 
     @property
@@ -190,7 +194,7 @@ class Identification(ReprMixin):
 
     @property
     def time_residuals(self) -> Array:
-        r"""How late each position was measured on the fitted path, shape `(n,)` [s].
+        r"""Time by which each position was measured late on the fitted path, shape `(n,)` [s].
 
         :math:`r \cdot v / |v|^2` with the residual r and the measured velocity v.
         """
@@ -202,7 +206,7 @@ class Identification(ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before using the numbers; empty if there is nothing."""
+        """Lines about what to know before using the numbers; empty if there is nothing."""
         lines = []
         if self.rms > self.ball.radius:
             lines.append(

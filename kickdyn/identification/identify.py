@@ -108,17 +108,19 @@ def identify(
     The derivatives are integrated by `fly_lanes`.
 
     Args:
-        track: the positions in one flight, from after its start to before its end, without a
-            bounce; or several flights, which then share drag, lift and wind.
-        ball: mass and radius.
-        air: density, coefficients and wind of the fit; None is `Air()`.
+        track: positions in one flight, from after its start to before its end, without a bounce; or
+            those of several flights, which then share drag, lift and wind.
+        ball: the ball; its mass and radius count.
+        air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
             one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
-        spin: known spin, shape `(3,)` [rad/s, world frame]; used where `spin` is not sought.
-        ground: if given, a ball that lies deeper than its turf is refused.
-        compare: drag models by name, or airs, to be ranked by how well each, fitted to the first
-            half of each flight, predicts the second. The fit itself uses `air`.
+        spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
+            `spin`.
+        ground: the ground; a ball that is under it is refused. None means that its height is
+            unknown.
+        compare: drag models by name, or airs, which are ranked: each is fitted to the first half of
+            each flight and predicts the second one. The fit itself uses `air`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no

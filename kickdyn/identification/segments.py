@@ -155,16 +155,17 @@ class Segments(Printed):
 
     Attributes:
         track: the whole track.
-        parts: in the order of time.
-        restitution: of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
-        friction: impulse along the ground over across it, :math:`|\Delta v_{xy}| / \Delta v_z`,
-            of the bounces on which the ball slid to the end. A ball that comes from a touch is
-            taken to have no spin, one that comes from a bounce to have the spin that the bounce
-            gave it. Where no ball slid, it is the largest of all ratios; `warnings` then says that
-            friction may be higher. None without a bounce.
-        rolling_deceleration: of the second halves of rolling parts [m/s2], without the drag of the
-            air, as a kicked ball slides first; None without such a part.
-        warnings: what to know before using the numbers.
+        parts: the parts, in the order of time.
+        restitution: restitution of the bounces, :math:`-v_z^+ / v_z^-`; None without a bounce.
+        friction: ratio of the impulses along and across the ground,
+            :math:`|\Delta v_{xy}| / \Delta v_z`, of the bounces in which the ball slid to the end.
+            A ball that comes from a touch is taken to have no spin, one that comes from a bounce to
+            have the spin that the bounce gave it. Where no ball slid, it is the largest of all
+            ratios; `warnings` then says that friction may be higher. None without a bounce.
+        rolling_deceleration: deceleration in the second halves of the parts in which the ball rolls
+            [m/s2], without the drag of the air. A kicked ball slides in the first half. None
+            without such a part.
+        warnings: lines about what to know before using the numbers; empty if there is nothing.
     """
 
     track: Track
@@ -209,7 +210,7 @@ class Segments(Printed):
 
     @property
     def surface(self) -> Surface:
-        """The ground as `kickdyn.follow` takes it, with the deviations of its coefficients.
+        """The surface of the ground for `kickdyn.follow`, with the deviations of its coefficients.
 
         Raises:
             InvalidInput: the track has no bounce, or no rolling part.
@@ -259,10 +260,10 @@ def segments(
     """Return the flights, rolls and rests of a track, with the reason for each cut.
 
     Args:
-        track: positions of the ball's centre.
-        ball: its radius tells when it is on the ground; None is `Ball()`.
-        ground: its height; None is z = 0.
-        air: its drag is not counted as rolling deceleration; None is `Air()`.
+        track: measured positions of the centre of the ball.
+        ball: the ball, whose radius tells when it is on the ground; None is `Ball()`.
+        ground: the ground, of which the height counts; None is z = 0.
+        air: the air, whose drag is not counted as rolling deceleration; None is `Air()`.
 
     Raises:
         InvalidInput: fewer than 5 samples, samples a second or more apart, a track under the

@@ -43,11 +43,12 @@ class Track(ValueEquality, ReprMixin):
     need not be constant: leave out the samples at which there is no measurement.
 
     Args:
-        times: shape `(n,)` [s], increasing.
-        positions: shape `(n, 3)` [m, world frame: z up].
+        times: times of the samples, shape `(n,)` [s], increasing.
+        positions: positions of the centre, shape `(n, 3)` [m, world frame: z up].
 
     Raises:
-        InvalidInput: other shapes, an entry that is not finite, or times that do not increase.
+        InvalidInput: other shapes, no sample, an entry that is not finite, or times that do not
+            increase.
     """
 
     times: Array
@@ -110,8 +111,8 @@ class Track(ValueEquality, ReprMixin):
         Rows in which one of the four values is empty are gaps and are left out.
 
         Args:
-            file: UTF-8 text, up to 64 MB.
-            columns: the names of the columns with the time [s] and the three coordinates [m].
+            file: the file, UTF-8 text, up to 64 MB.
+            columns: names of the columns with the time [s] and the three coordinates [m].
 
         Raises:
             FaultyFile: the file cannot be read, a column is missing, a value is not a number, or
@@ -170,14 +171,14 @@ class Track(ValueEquality, ReprMixin):
     @classmethod
     @validation.check_arguments
     def from_c3d(cls, file: str | PathLike[str], marker: str | None = None) -> "Track":
-        """Read a track from a C3D file of a motion capture system: `pip install "kickdyn[c3d]"`.
+        """Read a track from a C3D file of a motion capture system.
 
-        Frames in which the marker was not seen are gaps and are left out. Positions are converted
-        to metres by the unit that the file names.
+        Needs ezc3d, `pip install "kickdyn[c3d]"`. Frames in which the marker was not seen are gaps
+        and are left out. Positions are converted to metres by the unit that the file names.
 
         Args:
-            file: up to 64 MB, its z axis up.
-            marker: its label; None takes the only one of the file.
+            file: the file, up to 64 MB, with its z axis up.
+            marker: label of the marker; None takes the only one of the file.
 
         Raises:
             FaultyFile: the file cannot be read, does not have the marker, or does not name its

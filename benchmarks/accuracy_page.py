@@ -131,8 +131,8 @@ def machine(began: float) -> str:
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20  # KiB on Linux
     return (
         f"The numbers are those of one run on {os.cpu_count()} CPUs ({platform.machine()}) with "
-        f"Python {platform.python_version()}, {versions}. It took {time.process_time() - began:.0f} "
-        f"s of CPU and {most:.1f} GiB of memory, which the chain of 500 joints needs."
+        f"Python {platform.python_version()}, {versions}. It took {time.process_time() - began:.0f}"
+        f" s of CPU and {most:.1f} GiB of memory, which the chain of 500 joints needs."
     )
 
 

@@ -56,7 +56,7 @@ def _save(picture: Path, file: Path) -> None:
     image.thumbnail((1280, 1280))
     image.save(file, optimize=True)
     if file.stat().st_size > MOST:
-        image.quantize(256).save(file, optimize=True)
+        image.quantize(256, Image.Quantize.MAXCOVERAGE).save(file, optimize=True)
 
 
 if __name__ == "__main__":

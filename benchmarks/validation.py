@@ -107,7 +107,6 @@ def mechanical_limb() -> Iterator[Row]:
         "it falls because the fitted e falls; with one number for e, ball over foot speed of two "
         "masses is the same at all speeds, because every equation of the impact is proportional "
         "to speed",
-        "ball over foot speed, foot at 21.2 against 9.1 m/s",
     )  # fmt: skip
     legs = [leg_ratio(FAST, e) / leg_ratio(SLOW, e) - 1.0 for e in (MODEL, compliance.RESTITUTION)]
     yield Row(
@@ -195,7 +194,6 @@ def punts() -> Iterator[Row]:
             f"{which}; ours is of Hertz's spring, and {other:.2f} of the spring from pressure. No "
             "choice of mean, spring and dissipation has both M2 and M3 inside. The forces (2062 "
             "and 1045 N) have no ball speed",
-            f"peak over mean force, mean {name}",
         )  # fmt: skip
     assert not both, "a remark on M3 says so"
     for name, stiffness, why in (
@@ -251,7 +249,6 @@ def restitution() -> Iterator[Row]:
         f"fitted to M1, {sign(fall, -1)}",
         "a line through the data of M1; the abstract of M6 has no numbers, and a number for e has "
         "no trend",
-        "e as the impact gets faster",
     )  # fmt: skip
     yield Row(
         "M6", "e of a small contact area (toe) against a large one (instep)",
@@ -265,7 +262,6 @@ def restitution() -> Iterator[Row]:
         "not comparable",
         "only the abstract could be read, which has neither the formula nor numbers; likewise that "
         "of the earlier paper of the same laboratory (Choi, Yi & Kwon, ICRA 2011)",
-        "e over speed, mass, contact time and drag; travel distance with a variable e",
     )  # fmt: skip
 
 
@@ -277,7 +273,7 @@ def curves() -> Iterator[Row]:
     yield Row(
         "M8", "spin as the offset grows", "grows",
         f"{spins[0.4][4]:.0f} to {spins[0.4][16]:.0f} rad/s from 20 to 80 mm, mu = 0.4",
-        sign(grown, 1), "", "spin as the offset of the foot grows from 20 to 80 mm",
+        sign(grown, 1),
     )  # fmt: skip
     added = [one - none for one, none in zip(spins[1.0], spins[0.0], strict=True)]
     yield Row(
@@ -294,7 +290,6 @@ def curves() -> Iterator[Row]:
         "M8", "spin that friction of 1 instead of 0 adds", "13 rad/s at most",
         f"{max(added):.0f} rad/s at {1e3 * offsets[int(np.argmax(added))]:.0f} mm",
         within(0.0, 13.0, max(added)), why,
-        "spin that friction of 1 instead of 0 adds",
     )  # fmt: skip
     yield Row(
         "M8", "spin without friction", "not 0", f"{max(spins[0.0]):.0f} rad/s",
@@ -382,7 +377,6 @@ def plans() -> Iterator[Row]:
         "the source models the foot as a point mass and attributes the energy loss of the ball "
         "to this mass, so that its value depends on e; the effective mass of Eq. (10) depends on "
         "the posture, which is not given, but not on e",
-        "effective mass of the foot: instep, inside, toe",
     )  # fmt: skip
 
 
@@ -397,7 +391,6 @@ def air() -> Iterator[Row]:
         f"fitted (default), {close((values[1], 0.2))} (`goff-carre`)",
         "the default is this source's value; `goff-carre` is by the same authors for another ball "
         "(Eur. J. Phys. 31, 2010), and is 0.155 beyond its crisis",
-        "C_D without spin, above the crisis",
     )  # fmt: skip
     pairs = {
         speed: [f(speed * per_speed, 0.0) for f in (drag.supercritical, drag.MODELS["brazuca"])]
@@ -413,14 +406,12 @@ def air() -> Iterator[Row]:
         verdict([abs(low[0] - high[0]) > 0.05]),
         "the default lift has a crisis, the default drag none down to 4.8 m/s, because the ball of "
         "A1 has none; use `brazuca` for both. The abstract has no coefficients",
-        "drag and lift from 29 trajectories",
     )  # fmt: skip
     yield Row(
         "A4", "lift of 24 golf shots", "not followed by a lift that saturates",
         "the default lift saturates", "not comparable",
         "golf balls have dimples and spin parameters beyond 0.3, to which measurements of soccer "
         "balls extend, so that they are not comparable",
-        "lift of 24 golf shots",
     )  # fmt: skip
 
 
@@ -490,7 +481,7 @@ def tracked() -> Iterator[Row]:
         "ball and wind are unknown, and flights differ more than the models do "
         "([Identification](identification-accuracy.md#which-drag-model)): "
         "no default can be inside all of them",
-        "C_D in flights of a match",
+        "drag coefficient in flights of a match",
     )  # fmt: skip
 
 

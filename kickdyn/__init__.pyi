@@ -47,8 +47,8 @@ from .impact.unilateral import UnilateralImpact as UnilateralImpact
 from .impact.unilateral import unilateral_strike as unilateral_strike
 from .plane import Plane as Plane
 from .planning.goal import Goal as Goal
-from .planning.kick import KickPlan as KickPlan
 from .planning.kick import plan_kick as plan_kick
+from .planning.kick_plan import KickPlan as KickPlan
 from .planning.launch import Launch as Launch
 from .planning.launch import plan_launch as plan_launch
 from .planning.passes import Pass as Pass

@@ -3,6 +3,7 @@
 import math
 import re
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -107,14 +108,26 @@ def test_the_page_has_every_measurement_and_explains_what_is_outside():
             assert any(f"**{row[0]}, " in line and row[1] in line for line in remarks()), row
 
 
-def test_the_readme_repeats_rows_of_the_page_on_every_measurement():
+def test_the_readme_repeats_rows_of_the_page_and_counts_all_of_them():
+    """A row with two verdicts counts by the first, that of the default or of the prediction."""
     page = [line.strip("| ").split(" | ") for line in rows(PAGE)]
-    names = {line.split(" ")[1] for line in rows(README)}
-    assert names >= {f"M{k}" for k in range(1, 12)} | {f"A{k}" for k in range(1, 5)}
     given = {(row[0], *row[2:5]) for row in page}
-    for line in rows(README):
-        number, _, *values = line.strip("| ").split(" | ")
-        assert (number, *values) in given
+    chosen = [line.strip("| ").split(" | ") for line in rows(README)]
+    assert {(row[0], *row[2:]) for row in chosen} <= given
+    measured, shown = (
+        [row[4].split()[0].strip("*,") for row in table if row[0][0] in "MAT"]
+        for table in (page, chosen)
+    )
+    counts = Counter(measured)
+    text = " ".join(README.read_text("utf-8").split())
+    assert (
+        f"Of all {len(measured)} comparisons with measurements, {counts['inside']} are inside, "
+        f"{counts['partly']} partly and {counts['outside']} outside. In {counts['fitted']}, a "
+        f"parameter was fitted to data of the same source; in {counts['same']}, only the sign of "
+        f"a trend is known, and agrees; {counts['not']} are not comparable."
+    ) in text
+    for verdict in ("partly", "outside"):
+        assert shown.count(verdict) / len(shown) >= counts[verdict] / len(measured)
 
 
 def row_of(number):

@@ -1,7 +1,9 @@
 """The options of command lines that say which leg kicks, and how it is held."""
 
+import re
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import click
@@ -107,11 +109,17 @@ def _read_supports(
 
 def _completed_leg(context: click.Context) -> Leg | None:
     """Return the leg that a command line names so far; None where it cannot be read."""
-    given = context.params
-    try:
-        return load_leg(given.get("leg_name") or "human", given.get("frame"))
-    except (InvalidInput, OSError):
-        return None
+    name = context.params.get("leg_name") or "human"
+    frames = [context.params.get("frame")]
+    if Path(name).is_file():  # whose frames need not have the default's name
+        text = Path(name).read_text("utf-8", errors="replace")
+        frames += re.findall(r'<(?:link|body)\s[^>]*?name="([^"]+)"', text)[-1:]
+    for frame in frames:
+        try:
+            return load_leg(name, frame)
+        except (InvalidInput, OSError):
+            pass
+    return None
 
 
 def joint_names(context: click.Context) -> list[str]:
@@ -142,8 +150,8 @@ _OPTIONS = (
                  "its right foot]"),
     click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
                  shell_complete=offers(joints_to_set),
-                 help="Lock a joint at a value [deg; m for prismatic joints]; "
-                 "repeatable."),
+                 help="Lock a joint at a value [deg; m for prismatic joints], or all joints that a "
+                 "pattern matches, as 'LFinger*=0'; repeatable."),
     click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
                  shell_complete=offers(frame_names),
                  help="Close a kinematic loop, which a URDF file cannot have, by a ball joint "

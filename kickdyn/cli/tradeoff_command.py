@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from kickdyn.accuracy.effect_sizes import EffectSize, effect_figure, measure_effects
+from kickdyn.accuracy.effect_sizes import effect_figure
 from kickdyn.accuracy.measurement import Measurement, front_figure
 from kickdyn.cli.command import Command, busy, check_files, offers
 from kickdyn.cli.scene_argument import scene_names
@@ -19,7 +19,8 @@ from kickdyn.core.console import empty_table, screen_width
 from kickdyn.core.files import finite, write_json
 from kickdyn.core.plot_style import check_name, save_figure
 from kickdyn.errors import InvalidInput
-from kickdyn.scene.simulate import simulate
+from kickdyn.scene.effects import EffectSize
+from kickdyn.scene.simulate import measure_effects, simulate
 from kickdyn.scene.simulation import Simulation
 from kickdyn.scene.toml_reader import load_scene
 
@@ -114,6 +115,7 @@ def _compare_effects(file: str, json_file: str | None, plot: str | None) -> None
     whole = simulate(scene, None)
     with busy("measuring") as show:
         sizes = measure_effects(whole, lambda name: show(f"measuring {name}"))
+    sizes.sort(key=lambda size: math.inf if math.isnan(size.end) else -size.end)
     if plot is not None:
         save_figure(effect_figure(scene.name, sizes), plot)
     if json_file is not None:

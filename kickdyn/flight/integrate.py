@@ -22,6 +22,10 @@ MAX_EVALUATIONS = 250_000
 """Most evaluations of the rates: a ball in syrup would take an explicit method for ever."""
 
 Rates = Callable[[float, Array], list[float]]
+"""The rates of change of the states, as a function of the time [s] and the states."""
+
+Node = tuple[float, Array, Array]
+"""A time [s], the states there and their rates."""
 
 _STAGES = DOP853.n_stages
 _ERRORS = np.array([DOP853.E5, DOP853.E3])
@@ -35,8 +39,9 @@ class Event(NamedTuple):
 
     Attributes:
         value: that function.
-        rate: its rate of change as a function of the states, or None. With it, a value that falls
-            and rises again within a step is seen too, as of a ball that grazes a wall.
+        rate: its rate of change, a linear function of the states, so that of their rates it is the
+            second derivative; or None. With it, a value that falls and rises again within a step is
+            seen too, as of a ball that grazes a wall.
     """
 
     value: Callable[[Array], float]
@@ -60,6 +65,16 @@ class Step(DenseOutput):  # type: ignore[misc]
         self.begin, self.end, self.slopes = begin, end, slopes
         self._rates = rates
         self._terms: Array | None = None
+
+    @property
+    def first(self) -> Node:
+        """Return the node at the beginning."""
+        return self.t_old, self.begin, self.slopes[0]
+
+    @property
+    def last(self) -> Node:
+        """Return the node at the end."""
+        return self.t, self.end, self.slopes[_STAGES]
 
     def terms(self) -> Array:
         """Return the terms of the interpolant, shape `(7, m)`, which takes three evaluations."""
@@ -158,11 +173,13 @@ def fly_until(
 
     Where the upward speed, the state number `climb`, falls through zero is a crest; None is for no
     crests. Tolerances are relative and absolute, of each state, and `longest` limits a step [s].
-    Where the integrator gives up, `KickdynError` is raised.
+    A step in which the rate of an event may change its sign twice is halved, so that neither the
+    event nor a crest can come and go within it. Where the integrator gives up, `KickdynError` is
+    raised.
     """
     began, state = start
-    rate = np.array(rates(began, state))
-    if not np.isfinite(rate).all():  # the step size would become NaN
+    node = began, state, np.array(rates(began, state))
+    if not np.isfinite(node[2]).all():  # the step size would become NaN
         raise KickdynError(f"the acceleration is not finite at {began:g} s: no flight from there")
 
     def up(states: Array) -> float:
@@ -170,28 +187,29 @@ def fly_until(
         return float(states[climb])
 
     solver = _Solver(rates, rtol, atol, longest)
-    h, t = _first_step(state, rate, rtol, atol), began
+    turning = [event.rate for event in events if event.rate is not None]
+    h = _first_step(*node[1:], rtol, atol)
     pieces: list[Step] = []
     crests: list[Callable[[], tuple[float, Array]]] = []
     with np.errstate(over="ignore", invalid="ignore"):  # in a step that is then tried anew
-        while t < time_limit:
-            step, h = solver.step(t, state, rate, h, time_limit)
-            if climb is not None and up(state) > 0.0 > up(step.end):
-                step, h = solver.up_to_crest(climb, (t, state, rate), step, h)
-            before, node = state, (t, state, rate)
-            t, state, rate = step.t, step.end, step.slopes[_STAGES]
-            times = [_when(each, step, before, state) for each in events]
-            end = min(times)
-            if climb is not None and up(before) >= 0.0 >= up(state) and up(before) > up(state):
-                crests.append(partial(solver.refined, up, node, step))
-            if end == math.inf:
+        while node[0] < time_limit:
+            step, h = solver.step(node, h, time_limit)
+            while any(_turns_twice(rate, step) for rate in turning):
+                step, h = solver.step(node, 0.5 * (step.t - step.t_old), time_limit)
+            if climb is not None and _falls(up, step):
+                step = solver.up_to_crest(climb, step)
+            if climb is not None and _falls(up, step):  # still, else the next step does
+                crests.append(partial(solver.refined, up, step))
+            node = step.last
+            times = [_when(event, step) for event in events]
+            if min(times) == math.inf:
                 pieces.append(step)
                 continue
-            event = events[times.index(end)]
-            reached, final, end, state = solver.first_of(events, event, node, end)
+            event = events[times.index(min(times))]
+            reached, final, end, state = solver.first_of(events, event, step, min(times))
             used = 1 + solver.evaluations
             return FlightArc(end, state, [*pieces, *final], used, reached, crests)
-    return FlightArc(time_limit, state, pieces, 1 + solver.evaluations, None, crests)
+    return FlightArc(time_limit, node[1], pieces, 1 + solver.evaluations, None, crests)
 
 
 def _first_step(state: Array, rate: Array, rtol: float, atol: Array) -> float:
@@ -217,11 +235,9 @@ class _Solver:
         self.rates, self.rtol, self.atol, self.longest = rates, rtol, atol, longest
         self.evaluations = 0
 
-    def step(self, t: float, y: Array, rate: Array, h: float, bound: float) -> tuple[Step, float]:
-        """Return the next step, of at most h and up to `bound` [s], and how long the one after is.
-
-        The step begins at the time t and the states y, with their rates.
-        """
+    def step(self, node: Node, h: float, bound: float) -> tuple[Step, float]:
+        """Return the step from a node, of at most h and up to `bound` [s], and the next one's h."""
+        t, y, rate = node
         least, most = 10.0 * (math.nextafter(t, math.inf) - t), 10.0
         h = max(min(h, self.longest), least)
         while True:
@@ -251,74 +267,69 @@ class _Solver:
             if h < least:
                 raise _given_up(t, "the step would be shorter than time can be resolved")
 
-    def up_to_crest(
-        self, climb: int, start: tuple[float, Array, Array], step: Step, h: float
-    ) -> tuple[Step, float]:
-        """Return a step and the next one's length h [s], the step cut at a crest if need be.
+    def up_to_crest(self, climb: int, step: Step) -> Step:
+        """Return a step across a crest, cut there if the ball goes straight up.
 
-        A ball that goes straight up reverses its drag at the crest, where drag by the square of the
-        speed has a jump in its second derivative. A step across it misses the more, and its
-        estimate of the error may not see that.
+        Such a ball reverses its drag at the crest, where drag by the square of the speed has a jump
+        in its second derivative. A step across it has the larger an error, which its estimate may
+        not see.
         """
         level = math.hypot(*step.end[climb - 2 : climb])
-        fall = float(step.begin[climb] - step.end[climb])
-        if level > 0.1 * fall:
-            return step, h
-        crest = _root(lambda y: float(y[climb]), step, (step.begin[climb], step.end[climb]))
+        before, after = float(step.begin[climb]), float(step.end[climb])
+        if level > 0.1 * (before - after):
+            return step
+        crest = _root(lambda y: float(y[climb]), step, (before, after))
         part = (crest - step.t_old) / (step.t - step.t_old)
         if not 1e-6 < part < 1.0 - 1e-6:  # it ends there already
-            return step, h
-        return self.step(*start, crest - step.t_old, crest)[0], h
+            return step
+        return self.step(step.first, crest - step.t_old, crest)[0]
 
     def first_of(
-        self, events: Sequence[Event], event: Event, start: tuple[float, Array, Array], end: float
+        self, events: Sequence[Event], event: Event, step: Step, end: float
     ) -> tuple[Event, list[Step], float, Array]:
         """Return the event that ends a step, steps up to it, its time and the states there.
 
         `event` is the first on the interpolant of the step; on the steps taken anew, another may
         be.
         """
-        pieces, end, state = self._landed(event.value, start, end)
+        pieces, end, state = self._landed(event.value, step.first, end)
         for other in events:
-            if other is not event and other.value(start[1]) >= 0.0 > other.value(state):
+            if other is not event and other.value(step.begin) >= 0.0 > other.value(state):
                 event = other
-                pieces, end, state = self._landed(other.value, start, end)
+                pieces, end, state = self._landed(other.value, step.first, end)
         return event, pieces, end, state
 
-    def refined(
-        self, event: Callable[[Array], float], start: tuple[float, Array, Array], step: Step
-    ) -> tuple[float, Array]:
-        """Return time and states of an event in a step, which begins at `start`."""
+    def refined(self, value: Callable[[Array], float], step: Step) -> tuple[float, Array]:
+        """Return time and states where a value falls through zero within a step."""
         with np.errstate(over="ignore", invalid="ignore"):
-            when = _root(event, step, (event(step.begin), event(step.end)))
-            return self._landed(event, start, when)[1:]
+            when = _root(value, step, (value(step.begin), value(step.end)))
+            return self._landed(value, step.first, when)[1:]
 
     def _landed(
-        self, event: Callable[[Array], float], start: tuple[float, Array, Array], end: float
+        self, value: Callable[[Array], float], start: Node, end: float
     ) -> tuple[list[Step], float, Array]:
-        """Return steps to an event that was found on an interpolant, its time and the states there.
+        """Return steps to where a value falls through zero, the time and the states there.
 
-        Within a long step the interpolant is far less exact than the step. The event then is a
-        little off the end of the steps taken anew; a cubic covers a time so short that its error is
-        far below the tolerance.
+        `end` is where it does so on an interpolant, which within a long step is far less exact than
+        the step. The end of the steps taken anew is therefore a little off the zero; a cubic covers
+        a time so short that its error is far below the tolerance.
         """
         began = start[0]
         end = max(end, math.nextafter(began, math.inf))
         ahead = 1e-7 * (end - began)
 
         def missing(state: Array, rate: Array) -> float:
-            """Return the time from a state to the event [s], by its rate."""
-            fall = event(state) - event(state + ahead * rate)
-            return event(state) * ahead / fall if fall > 0.0 else 0.0
+            """Return the time from a state to the zero [s], by the rate of the value."""
+            fall = value(state) - value(state + ahead * rate)
+            return value(state) * ahead / fall if fall > 0.0 else 0.0
 
         for _ in range(5):
-            t, state, rate = start
-            pieces: list[Step] = []
-            h = end - t
-            while t < end:
-                step, h = self.step(t, state, rate, h, end)
-                t, state, rate = step.t, step.end, step.slopes[_STAGES]
+            node, pieces, h = start, list[Step](), end - began
+            while node[0] < end:
+                step, h = self.step(node, h, end)
+                node = step.last
                 pieces.append(step)
+            _, state, rate = node
             late = more = missing(state, rate)
             if abs(late) <= 0.03 * math.sqrt(self.rtol) * (step.t - step.t_old):
                 for _ in range(3):
@@ -329,7 +340,7 @@ class _Solver:
                     late += more
                 return pieces, end + late, state
             end = max(end + late, math.nextafter(began, math.inf))
-        return pieces, t, state
+        return pieces, node[0], state
 
 
 def _given_up(t: float, reason: str) -> KickdynError:
@@ -337,22 +348,39 @@ def _given_up(t: float, reason: str) -> KickdynError:
     return KickdynError(f"the flight could not be integrated beyond {t:g} s: {reason}")
 
 
-def _when(event: Event, piece: Step, before: Array, after: Array) -> float:
+def _turns_twice(rate: Callable[[Array], float], step: Step) -> bool:
+    """Return whether a rate perhaps changes its sign twice within a step.
+
+    It has the same sign at both ends, and both tangents there reach the other sign within the step.
+    """
+    h, begins, ends = step.t - step.t_old, rate(step.begin), rate(step.end)
+    return (
+        begins * ends > 0.0
+        and begins * (begins + h * rate(step.slopes[0])) < 0.0
+        and ends * (ends - h * rate(step.slopes[_STAGES])) < 0.0
+    )
+
+
+def _falls(value: Callable[[Array], float], step: Step) -> bool:
+    """Return whether a value falls to zero or through it between the ends of a step."""
+    return value(step.begin) >= 0.0 >= value(step.end) < value(step.begin)
+
+
+def _when(event: Event, step: Step) -> float:
     """Return about when an event comes within a step, inf if it does not."""
-    began, ended = event.value(before), event.value(after)
-    if began >= 0.0 >= ended and began > ended:
-        return _root(event.value, piece, (began, ended))
-    if event.rate is None or not event.rate(before) < 0.0 < event.rate(after):
+    value, rate = event
+    if _falls(value, step):
+        return _root(value, step, (value(step.begin), value(step.end)))
+    if rate is None or not rate(step.begin) < 0.0 < rate(step.end):
         return math.inf
-    rate = event.rate
-    lowest = float(brentq(lambda t: rate(piece(t)), piece.t_old, piece.t, xtol=1e-300, disp=False))
-    least = event.value(piece(lowest))
-    return math.inf if least > 0.0 else _root(event.value, piece, (began, least), lowest)
+    lowest = _root(lambda y: -rate(y), step, (-rate(step.begin), -rate(step.end)))
+    least = value(step(lowest))
+    return math.inf if least > 0.0 else _root(value, step, (value(step.begin), least), lowest)
 
 
 def _root(
-    of: Callable[[Array], float],
-    piece: Step,
+    value: Callable[[Array], float],
+    step: Step,
     ends: tuple[float, float],
     until: float | None = None,
 ) -> float:
@@ -360,19 +388,19 @@ def _root(
 
     That is the end of the step where it is None; the values at both ends are known.
     """
-    began = float(piece.t_old)
-    ended = float(piece.t if until is None else until)
+    began = float(step.t_old)
+    ended = float(step.t if until is None else until)
     near = max(1e-9 * (ended - began), 1e-300)
 
-    def value(t: float) -> float:
-        """Return the event's function along the step."""
-        return ends[0] if t == began else ends[1] if t == ended else of(piece(t))
+    def value_at(t: float) -> float:
+        """Return the value at a time of the step."""
+        return ends[0] if t == began else ends[1] if t == ended else value(step(t))
 
-    # An event that is zero at the start, as a level launch that lift carries up, must rise first.
+    # A value that is zero at the start, as a level launch that lift carries up, must rise first.
     times = (began, *(began + (ended - began) * 0.5**k for k in range(1, 60)))
-    low = next((t for t in times if value(t) > 0.0), None)
+    low = next((t for t in times if value_at(t) > 0.0), None)
     if low is None:
         return began
-    if value(ended) >= 0.0:
+    if value_at(ended) >= 0.0:
         return ended
-    return float(brentq(value, low, ended, xtol=near, disp=False))
+    return float(brentq(value_at, low, ended, xtol=near, disp=False))

@@ -52,8 +52,9 @@ MOST_KEPT = 0.9
 TOL, COARSE = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the one to begin with."""
 
-CONVERGED = 1e-8
-"""Relative change of the sum of squares at which a fit ends: less than 0.001 of a deviation."""
+CONVERGED, NEARLY = 1e-8, 1e-4
+"""Relative change of the sum of squares at which a fit ends, less than 0.001 of a deviation; and at
+which the robust one ends, which only chooses the outliers and the start of the other."""
 
 FIRST_DRAG = 0.2
 """C_D from which a constant is sought: that of a ball above the drag crisis (Goff & Carre 2009)."""
@@ -108,17 +109,19 @@ def identify(
     The derivatives are integrated by `fly_lanes`.
 
     Args:
-        track: the positions in one flight, from after its start to before its end, without a
-            bounce; or several flights, which then share drag, lift and wind.
-        ball: mass and radius.
-        air: density, coefficients and wind of the fit; None is `Air()`.
+        track: positions in one flight, from after its start to before its end, without a bounce; or
+            those of several flights, which then share drag, lift and wind.
+        ball: the ball; its mass and radius count.
+        air: the air of the fit: density, coefficients and wind; None is `Air()`.
         free: unknowns besides the position and velocity at the first sample: `spin`; `drag`,
             one drag coefficient for the whole flight instead of the air's model; `drag-scale` and
             `lift-scale`, factors of the air's models; `wind`, its horizontal components.
-        spin: known spin, shape `(3,)` [rad/s, world frame]; used where `spin` is not sought.
-        ground: if given, a ball that lies deeper than its turf is refused.
-        compare: drag models by name, or airs, to be ranked by how well each, fitted to the first
-            half of each flight, predicts the second. The fit itself uses `air`.
+        spin: known spin, shape `(3,)` [rad/s, world frame]; it is used unless `free` contains
+            `spin`.
+        ground: the ground; a ball that is under it is refused. None means that its height is
+            unknown.
+        compare: drag models by name, or airs, which are ranked: each is fitted to the first half of
+            each flight and predicts the second one. The fit itself uses `air`.
 
     Raises:
         InvalidInput: fewer than 5 positions, samples a second or more apart, positions that are no
@@ -270,7 +273,7 @@ def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
     falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
-    refuse_units(float(falling))
+    refuse_units(track, float(falling))
 
 
 def _fit(problem: _Problem) -> _Estimate:
@@ -426,7 +429,7 @@ def _minimise(
         x_scale="jac",
         loss="linear" if scale is None else "soft_l1",
         f_scale=1.0 if scale is None else scale,
-        xtol=1e-12, ftol=CONVERGED, gtol=1e-15, max_nfev=60,
+        xtol=1e-12, ftol=CONVERGED if scale is None else NEARLY, gtol=1e-15, max_nfev=60,
     )  # fmt: skip
     return float(result.cost), result.x
 

@@ -1,31 +1,26 @@
 """Planning a kick: from a goal back to the posture and the joint velocity that meet it."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from kickdyn.air import Air
 from kickdyn.ball import Ball, BallState
 from kickdyn.core import validation
-from kickdyn.core.representation import ReprMixin, Row
 from kickdyn.core.validation import Array
-from kickdyn.errors import InvalidInput, KickdynError
+from kickdyn.errors import InvalidInput
 from kickdyn.flight.flight_result import Flight
 from kickdyn.flight.follow import Course, follow
 from kickdyn.ground import Ground, Surface
-from kickdyn.impact.constraint_impulses import Footing, check_free_joints, check_unconstrained
-from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.constraint_impulses import check_free_joints, check_unconstrained
 from kickdyn.impact.strike import strike
-from kickdyn.impact.unilateral import unilateral_strike
 from kickdyn.plane import Plane
 from kickdyn.planning.backswing import Backswing, find_backswing
 from kickdyn.planning.goal import Arc, Goal, PlanStatus
 from kickdyn.planning.impact_target import ImpactTarget, impact_target_for
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.kick_program import (
     FEASIBLE,
     Cost,
@@ -39,18 +34,15 @@ from kickdyn.planning.kick_program import (
 from kickdyn.planning.launch import Launch, OutOfReach, fly_to_target, plan_launch
 from kickdyn.planning.passes import plan_pass
 from kickdyn.planning.stance import Stance
-from kickdyn.planning.swing_phase import SwingPhase, check_solver
-from kickdyn.restitution import checked_restitution, range_warnings
-from kickdyn.robot.ground_clearance import find_depths
+from kickdyn.planning.swing_phase import check_solver
+from kickdyn.restitution import checked_restitution
 from kickdyn.robot.kicking_chain import (
     KickingChain,
     kicking_chain,
-    rest_configuration,
     with_angles,
 )
 from kickdyn.robot.leg import Leg
-from kickdyn.robot.model_validation import listed
-from kickdyn.robot.standing import StandingRobot, hold_support, is_floating, missing_shapes
+from kickdyn.robot.standing import StandingRobot, is_floating
 
 LIFT = 100.0
 """Largest upward acceleration of the kicking foot of a standing robot in its backswing [m/s2].
@@ -62,238 +54,8 @@ backswing takes more torque.
 TRIED = 2
 """Postures at the impact for which a backswing is sought, the best ones first."""
 
-APPROACH, BACKSWING = 10, 40
-"""Configurations of the approach at the velocity of the impact, and of a planned backswing, whose
-bodies are compared with the ground."""
-
 FAR = 1e9
 """Farthest that a ball may lie from the world's origin, along each axis [m]."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class KickPlan(ReprMixin):
-    """A planned kick, verified by `strike` and `fly`.
-
-    Attributes:
-        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
-            kick in the planned direction that gives the ball the most speed; or, with a `share` of
-            1, the kick meets the goal but its `backswing` takes more than the torque limits.
-        goal: that was asked for.
-        launch: that meets it.
-        objective: that was minimized, or maximized for `most-joint-impulse`.
-        value: of the objective.
-        share: of the launch speed that is reached; 1 where the goal is met.
-        impact_target: impulse, normal and contact point on the ball.
-        impact: the strike, from the planned posture and joint velocity.
-        path: the flight from there, to the target's plane or to the ground before it; of a pass,
-            the course.
-        speed_use: largest joint speed at the impact, over its limit.
-        torque_use: largest torque at the impact, over its limit; the torque is what keeps the
-            joints' speed, gravity included.
-        binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
-            a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
-            where that takes more than the limit.
-        heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
-            leg whose foot moves in a plane, and a goal aside of it.
-        phases: of the swing that `swing=True` found with the kick, before and after the impact;
-            `plan_swing` starts from there.
-        balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
-            None for a leg on a fixed base.
-        backswing: of a robot that stands on one foot, from rest to the impact, with `swing=True`.
-    """
-
-    status: PlanStatus
-    goal: Goal
-    launch: Launch
-    objective: KickObjective
-    value: float
-    share: float
-    impact_target: ImpactTarget
-    impact: Impact
-    path: Flight | Course
-    speed_use: float
-    torque_use: float
-    binding: tuple[str, ...]
-    heading: float
-    phases: tuple[SwingPhase, SwingPhase] | None = None
-    balance: float | None = None
-    backswing: Backswing | None = None
-
-    def _rows(self) -> Iterable[Row]:
-        """Return the lines that are shown."""
-        yield "status", self.status, ""
-        yield "posture", self.q, "rad"
-        yield "joint velocity", self.v, "rad/s"
-        yield "impulse on the ball", self.impact.impulse, "N s"
-        yield "launch", self.impact.ball_after.velocity, "m/s"
-        yield "landing error", self.landing_error, "m"
-        yield "time error", self.time_error, "s"
-        yield self.objective, self.value, self.objective.unit
-        yield "of the speed limit", self.speed_use, ""
-        yield "of the torque limit", self.torque_use, ""
-        for line in self.warnings:
-            yield "warning", line, ""
-
-    def _picture(self) -> str:
-        """Return a drawing of the path as an SVG."""
-        return self.path._picture()
-
-    @property
-    def leg(self) -> Leg:
-        """The leg that kicks: as it was given, or turned by `heading`."""
-        return self.impact.posture.leg
-
-    @property
-    def q(self) -> Array:
-        """Posture at the impact, shape `(nq,)` [rad]."""
-        return self.impact.posture.q
-
-    @property
-    def v(self) -> Array:
-        """Joint velocity just before the impact, shape `(nv,)` [rad/s]."""
-        return self.impact.v_before
-
-    @property
-    def landing_error(self) -> float:
-        """Distance of the path's end from the target [m]."""
-        end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
-        off = end.position - self.impact.ball_after.position - self.goal.target
-        return float(np.linalg.norm(off))
-
-    @property
-    def time_error(self) -> float:
-        """Duration of the path less the time of `launch` [s]."""
-        return self.path.duration - self.launch.time
-
-    @cached_property
-    def warnings(self) -> tuple[str, ...]:
-        """A line for each limit, pose or flight of the plan that needs attention.
-
-        A coefficient of the flight or of the contact used outside its range; joints outside the
-        kicking limb that are not at 0, because their range does not contain it; a body that is
-        under the ground (level, under the ball or under the target, whichever is lower) at the
-        impact. Bodies are the shapes in the leg's file; without any, its frames. Of a standing
-        robot also a body of the kicking limb whose shape is not known, a support that does not
-        stand, those of `backswing`, and a body that is under the ground in the backswing; without
-        one, while the foot approaches the ball by the ball's radius with the joints' velocity of
-        the impact.
-        """
-        impact = self.impact
-        of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
-        of_backswing = () if self.backswing is None else self.backswing.warnings
-        return (
-            *self.path.warnings,
-            *of_contact,
-            *self._at_rest(),
-            *self._leaving(),
-            *of_backswing,
-            *self._unknown_shapes(),
-            *self._under_ground(),
-        )
-
-    def _at_rest(self) -> list[str]:
-        """Return a line for the joints that a kick does not move and that cannot be at 0."""
-        leg, rest = self.leg, rest_configuration(self.leg)
-        values, shown = leg.joint_values(rest), leg.display_values(rest)
-        here = leg.joint_values(self.q)
-        idle = [
-            f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
-            for name, value in values.items()
-            if value and value == here[name] and self.v[leg.velocity_index(name)] == 0.0
-        ]
-        if not idle:
-            return []
-        return [
-            "joints that the kick does not move stay at 0 or, where their range does not contain "
-            f"it, at the nearest value in the range: {listed(idle)}"
-        ]
-
-    def _leaving(self) -> list[str]:
-        """Return a line for each support that does not stand.
-
-        Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
-        friction's moment about the vertical.
-        """
-        impact, held = self.impact, self.impact.footing
-        lines = [
-            f"{name} {state.replace('-', ' ')}: the plan assumes that it stays at rest, which "
-            "takes an impulse that the ground cannot supply (kd.unilateral_strike computes the "
-            "impact with ground that can only push)"
-            for name, state in held.items()
-            if state != Footing.STANDS
-        ]
-        constraints = self.leg.constraints
-        supports = () if self.balance is None or constraints is None else constraints.supports
-        if lines or not supports or any(support.friction is None for support in supports):
-            return lines
-        try:
-            free = unilateral_strike(impact.posture, self.v, impact.ball, impact.contact)
-        except KickdynError as error:
-            return [f"it is unknown whether the foot stands ({error})"]
-        off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
-        return [
-            "with ground that can only push (kd.unilateral_strike), which limits also the moment "
-            f"of friction about the vertical, {name} {state.replace('-', ' ')}, which changes "
-            f"the ball's velocity by {off:.2g} m/s"
-            for name, state in free.footing.items()
-            if state != Footing.STANDS
-        ]
-
-    def _unknown_shapes(self) -> list[str]:
-        """Return a line for each body of a standing robot's kicking limb of unknown shape."""
-        constraints = self.leg.constraints
-        if self.balance is None or constraints is None:
-            return []
-        return missing_shapes(self.leg, constraints.supports[0])
-
-    def _under_ground(self) -> list[str]:
-        """Return a line for each body under the ground, at the impact or before it."""
-        impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
-        below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
-        floor = float(impact.ball_before.position[2]) + below
-        now = find_depths(self.leg, [self.q], floor)
-        lines = [f"{one.frame} is {one.depth:.3f} m under the ground" for one in now]
-        if self.balance is None:
-            return lines
-        if self.backswing is not None:
-            times = -self.backswing.duration * np.linspace(0.0, 1.0, BACKSWING) ** 2
-            motion, how = [self.backswing.configuration(time) for time in times], ""
-        else:
-            times = np.linspace(0.0, -impact.ball.radius / speed, APPROACH)
-            straight = [pin.integrate(self.leg.workspace.model, self.q, t * self.v) for t in times]
-            motion = [hold_support(impact.posture, q) for q in straight]
-            how = ", if the joints keep its velocity; swing=True (--swing) plans the motion"
-        known = {one.frame for one in now}
-        return lines + [
-            f"{one.frame} comes from {one.depth:.3f} m under the ground, "
-            f"{-1e3 * times[one.number]:.0f} ms before the impact{how}"
-            for one in find_depths(self.leg, motion, floor)
-            if one.frame not in known
-        ]
-
-    @property
-    def too_fast_after(self) -> dict[str, float]:
-        """Speed over limit of the joints that exceed it just after the impact, by name."""
-        limit, after = self.leg.velocity_limit, self.impact.v_after
-        used = {name: abs(after[i]) / limit[i] for name, i in self._moving() if limit[i]}
-        return {name: float(use) for name, use in used.items() if use > 1.0}
-
-    @property
-    def into_stop(self) -> tuple[str, ...]:
-        """Joints at an end of their range that move on beyond it just after the impact."""
-        found, values = [], self.leg.joint_values(self.q)
-        for name, i in self._moving():
-            (low, high), v = self.leg.joint_range(name), self.impact.v_after[i]
-            at = values[name]
-            if (at - low < 1e-6 and v < 0.0) or (high - at < 1e-6 and v > 0.0):
-                found.append(name)
-        return tuple(found)
-
-    def _moving(self) -> list[tuple[str, int]]:
-        """Return the joints that move just after the impact, with their index in v."""
-        leg, speed = self.leg, np.abs(self.impact.v_after)
-        every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
-        return [(name, i) for name, i in every if speed[i] > 1e-9 * speed.max()]
 
 
 @validation.check_arguments
@@ -327,19 +89,20 @@ def plan_kick(
         leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
             limb; or a robot on a floating base that stands on one flat support, see below, without
             loops and mimic joints. The plan's q has one angle for each continuous joint.
-        goal: from where the ball lies.
-        ball: mass and radius.
-        air: None is the vacuum.
+        goal: the goal, seen from where the ball lies.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum.
         objective: a `KickObjective`. `scatter` needs an `uncertainty`; it is searched from the
             plans of all other objectives, so that it scatters no more than theirs.
-        restitution: of the contact, as for `Contact`; 0.8 as the paper's Table 2. Over the speed of
-            approach u, u (1 + e) must increase with u.
-        friction: of the contact; 0 gives no spin and leaves the foot free across the normal.
-        spin: of the launch, shape `(3,)` [rad/s, world frame]; what is along the launch is left
-            out: a ball at rest takes spin across it only.
-        offset: of the contact point from the leg's frame, as for `Contact`.
-        ball_height: of the ball's centre [m, world frame]; free when not named, where `kickdyn
-            plan` lays the ball at the straight leg's foot: -0.7042 for `Leg.human()`.
+        restitution: restitution of the contact, as for `Contact`; 0.8 as the paper's Table 2. Where
+            it depends on the speed of approach u, u (1 + e) must increase with u.
+        friction: friction of the contact; 0 gives no spin and leaves the foot free across the
+            normal.
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. The component along the launch
+            is left out, because a ball at rest takes spin across it only.
+        offset: position of the contact point in the leg's contact frame, as for `Contact`.
+        ball_height: height of the ball's centre [m, world frame]. With None it is free; the command
+            `kickdyn plan` lays the ball at the foot of the straight leg, -0.7042 for `Leg.human()`.
         ball_at: position of the ball's centre, in place of its height, shape `(3,)` [m, world
             frame]. Only the self-motion of a redundant leg remains free.
         limits: whether limits of speed and torque hold; those of the joints' range always do. An
@@ -348,9 +111,9 @@ def plan_kick(
         arc: `low` or `high`, where two launches meet the goal.
         turn: whether a leg whose foot moves in a plane, as ours do, may be turned about the
             vertical towards the launch; the plan says by how much.
-        surface: of the ground, for a ball that is played along the ground as by `plan_pass`; the
-            goal is then a time and a target at the height of the ball.
-        uncertainty: standard deviation by source, as for `kickdyn.planning.scatter.scatter`.
+        surface: surface of the ground, for a ball that is played along the ground as by
+            `plan_pass`; the goal is then a time and a target at the height of the ball.
+        uncertainty: standard deviations by source, as for `kickdyn.planning.scatter.scatter`.
         swing: whether the leg must be able to come there from rest, and to rest afterwards, within
             its limits and a second each: `plan_swing` then finds the motion. For objectives
             `joint-speed` and `kinetic-energy`, with limits; needs `pip install "kickdyn[swing]"`.
@@ -378,6 +141,12 @@ def plan_kick(
             which tie joints together that a plan chooses one by one; a standing robot for which no
             backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
             plan does not know (`strike`, `collide` and sweeps know both).
+
+    Example:
+        >>> import kickdyn as kd
+        >>> plan = kd.plan_kick(kd.Leg.human(), kd.Goal(20, time=1.2), kd.Ball(), kd.Air())
+        >>> str(plan.status), round(plan.impact.ball_after.speed, 1)
+        ('met', 19.6)
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")

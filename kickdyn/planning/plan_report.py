@@ -15,7 +15,7 @@ from kickdyn.flight.fly import fly
 from kickdyn.flight.follow import Course
 from kickdyn.planning.backswing import Backswing
 from kickdyn.planning.goal import Goal, PlanStatus
-from kickdyn.planning.kick import KickPlan
+from kickdyn.planning.kick_plan import KickPlan
 from kickdyn.planning.launch import Launch, OutOfReach
 from kickdyn.planning.scatter import Scatter, scatter
 from kickdyn.planning.swing import Swing

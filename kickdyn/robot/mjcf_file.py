@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.mesh_path import MeshFinder
 from kickdyn.robot.mimic_joints import Mimic
-from kickdyn.robot.model_validation import listed
+from kickdyn.robot.names import listed
 from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual
@@ -105,6 +106,18 @@ class MjcfFile(RobotFile):
         if not self.left_out:
             return ()
         return (f"bodies that hang on another root are left out: {listed(self.left_out, 5)}",)
+
+    @cached_property
+    def passive_joints(self) -> tuple[str, ...]:
+        """The joints without an actuator; none where there are no actuators, or other kinds."""
+        import mujoco
+
+        compiled = self.compile()
+        of_joints = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+        if not compiled.nu or not np.isin(compiled.actuator_trntype, of_joints).all():
+            return ()
+        every = set(range(compiled.njnt)).difference(compiled.actuator_trnid[:, 0].tolist())
+        return tuple(compiled.joint(joint).name for joint in sorted(every))
 
     def compile(self) -> Any:
         """Return the `mujoco.MjModel`.

@@ -74,6 +74,11 @@ class RobotFile:
         """The joints that the file lets move with another."""
         return ()
 
+    @cached_property
+    def passive_joints(self) -> tuple[str, ...]:
+        """The joints that a file with actuators does not drive; none where that is not known."""
+        return ()
+
     def visuals(self) -> list[Visual]:
         """Return the shapes that the file describes; raise `InvalidInput` if they are unreadable.
 

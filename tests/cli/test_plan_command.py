@@ -385,11 +385,13 @@ def test_feet_under_the_ground_are_announced(tmp_path):
     file = tmp_path / "kick.json"
     arguments = ["--leg", "g1", "--distance", "1.5", "--time", "0.5", "--json", str(file)]
     ended = CliRunner().invoke(plan, arguments)
-    found = re.findall(r"Warning: (\w+) is (0\.\d+) m under the ground", ended.output)
-    depths = {frame: float(depth) for frame, depth in found}
+    (line,) = (x for x in json.loads(file.read_text())["warnings"] if "under the ground" in x)
+    assert line.startswith("bodies are under the ground at the impact: ")
+    assert "(--support)" in line
+    assert line in " ".join(ended.output.split())
+    depths = {frame: float(depth) for frame, depth in re.findall(r"(\w+) by (0\.\d+) m", line)}
     assert 0.07 < depths["left_ankle_roll_link"] < 0.1
     assert depths["right_ankle_roll_link"] > 0.07
-    assert len(json.loads(file.read_text())["warnings"]) >= len(depths)
 
 
 @pytest.mark.parametrize(

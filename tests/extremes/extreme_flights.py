@@ -116,8 +116,8 @@ def vertical_answers(
     `Flight.error` estimates a distance d at the end of a flight of duration T and final speed v; it
     counts when the ball ends, too. It is d of the height; d / v of the duration, in which the ball
     covers d; and 2 d / T of the speed, since an error of the speed that grows evenly to that value
-    moves the ball by d. Of the speed it is at least the tolerance: an error that the last steps
-    make has not moved the ball yet.
+    moves the ball by d. Of the speed it is at least the tolerance, by which each step may err:
+    the error of the last steps has not moved the ball yet.
     """
     path = fly(launch, ball, air, ground, tol=TOL, time_limit=1e9)
     speed, error = float(path.landing.speed), path.error

@@ -280,7 +280,9 @@ EXTREMES = {
 @pytest.mark.parametrize("tol", [1e-8, 1e-11])
 def test_extremes(name, tol):
     state, air = EXTREMES[name]
-    agrees(state, BALL, air, tol, within=100)  # slowly through the joins of the drag's formulas
+    # The steps grow with tol^(1/8). Where one crosses a join of the drag's formulas, of which the
+    # fourth derivative jumps, it errs by up to h^5 times that jump and its estimate may not see it.
+    agrees(state, BALL, air, tol, within=20 + 0.004 * tol ** (5 / 8 - 1))
 
 
 @pytest.mark.parametrize("velocity", [(25, 0, 0), (20, 3, -15), (0, 0, -30), (0, 0, 0)])

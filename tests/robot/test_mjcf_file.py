@@ -308,3 +308,23 @@ def test_a_model_can_be_pickled(tmp_path):
     leg = kd.Leg.from_mjcf(write(tmp_path, robot=GEOMS), "arm")
     again = pickle.loads(pickle.dumps(leg))
     assert len(again.file.visuals()) == len(leg.file.visuals())
+
+
+@pytest.mark.parametrize(
+    ("actuators", "passive"),
+    [
+        ('<motor joint="b"/>', ("a",)),
+        ('<motor joint="a"/><motor jointinparent="b"/>', ()),
+        ("", ()),  # a file without actuators says nothing about them
+        ('<motor tendon="t"/>', ()),
+    ],
+)
+def test_joints_that_no_actuator_drives(tmp_path, actuators, passive):
+    body = '<body><joint name="{}" type="slide"/><geom size="0.1" pos="0 0 {}"/>'
+    tendon = '<tendon><fixed name="t"><joint joint="a" coef="1"/></fixed></tendon>'
+    file = tmp_path / "robot.xml"
+    file.write_text(
+        f"<mujoco><worldbody>{body.format('a', 0)}{body.format('b', 1)}</body></body></worldbody>"
+        f"{tendon}<actuator>{actuators}</actuator></mujoco>"
+    )
+    assert read_mjcf(file).passive_joints == passive

@@ -1,0 +1,310 @@
+"""A planned kick: the strike and the flight that verify it, and what of it needs attention."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+
+from kickdyn.core.representation import ReprMixin, Row
+from kickdyn.core.validation import Array
+from kickdyn.errors import KickdynError
+from kickdyn.flight.flight_result import Flight
+from kickdyn.flight.follow import Course
+from kickdyn.impact.constraint_impulses import Footing
+from kickdyn.impact.impact_result import Impact
+from kickdyn.impact.unilateral import unilateral_strike
+from kickdyn.planning.backswing import Backswing
+from kickdyn.planning.ball_overlap import find_overlaps
+from kickdyn.planning.goal import Goal, PlanStatus
+from kickdyn.planning.impact_target import ImpactTarget
+from kickdyn.planning.kick_program import KickObjective
+from kickdyn.planning.launch import Launch
+from kickdyn.planning.swing_phase import SwingPhase
+from kickdyn.restitution import range_warnings
+from kickdyn.robot.ground_clearance import Depth, find_depths
+from kickdyn.robot.kicking_chain import rest_configuration
+from kickdyn.robot.leg import Leg
+from kickdyn.robot.names import listed
+from kickdyn.robot.standing import hold_support, missing_shapes
+
+APPROACH, BACKSWING = 10, 40
+"""Configurations of the approach at the velocity of the impact, and of a planned backswing, whose
+bodies are compared with the ground."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KickPlan(ReprMixin):
+    """A planned kick, verified by `strike` and `fly`.
+
+    Attributes:
+        status: `met`; or `beyond-limits`: the leg is not fast or strong enough, and this is the
+            kick in the planned direction that gives the ball the most speed; or, with a `share` of
+            1, the kick meets the goal but its `backswing` takes more than the torque limits.
+        goal: the goal that was asked for.
+        launch: the launch that meets the goal.
+        objective: objective that was minimized, or maximized if it is `most-joint-impulse`.
+        value: value of the objective.
+        share: share of the launch speed that is reached; 1 where the goal is met.
+        impact_target: impulse, normal and contact point on the ball.
+        impact: the strike, from the planned posture and joint velocity.
+        path: the flight from the impact to the plane of the target, or to the ground before it; of
+            a pass, the course.
+        speed_use: largest joint speed at the impact over its limit.
+        torque_use: largest torque at the impact over its limit. The torque is that which keeps the
+            speed of the joints, gravity included.
+        binding: limits that are reached, such as `speed of knee` or `torque of knee`; `swing` where
+            a harder kick has no motion from rest and to rest; `torque of knee in the backswing`
+            where that takes more than the limit.
+        heading: angle by which `leg` is turned to the left about the vertical [rad]; 0 but for a
+            leg whose foot moves in a plane, and a goal aside of it.
+        phases: backswing and follow-through that `swing=True` found with the kick; `plan_swing`
+            starts from these.
+        balance: distance of the centre of mass inside the edge of the sole, seen from above [m];
+            None for a leg on a fixed base.
+        backswing: motion from rest to the impact of a robot that stands on one foot, with
+            `swing=True`; else None.
+    """
+
+    status: PlanStatus
+    goal: Goal
+    launch: Launch
+    objective: KickObjective
+    value: float
+    share: float
+    impact_target: ImpactTarget
+    impact: Impact
+    path: Flight | Course
+    speed_use: float
+    torque_use: float
+    binding: tuple[str, ...]
+    heading: float
+    phases: tuple[SwingPhase, SwingPhase] | None = None
+    balance: float | None = None
+    backswing: Backswing | None = None
+
+    def _rows(self) -> Iterable[Row]:
+        """Return the lines that are shown."""
+        yield "status", self.status, ""
+        yield "posture", self.q, "rad"
+        yield "joint velocity", self.v, "rad/s"
+        yield "impulse on the ball", self.impact.impulse, "N s"
+        yield "launch", self.impact.ball_after.velocity, "m/s"
+        yield "landing error", self.landing_error, "m"
+        yield "time error", self.time_error, "s"
+        yield self.objective, self.value, self.objective.unit
+        yield "of the speed limit", self.speed_use, ""
+        yield "of the torque limit", self.torque_use, ""
+        for line in self.warnings:
+            yield "warning", line, ""
+
+    def _picture(self) -> str:
+        """Return a drawing of the path as an SVG."""
+        return self.path._picture()
+
+    @property
+    def leg(self) -> Leg:
+        """The leg that kicks: as it was given, or turned by `heading`."""
+        return self.impact.posture.leg
+
+    @property
+    def q(self) -> Array:
+        """Posture at the impact, shape `(nq,)` [rad]."""
+        return self.impact.posture.q
+
+    @property
+    def v(self) -> Array:
+        """Joint velocity just before the impact, shape `(nv,)` [rad/s]."""
+        return self.impact.v_before
+
+    @property
+    def landing_error(self) -> float:
+        """Distance of the path's end from the target [m]."""
+        end = self.path.landing if isinstance(self.path, Flight) else self.path.rest
+        off = end.position - self.impact.ball_after.position - self.goal.target
+        return float(np.linalg.norm(off))
+
+    @property
+    def time_error(self) -> float:
+        """Duration of the path less the time of `launch` [s]."""
+        return self.path.duration - self.launch.time
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each limit, pose or flight of the plan that needs attention.
+
+        A coefficient of the flight or of the contact used outside its range; joints outside the
+        kicking limb that are not at 0, because their range does not contain it; joints that move
+        but have no actuator in an MJCF file; bodies that are inside the ball at the impact; bodies
+        that are under the ground (level, under the ball or under the target, whichever is lower)
+        at the impact. Bodies are the shapes in the leg's file; without any, its frames, which are
+        compared with the ground only. Of a standing robot also a body of the kicking limb whose
+        shape is not known, a support that does not stand, those of `backswing`, and bodies that are
+        under the ground in the backswing; without one, while the foot approaches the ball by the
+        ball's radius with the joints' velocity of the impact.
+        """
+        impact = self.impact
+        of_contact = range_warnings(impact.contact.restitution, impact.approach_speed)
+        of_backswing = () if self.backswing is None else self.backswing.warnings
+        return (
+            *self.path.warnings,
+            *of_contact,
+            *self._at_rest(),
+            *self._without_actuator(),
+            *self._leaving(),
+            *of_backswing,
+            *self._unknown_shapes(),
+            *self._inside_ball(),
+            *self._under_ground(),
+        )
+
+    def _at_rest(self) -> list[str]:
+        """Return a line for the joints that a kick does not move and that cannot be at 0."""
+        leg, rest = self.leg, rest_configuration(self.leg)
+        values, shown = leg.joint_values(rest), leg.display_values(rest)
+        here = leg.joint_values(self.q)
+        idle = [
+            f"{name} at {shown[name][0]:.4g} {shown[name][1]}"
+            for name, value in values.items()
+            if value and value == here[name] and self.v[leg.velocity_index(name)] == 0.0
+        ]
+        if not idle:
+            return []
+        return [
+            "joints that the kick does not move stay at 0 or, where their range does not contain "
+            f"it, at the nearest value in the range: {listed(idle)}"
+        ]
+
+    def _without_actuator(self) -> list[str]:
+        """Return a line for the joints that move but that the leg's file does not drive."""
+        leg = self.leg
+        passive = () if leg.file is None else leg.file.passive_joints
+        own = set(passive).intersection(leg.single_joints)
+        moved = [name for name in passive if name in own and self.v[leg.velocity_index(name)]]
+        if not moved:
+            return []
+        locks = " ".join(f"--lock {name}=0" for name in moved)
+        return [
+            f"the plan moves joints that have no actuator in the leg's file: {listed(moved)}; to "
+            f"keep them at rest, lock them (Leg.locked, {locks})"
+        ]
+
+    def _inside_ball(self) -> list[str]:
+        """Return a line for the bodies that are inside the ball at the impact, if any."""
+        found = [f"{name} by {depth:.3f} m" for name, depth in find_overlaps(self.impact).items()]
+        if not found:
+            return []
+        return [
+            f"bodies are inside the ball at the impact: {listed(found)}; another contact point "
+            "(offset, --offset) or a flatter launch can avoid this"
+        ]
+
+    def _leaving(self) -> list[str]:
+        """Return a line for each support that does not stand.
+
+        Where all have a friction, `unilateral_strike` judges them: `impact.footing` leaves out
+        friction's moment about the vertical.
+        """
+        impact, held = self.impact, self.impact.footing
+        lines = [
+            f"{name} {state.replace('-', ' ')}: the plan assumes that it stays at rest, which "
+            "takes an impulse that the ground cannot supply (kd.unilateral_strike computes the "
+            "impact with ground that can only push)"
+            for name, state in held.items()
+            if state != Footing.STANDS
+        ]
+        constraints = self.leg.constraints
+        supports = () if self.balance is None or constraints is None else constraints.supports
+        if lines or not supports or any(support.friction is None for support in supports):
+            return lines
+        try:
+            free = unilateral_strike(impact.posture, self.v, impact.ball, impact.contact)
+        except KickdynError as error:
+            return [f"it is unknown whether the foot stands ({error})"]
+        off = float(np.linalg.norm(free.ball_after.velocity - impact.ball_after.velocity))
+        return [
+            "with ground that can only push (kd.unilateral_strike), which limits also the moment "
+            f"of friction about the vertical, {name} {state.replace('-', ' ')}, which changes "
+            f"the ball's velocity by {off:.2g} m/s"
+            for name, state in free.footing.items()
+            if state != Footing.STANDS
+        ]
+
+    def _unknown_shapes(self) -> list[str]:
+        """Return a line for each body of a standing robot's kicking limb of unknown shape."""
+        constraints = self.leg.constraints
+        if self.balance is None or constraints is None:
+            return []
+        return missing_shapes(self.leg, constraints.supports[0])
+
+    def _under_ground(self) -> list[str]:
+        """Return a line for the bodies under the ground at the impact, and one for those before."""
+        impact, speed = self.impact, math.hypot(*self.impact.foot_velocity)
+        below = min(0.0, float(self.goal.target[2])) - impact.ball.radius
+        floor = float(impact.ball_before.position[2]) + below
+        now = find_depths(self.leg, [self.q], floor)
+        lines = [f"{one.frame} by {one.depth:.3f} m" for one in now]
+        if lines:
+            lines = [
+                f"bodies are under the ground at the impact: {listed(lines)}; {self._lift(now)}"
+            ]
+        if self.balance is None:
+            return lines
+        if self.backswing is not None:
+            times = -self.backswing.duration * np.linspace(0.0, 1.0, BACKSWING) ** 2
+            motion = [self.backswing.configuration(time) for time in times]
+            how = "bodies are under the ground in the backswing"
+            remedy = "another goal, offset or objective takes another motion"
+        else:
+            times = np.linspace(0.0, -impact.ball.radius / speed, APPROACH)
+            straight = [pin.integrate(self.leg.workspace.model, self.q, t * self.v) for t in times]
+            motion = [hold_support(impact.posture, q) for q in straight]
+            how = "bodies come from under the ground if the joints keep the velocity of the impact"
+            remedy = "swing=True (--swing) plans the motion, with the foot above the ground"
+        known = {one.frame for one in now}
+        before = [
+            f"{one.frame} by {one.depth:.3f} m, {-1e3 * times[one.number]:.0f} ms before the impact"
+            for one in find_depths(self.leg, motion, floor)
+            if one.frame not in known
+        ]
+        return lines + ([f"{how}: {'; '.join(before)}; {remedy}"] if before else [])
+
+    def _lift(self, deep: list[Depth]) -> str:
+        """Return what can bring bodies above the ground at the impact, as the end of a sentence."""
+        if self.balance is not None:
+            return "another goal, offset or objective takes another posture"
+        model = self.leg.workspace.model
+        kicking = list(model.supports[self.leg.contact_joint])[1:]
+        carriers = [model.frames[model.getFrameId(one.frame)].parentJoint for one in deep]
+        others = any(joint not in kicking for joint in carriers)
+        standing = ", or let the robot stand on its other foot (--support)" if others else ""
+        return (
+            "the ground is level with the ball's lowest point: try another height of the ball "
+            f"(ball_height, --ball-height){standing}"
+        )
+
+    @property
+    def too_fast_after(self) -> dict[str, float]:
+        """Speed over limit of the joints that exceed it just after the impact, by name."""
+        limit, after = self.leg.velocity_limit, self.impact.v_after
+        used = {name: abs(after[i]) / limit[i] for name, i in self._moving() if limit[i]}
+        return {name: float(use) for name, use in used.items() if use > 1.0}
+
+    @property
+    def into_stop(self) -> tuple[str, ...]:
+        """Joints at an end of their range that move on beyond it just after the impact."""
+        found, values = [], self.leg.joint_values(self.q)
+        for name, i in self._moving():
+            (low, high), v = self.leg.joint_range(name), self.impact.v_after[i]
+            at = values[name]
+            if (at - low < 1e-6 and v < 0.0) or (high - at < 1e-6 and v > 0.0):
+                found.append(name)
+        return tuple(found)
+
+    def _moving(self) -> list[tuple[str, int]]:
+        """Return the joints that move just after the impact, with their index in v."""
+        leg, speed = self.leg, np.abs(self.impact.v_after)
+        every = [(name, leg.velocity_index(name)) for name in leg.single_joints]
+        return [(name, i) for name, i in every if speed[i] > 1e-9 * speed.max()]

@@ -1,0 +1,56 @@
+"""What a plan warns of."""
+
+import re
+from pathlib import Path
+
+import gymnasium
+import pytest
+
+import kickdyn as kd
+
+MODELS = Path(gymnasium.__file__).parent / "envs/mujoco/assets"
+BALL, AIR = kd.Ball(), kd.Air()
+
+
+def lines(plan, words):
+    return [line for line in plan.warnings if words in line]
+
+
+def test_a_shank_inside_the_ball_is_announced_and_a_flatter_launch_avoids_it():
+    humanoid = kd.Leg.from_mjcf(MODELS / "humanoid.xml", "right_foot", base="floating")
+    humanoid = humanoid.with_supports(kd.Support("left_foot", friction=0.8))
+    plan = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.5), BALL, AIR, offset=(0.075, 0, 0.1))
+    (line,) = lines(plan, "inside the ball")
+    depths = dict(re.findall(r"(right_\w+) by (0\.\d+) m", line))
+    assert depths.keys() == {"right_foot", "right_shin"}
+    assert all(0.02 < float(depth) < 0.06 for depth in depths.values())
+    flat = kd.plan_kick(humanoid, kd.Goal(1.5, time=0.4), BALL, AIR, offset=(0.1, 0, 0.1))
+    assert not lines(flat, "inside the ball")
+
+
+@pytest.mark.parametrize("name", ["human", "testbed", "g1"])
+def test_the_toe_of_a_known_leg_touches_the_ball(name):
+    known = {"human": kd.Leg.human, "testbed": kd.Leg.testbed}
+    leg = known[name]() if name in known else kd.Leg.from_robot(name, legs_only=True)
+    assert not lines(kd.plan_kick(leg, kd.Goal(3, time=0.6), BALL, AIR), "inside the ball")
+
+
+def test_joints_without_an_actuator_are_named_until_they_are_locked():
+    hopper, goal = kd.Leg.from_mjcf(MODELS / "hopper.xml", "foot"), kd.Goal(2, time=0.5)
+    (line,) = lines(kd.plan_kick(hopper, goal, BALL, AIR), "have no actuator")
+    assert "in the leg's file: rootx, rootz, rooty; to" in line
+    assert "--lock rootx=0 --lock rootz=0 --lock rooty=0)" in line
+    standing = hopper.locked(dict.fromkeys(("rootx", "rootz", "rooty"), 0.0))
+    assert not lines(kd.plan_kick(standing, goal, BALL, AIR), "no actuator")
+
+
+@pytest.mark.parametrize(("height", "under"), [(-0.704, True), (-0.654, False)])
+def test_bodies_under_the_ground_are_one_line_with_a_remedy(height, under):
+    goal = kd.Goal((30, 0, 2), time=1.5)
+    found = lines(
+        kd.plan_kick(kd.Leg.human(), goal, BALL, AIR, ball_height=height), "under the ground"
+    )
+    assert [re.sub(r"0\.0\d\d m", "D", line) for line in found] == under * [
+        "bodies are under the ground at the impact: foot by D; the ground is level with the ball's "
+        "lowest point: try another height of the ball (ball_height, --ball-height)"
+    ]

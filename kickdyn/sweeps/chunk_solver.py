@@ -31,7 +31,7 @@ CHUNK = 262_144
 """Postures per chunk, roughly."""
 
 BLOCK = 32_768
-"""Postures of a chunk that are computed at a time, so that intermediate results take little memory."""
+"""Postures of a chunk that are computed at a time: intermediate results take less memory."""
 
 SLOW_CHUNK = 2048
 """Postures per chunk where each of them is one `kick_from`: about a second."""

@@ -135,7 +135,9 @@ def posture_sweep(
     if threads is not None and workers is not None:
         raise InvalidInput("--threads and --workers are both given: give one of them")
     if out is None and variables is not None:
-        raise InvalidInput("--variables is for --out: name FILE.nc or DIR.zarr to keep them in")
+        raise InvalidInput(
+            "--variables is for what --out keeps: name it, --out FILE.nc or DIR.zarr"
+        )
     if plot is not None:
         from kickdyn.core.plot_style import check_name, save_figure
         from kickdyn.sweeps.sweep_plot import sweep_figure

@@ -62,8 +62,8 @@ def test_a_drag_coefficient_is_a_number_or_a_name(tmp_path):
     assert found["0"] < found["0.25"] < found["brazuca"]
     for words, said in (
         (["--drag", "-1"], "drag coefficient is -1.0: it must be a finite number at least 0"),
-        (["--drag", "golf"], "drag model 'golf' is unknown: choose"),
-        (["--drag", "0.2", "--air", "none"], "--drag 0.2 is named with --air none"),
+        (["--drag", "golf"], "--drag is 'golf': it must be a number such as 0.25, or one of"),
+        (["--drag", "0.2", "--air", "none"], "--drag is 0.2, but --air is none"),
     ):
         ended = CliRunner().invoke(plan, ["--distance", "12", "--apex", "2", *words])
         assert said in str(ended.exception)
@@ -199,14 +199,17 @@ def test_a_robot_and_a_goal_beyond_its_limits():
     [
         (["--time", "1"], "Missing option '--distance'"),
         (["--distance", "30"], "nothing is given besides the target"),
-        (["--distance", "30", "--time", "1", "--launch-speed", "20"], "time and launch-speed are"),
+        (
+            ["--distance", "30", "--time", "1", "--launch-speed", "20"],
+            "--time and --launch-speed are",
+        ),
         (["--distance", "30"], "give exactly one of --time, --apex, --launch-speed, --over"),
         (["--distance", "30", "--launch-speed", "-1"], "launch-speed is -1.0"),
         (["--distance", "30", "--time", "1", "--height", "nan"], "height is nan"),
         (["--distance", "30", "--time", "1", "--left", "inf"], "left is inf"),
         (["--distance", "30", "--time", "1", "--ball-height", "1e300"], "ball height is 1e+300"),
         (["--distance", "30", "--time", "1", "--ball-at", "0,0,1e300"], "ball_at is [0.0, 0.0, 1e"),
-        (["--distance", "30", "--time", "1", "--json", ""], "the name of a file is empty"),
+        (["--distance", "30", "--time", "1", "--json", ""], "--json is empty: it needs a value"),
         (["--distance", "30", "--time", "-1"], "time is -1.0"),
         (["--distance", "20", "--time", "1e-300"], "time is 1e-300: it must be"),
         (["--distance", "nan", "--time", "1"], "distance is nan"),
@@ -244,7 +247,7 @@ def test_a_robot_and_a_goal_beyond_its_limits():
         (["--distance", "30", "--time", "1", "--wind", "1,2,x"], "--wind is '1,2,x'"),
         (
             ["--distance", "30", "--time", "1", "--wind", "1,0,0", "--air", "none"],
-            "no wind with --air none",
+            "but --air is none: there is no wind",
         ),
         (["--distance", "15", "--time", "1", "--spin", "0,0,9"], "cannot give this spin"),
         (

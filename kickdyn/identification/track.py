@@ -52,6 +52,12 @@ class Track(ValueEquality, ReprMixin):
     Raises:
         InvalidInput: other shapes, no sample, an entry that is not finite, or times that do not
             increase.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> track = kd.Track([0.0, 0.1, 0.2], [(0, 0, 0), (2, 0, 0.9), (4, 0, 1.7)])
+        >>> len(track), track.duration, track[1:].positions[0].tolist()
+        (3, 0.2, [2.0, 0.0, 0.9])
     """
 
     times: Array

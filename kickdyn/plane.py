@@ -34,6 +34,13 @@ class Plane(ValueEquality, ReprMixin):
 
     Raises:
         InvalidInput: a vector that is not finite, a normal of length 0, or another `reached_by`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> wall = kd.Plane(point=(11, 0, 0), normal=(-1, 0, 0))
+        >>> path = kd.fly(kd.BallState(velocity=(20, 0, 5)), kd.Ball(), plane=wall)
+        >>> str(path.status), round(float(path.landing.position[0]), 2)  # a radius before it
+        ('at-plane', 10.89)
     """
 
     point: Array

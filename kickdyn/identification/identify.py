@@ -52,8 +52,9 @@ MOST_KEPT = 0.9
 TOL, COARSE = 1e-10, 1e-7
 """Relative tolerances of the integration: the least, and the one to begin with."""
 
-CONVERGED = 1e-8
-"""Relative change of the sum of squares at which a fit ends: less than 0.001 of a deviation."""
+CONVERGED, NEARLY = 1e-8, 1e-4
+"""Relative change of the sum of squares at which a fit ends, less than 0.001 of a deviation; and at
+which the robust one ends, which only chooses the outliers and the start of the other."""
 
 FIRST_DRAG = 0.2
 """C_D from which a constant is sought: that of a ball above the drag crisis (Goff & Carre 2009)."""
@@ -272,7 +273,7 @@ def _check_flight(track: Track, ball: Ball, ground: Ground | None) -> None:
     if not np.ptp(track.positions, axis=0).any():
         raise InvalidInput(f"the ball stays at {track.positions[0].tolist()} m: this is no flight")
     falling = -2.0 * np.polyfit(track.times - track.times[0], track.positions[:, 2], 2)[0]
-    refuse_units(float(falling))
+    refuse_units(track, float(falling))
 
 
 def _fit(problem: _Problem) -> _Estimate:
@@ -428,7 +429,7 @@ def _minimise(
         x_scale="jac",
         loss="linear" if scale is None else "soft_l1",
         f_scale=1.0 if scale is None else scale,
-        xtol=1e-12, ftol=CONVERGED, gtol=1e-15, max_nfev=60,
+        xtol=1e-12, ftol=CONVERGED if scale is None else NEARLY, gtol=1e-15, max_nfev=60,
     )  # fmt: skip
     return float(result.cost), result.x
 

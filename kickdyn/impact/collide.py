@@ -284,6 +284,14 @@ def collide(
         InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, a
             ball of unknown pressure, or a velocity that moves a support or opens a loop.
         KickdynError: foot and ball do not separate, or the integrator failed.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+        >>> collision = kd.collide(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> round(collision.peak_force)  # [N]
+        1360
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     torque = _checked_torque(torque, posture.leg.nv)

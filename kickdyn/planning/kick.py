@@ -141,6 +141,12 @@ def plan_kick(
             which tie joints together that a plan chooses one by one; a standing robot for which no
             backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
             plan does not know (`strike`, `collide` and sweeps know both).
+
+    Example:
+        >>> import kickdyn as kd
+        >>> plan = kd.plan_kick(kd.Leg.human(), kd.Goal(20, time=1.2), kd.Ball(), kd.Air())
+        >>> str(plan.status), round(plan.impact.ball_after.speed, 1)
+        ('met', 19.6)
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")

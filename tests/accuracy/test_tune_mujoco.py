@@ -131,7 +131,7 @@ def test_it_prints_whether_the_goals_are_met(tuned):
     goals = [line.rsplit(" ", 1)[1] for line in str(tuned).splitlines() if "  goal, " in line]
     assert goals == ["met", "met", "met"]
     assert "  within tolerance" in str(tuned)
-    missed = replace(tuned, goals=(replace(tuned.goals[0], limit=1e-9), *tuned.goals[1:]))
+    missed = replace(tuned, goals=(tuned.goals[0]._replace(limit=1e-9), *tuned.goals[1:]))
     (line,) = (line for line in str(missed).splitlines() if line.endswith("MISSED"))
     assert line.split(maxsplit=2)[:2] == ["goal,", "speed"]
     (verdict,) = (line for line in str(missed).splitlines() if "within tolerance" in line)

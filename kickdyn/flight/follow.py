@@ -151,6 +151,13 @@ def follow(
     Raises:
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
             `fly`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> kick = kd.BallState(velocity=(20, 0, 10), spin=(0, -30, 0))
+        >>> course = kd.follow(kick, kd.Ball(), kd.Air())
+        >>> str(course.status), len(course.bounces), round(course.distance, 1)
+        ('at-rest', 8, 76.2)
     """
     check_single(state)
     if ground is None:

@@ -136,7 +136,7 @@ class Segment:
 
 
 class Measured(NamedTuple):
-    """A median of several measurements, its standard deviation, and their number.
+    """A median of several measurements, its standard deviation, their number, kind and unit.
 
     The median, because a bounce beside a player's foot looks like any other.
     """
@@ -144,9 +144,12 @@ class Measured(NamedTuple):
     median: float
     deviation: float
     samples: int
+    kind: str = "bounce"
+    unit: str = ""
 
     def __str__(self) -> str:
-        return f"{self.median:.3g} +- {self.deviation:.2g} (of {self.samples})"
+        value = f"{self.median:.3g} +- {self.deviation:.2g} {self.unit}".rstrip()
+        return f"{value} (of {self.samples} {self.kind}{'s' if self.samples > 1 else ''})"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -299,7 +302,7 @@ def _check_heights(track: Track, level: float) -> None:
         where = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[where]:.4g} m at {track.times[where]:.10g} s, under the "
-            f"ground at {level:g} m: z must point up, and the ground's height be that of the track"
+            f"ground at {level:g} m: z must point up; if the ground is lower, give its height"
         )
 
 
@@ -311,8 +314,7 @@ def _check_units(track: Track, pieces: Sequence[_Piece]) -> None:
             middle = 0.5 * float(track.times[piece.first] + track.times[piece.last - 1])
             falls.append(-float(piece.at(middle, 2)[2]))
     falling = np.array([fall for fall in falls if fall > 4.0])
-    if falling.size:
-        refuse_units(float(np.median(falling)))
+    refuse_units(track, float(np.median(falling)) if falling.size else 0.0)
 
 
 def _noise(track: Track) -> float:
@@ -541,7 +543,8 @@ def _friction(parts: Sequence[Segment], ball: Ball) -> tuple[Measured | None, tu
         ratio = float(np.hypot(change[0], change[1]) / change[2])
         left = slip + shell * change[:2]
         ratios.append(ratio)
-        if float(left @ slip) > SLIDES * float(slip @ slip):
+        least = 2.0 * FRICTION_DEVIATION * shell * float(change[2])  # a smaller slip is noise
+        if float(np.hypot(*slip)) > least and float(left @ slip) > SLIDES * float(slip @ slip):
             sliding.append(ratio)
         slip = left
     if sliding or not ratios:
@@ -569,7 +572,8 @@ def _rolling(
         speed = max(float(np.linalg.norm(fit[1])), 1e-300)
         ax, ay, *_ = drag(0.0, float(fit[1][0]), float(fit[1][1]), 0.0, 0.0, 0.0, 0.0)
         decelerations.append(float((np.array([ax, ay]) - 2.0 * fit[0]) @ fit[1]) / speed)
-    return _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+    found = _median(decelerations, [ROLLING_DEVIATION] * len(decelerations))
+    return found and found._replace(kind="rolling part", unit="m/s2")
 
 
 def _slope_deviation(track: Track, noise: float) -> float:

@@ -86,9 +86,9 @@ def plan_kick(
     joint velocity by the objective, and `strike` and `fly` verify the plan.
 
     Args:
-        leg: on a fixed base, without supports or loops, and without mimic joints in the kicking
-            limb; or a robot on a floating base that stands on one flat support, see below, without
-            loops and mimic joints. The plan's q has one angle for each continuous joint.
+        leg: a leg on a fixed base, without supports or loops, and without mimic joints in the
+            kicking limb; or a robot on a floating base that stands on one flat support, see below,
+            without loops and mimic joints. The plan's q has one angle for each continuous joint.
         goal: the goal, seen from where the ball lies.
         ball: the ball; its mass and radius count.
         air: the air; None is the vacuum.
@@ -141,6 +141,12 @@ def plan_kick(
             which tie joints together that a plan chooses one by one; a standing robot for which no
             backswing is found with `swing=True`; a leg with stiff joints, whose effective mass the
             plan does not know (`strike`, `collide` and sweeps know both).
+
+    Example:
+        >>> import kickdyn as kd
+        >>> plan = kd.plan_kick(kd.Leg.human(), kd.Goal(20, time=1.2), kd.Ball(), kd.Air())
+        >>> str(plan.status), round(plan.impact.ball_after.speed, 1)
+        ('met', 19.6)
     """
     leg = with_angles(leg)
     check_free_joints(leg, "kicks are planned")

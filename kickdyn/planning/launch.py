@@ -217,6 +217,12 @@ def plan_launch(
     Raises:
         InvalidInput: a value out of range, or `beside` where no lift can bend the flight.
         OutOfReach: the ground is in the way of every launch to the target.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> launch = kd.plan_launch(kd.Goal(30, time=1.5), kd.Ball(), kd.Air())
+        >>> str(launch.status), round(launch.speed, 2), round(launch.angle, 3)
+        ('met', 24.85, 0.315)
     """
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")

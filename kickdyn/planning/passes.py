@@ -112,6 +112,12 @@ def plan_pass(
     Raises:
         InvalidInput: a value out of range, a goal without a time, at another height or with
             `beside`, or an unknown surface.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> plan = kd.plan_pass(kd.Goal(20, time=2), kd.Ball(), kd.Air())
+        >>> str(plan.status), round(float(plan.velocity[0]), 2)
+        ('met', 15.06)
     """
     if goal.time is None or goal.target[2] != 0.0 or goal.beside is not None:
         raise InvalidInput(

@@ -57,6 +57,12 @@ def simulate(scene: Scene, tolerance: float | None = 0.05) -> Simulation:
         NoImpact: foot and ball do not approach each other.
         InvalidInput: the tolerance is invalid, or what the scene names cannot be computed.
         KickdynError: an integrator gave up.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> simulation = kd.simulate(kd.load_scene("free_kick"), tolerance=0.1)
+        >>> simulation.end.position.round(1).tolist(), simulation.within_tolerance
+        ([16.5, 8.4, 0.1], True)
     """
     effects = effects_of(scene)
     if tolerance is None:

@@ -109,6 +109,13 @@ def sweep(
             process.
         Unfinished: interrupted by Ctrl-C, a full disk or lost workers; the store can be resumed.
         KickdynError: the compiled kernel and `kickdyn.strike` disagree.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> postures = {"hip": [0.0, 0.5], "knee": [0.2, 0.4, 0.6]}
+        >>> table = kd.sweep(kd.Leg.human(), postures, kd.Kick(speed=5.0))
+        >>> table.ball_speed.sel(hip=0.5).values.round(2).tolist()
+        [7.15, 6.66, 6.01]
     """
     if sum(each is not None for each in (threads, workers, executor)) > 1:
         raise InvalidInput("threads, workers and executor exclude each other: give one of them")

@@ -264,6 +264,8 @@ def page(
     viewer = recording_viewer()
     lies = subject is not impact or isinstance(path, Course)
     drawn = draw_kick(viewer, impact, path, scenery, swing, lies=lies)
+    if caption and drawn.text and not caption.endswith("."):
+        caption += "."
     caption = " ".join(filter(None, [caption, drawn.text]))
     title = f"{name}: ball at {float(impact.ball_after.speed):.4g} m/s"
     panel = kick_panel(impact, path, drawn, caption, [*viewer.window.warnings, *warnings])

@@ -280,8 +280,8 @@ friction="{float(self.friction)!r} 0 0"
             yield f"error, {error.change or 'this kick'}", text, ""
         for goal in self.goals:
             name = goal.name.replace("around", f"x {min(SPEEDS):g} to {max(SPEEDS):g}")
-            error, limit = goal.texts
-            yield f"goal, {name}", f"at most {limit}: {error},", "met" if goal.met else "MISSED"
+            reached, limit = goal.texts
+            yield f"goal, {name}", f"at most {limit}: {reached},", "met" if goal.met else "MISSED"
         yield "within tolerance", "yes" if self.within_tolerance else "no", ""
         yield "computing time of a kick", 1e3 * self.seconds, "ms"
         yield from warned(self.warnings)

@@ -322,10 +322,10 @@ def tune_mujoco(
     The leg is simulated without motors, its foot as a plane, as in `collide`.
 
     Args:
-        posture: of a leg without supports, loops, mimic and stiff joints. An MJCF file is read by
-            `Leg.from_mjcf`; the result then has a warning where the ball does not touch the foot of
-            the file, or overlaps another geom. `Leg.configuration` puts joints that are not named
-            at 0, not at their `ref` as MuJoCo does.
+        posture: posture of a leg without supports, loops, mimic and stiff joints. An MJCF file is
+            read by `Leg.from_mjcf`; the result then has a warning where the ball does not touch the
+            foot of the file, or overlaps another geom. `Leg.configuration` puts joints that are not
+            named at 0, not at their `ref` as MuJoCo does.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
         ball: the ball; its centre is at `contact point + radius * normal`.
         contact: normal, friction, and a restitution of at least 0.2 at this speed of approach. One

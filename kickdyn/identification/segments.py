@@ -302,7 +302,7 @@ def _check_heights(track: Track, level: float) -> None:
         where = int(np.argmin(heights))
         raise InvalidInput(
             f"the ball is at {heights[where]:.4g} m at {track.times[where]:.10g} s, under the "
-            f"ground at {level:g} m: z must point up, and the ground's height be that of the track"
+            f"ground at {level:g} m: z must point up; if the ground is lower, give its height"
         )
 
 

@@ -76,7 +76,7 @@ class Plane(ValueEquality, ReprMixin):
 
     @validation.check_arguments
     def gap(self, ball: Ball, position: ArrayLike) -> float:
-        r"""Return how far a ball still is from reaching the plane along its normal [m], 0 or more.
+        r"""Return the distance along the normal between a ball and its reaching the plane [m].
 
         :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
 

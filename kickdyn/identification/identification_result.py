@@ -103,8 +103,8 @@ class Identification(ReprMixin):
         for name, reason in self.undetermined.items():
             yield name, f"not determined: {reason}", ""
         for score in self.comparison:
-            rms = f"{score.prediction_rms:.4f} m in the second half, {score.fit_rms:.4f} m fitted"
-            yield score.model, rms, ""
+            rms = f"{score.prediction_rms:.4f} m rms in predicted second halves"
+            yield score.model, f"{rms}, {score.fit_rms:.4f} m in fitted first halves", ""
         for line in self.warnings:
             yield "warning", line, ""
 
@@ -163,7 +163,9 @@ class Identification(ReprMixin):
             InvalidInput: there are several flights; `launches` has theirs.
         """
         if len(self.launches) > 1:
-            raise InvalidInput(f"there are {len(self.launches)} flights: launches has the states")
+            raise InvalidInput(
+                f"there are {len(self.launches)} flights: `launches` has one of each"
+            )
         return self.launches[0]
 
     @cached_property
@@ -225,7 +227,10 @@ class Identification(ReprMixin):
             lines.append(f"not determined by the measurement: {', '.join(self.undetermined)}")
         loose = [name for name, v in self.values.items() if self.deviations[name] > 0.5 * abs(v)]
         if loose:
-            lines.append(f"the standard deviation is more than half the value: {', '.join(loose)}")
+            lines.append(
+                "the standard deviation is more than half the value, which is near 0 or badly "
+                f"determined: {', '.join(loose)}"
+            )
         if self.widening > 1.0:
             lines.append(
                 "neighbouring residuals are correlated, as in smoothed tracks: the standard "
@@ -256,10 +261,11 @@ class Identification(ReprMixin):
                 axes.plot(*track.positions[~used][:, [0, across]].T, "x", color="C3")
             rest.plot(track.times, 100.0 * self.residuals[rows], linewidth=0.8)
             first += len(track)
+        side.legend(side.lines[:3], ("fitted", "measured", "outlier, not used"))
         rest.legend(rest.lines[:3], ("x", "y", "z"), loc="upper left", ncols=3)
         side.set(xlabel="x [m]", ylabel="z [m]", title="measured positions and fitted flight")
         top.set(xlabel="x [m]", ylabel="y [m]")
-        rest.set(xlabel="time [s]", ylabel="residual [cm]")
+        rest.set(xlabel="time [s]", ylabel="fitted - measured [cm]")
         return figure
 
 

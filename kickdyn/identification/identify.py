@@ -244,7 +244,8 @@ def _sought(free: Iterable[str], air: Air) -> tuple[Free, ...]:
     found = {validation.choice("free", name, Free) for name in names}
     if {Free.DRAG, Free.DRAG_SCALE} <= found:
         raise InvalidInput(
-            "free has drag and drag-scale: the first replaces the model that the second scales"
+            "free has drag and drag-scale: take one, because the first replaces the model that the "
+            "second scales"
         )
     for name, kind in ((Free.DRAG_SCALE, "drag"), (Free.LIFT_SCALE, "lift")):
         if name in found and getattr(air, kind) is None:
@@ -288,7 +289,10 @@ def _fit(problem: _Problem) -> _Estimate:
     ]
     evaluate = partial(_evaluate, problem, axes, COARSE)
     if evaluate(starts[0]) is None:
-        raise KickdynError("no flight could be integrated from the first guess of the launch")
+        raise KickdynError(
+            "no flight could be integrated from the first guess of the launch: check the units and "
+            "that the samples are one flight"
+        )
     robust = [_minimise(evaluate, start, 3.0 * noise, None, 0.0, problem) for start in starts]
     _, values = min(robust, key=lambda found: found[0])
     residuals, jacobian = evaluate(values) or _impossible()
@@ -316,7 +320,10 @@ def _outliers(residuals: Array, spread: float) -> NDArray[np.bool_]:
 
 
 def _impossible() -> tuple[Array, Array]:
-    raise KickdynError("the fitted flight could not be integrated")
+    raise KickdynError(
+        "the fitted flight could not be integrated: check the units, and that the samples are one "
+        "flight"
+    )
 
 
 def _polynomial(track: Track) -> tuple[Array, float]:

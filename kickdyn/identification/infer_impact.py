@@ -133,7 +133,7 @@ class InferredImpact(ReprMixin):
             spread = f" +- {100 * deviation:.2g}" if deviation else ""
             lines.append(
                 f"the residual is {100 * self.residual:.2g}{spread} % of radius times impulse: an "
-                "impulse at one point does not explain the change of spin"
+                "impulse at one point does not explain the change of spin; check the spins"
             )
         margin = 1e-9 + 3.0 * self.deviations.get("restitution", 0.0)
         if not -margin <= self.restitution <= 1.0 + margin:
@@ -215,7 +215,9 @@ def infer_impact(
         )
     for name, state in (("ball_before", ball_before), ("ball_after", ball_after)):
         if state.position.shape != (3,):
-            raise InvalidInput(f"{name} has shape {state.position.shape}: it must be one state")
+            raise InvalidInput(
+                f"position of {name} has shape {state.position.shape}: it must be one state, (3,)"
+            )
     count = posture.leg.nv
     speed = validation.read_only(validation.vector("v", v, count, unit="rad/s or m/s"))
     posture.check_velocity(speed)

@@ -15,9 +15,9 @@ TIMEOUT = 120.0  # of Chromium [s]
 # The picture is drawn without a graphics processor, so that it is the same everywhere. Chromium's
 # sandbox works neither as root nor in most containers, and the page may load and call nothing.
 _FLAGS = (
-    "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
-    "--hide-scrollbars --disable-background-networking --disable-component-update --disable-sync "
-    "--no-first-run --virtual-time-budget=3000 --window-size=1280,720"
+    "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader "
+    "--enable-unsafe-swiftshader --hide-scrollbars --disable-background-networking "
+    "--disable-component-update --disable-sync --no-first-run --virtual-time-budget=3000 --window-size=1280,720"
 )
 
 

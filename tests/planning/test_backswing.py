@@ -213,7 +213,7 @@ def test_a_launch_beyond_the_limits_is_refused():
     ("options", "message"),
     [
         ({"limits": False}, "limits is False: a swing is planned within limits"),
-        ({"objective": "foot-speed"}, "with swing=True it must be joint-speed or kinetic-energy"),
+        ({"objective": "foot-speed"}, r"with swing=True \(--swing\) it must be joint-speed"),
     ],
 )
 def test_options_that_have_no_swing_are_refused(options, message):

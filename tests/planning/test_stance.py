@@ -143,6 +143,12 @@ def test_a_condition_is_left_out(condition):
         Condition.CLEARANCE: slice(4, -1),
         Condition.UPRIGHT: slice(-1, None),
     }
+    named = Stance(STANDING, without=condition)
+    for other in set(Condition) - {condition}:
+        margins = named.margins(postures()[0], REST)[named.rows(other)]
+        assert (
+            margins.tolist() == Stance(STANDING).margins(postures()[0], REST)[rows[other]].tolist()
+        )
     posture, vs = postures()[0], np.arange(LEG.nv)
     every, fewer = Stance(STANDING), Stance(STANDING, without=condition)
     margins, slopes = every.margins(posture, REST), every.slopes(posture, REST, vs)[0]

@@ -78,7 +78,15 @@ def _block(translator, node):
     raise nodes.SkipNode
 
 
+def _dash(app, doctree):
+    """Write a dash between a parameter and its description, where Sphinx leaves two hyphens."""
+    for text in list(doctree.findall(nodes.Text)):
+        if text == " -- ":
+            text.parent.replace(text, nodes.Text(" \N{EN DASH} "))
+
+
 def setup(app):
-    """Register the math renderer and the escaping of docstrings."""
+    """Register the math renderer, the escaping of docstrings and the dashes of parameters."""
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _escape, priority=400)  # before napoleon
+    app.connect("doctree-read", _dash)

@@ -52,19 +52,22 @@ class Air(ValueEquality, ReprMixin):
     temperature and pressure.
 
     Args:
-        density: [kg/m3], 0 or more.
-        viscosity: dynamic [Pa s], above 0.
-        wind: velocity of the air, shape `(3,)` [m/s, world frame], or a function of height [m] that
-            returns three floats.
+        density: density [kg/m3], 0 or more.
+        viscosity: dynamic viscosity [Pa s], above 0.
+        wind: velocity of the air, shape `(3,)` [m/s, world frame], or a function of the height z
+            [m] that returns its three components.
         drag: name of a model in `kickdyn.aerodynamics.drag.MODELS`; a number, 0 or more, for a
             coefficient that is the same everywhere; or a function of `(reynolds, spin_parameter)`.
-            None leaves drag out.
-        lift: likewise from `kickdyn.aerodynamics.lift.MODELS`, a number of any sign; None leaves
-            lift out. Below 15 m/s the default falls with the drag crisis of a Brazuca, which the
-            default drag does not have; "Flight" in `docs/explanation/theory.md` says why.
-        torque: likewise from `kickdyn.aerodynamics.spin_decay.MODELS`, what brakes the spin; None
-            leaves the spin as it is.
-        buoyancy: whether the air carries the ball's volume (1.5 % of a soccer ball's weight).
+            None means no drag.
+        lift: name of a model in `kickdyn.aerodynamics.lift.MODELS`, a number of any sign, or a
+            function as for `drag`. None means no lift. Below 15 m/s the default falls with the drag
+            crisis of a Brazuca, which the default drag does not have; "Flight" in
+            `docs/explanation/theory.md` says why.
+        torque: coefficient of the torque that brakes the spin: name of a model in
+            `kickdyn.aerodynamics.spin_decay.MODELS`, a number, or a function as for `drag`. None
+            means that the spin does not decay.
+        buoyancy: whether the weight of the displaced air is subtracted from that of the ball; it is
+            1.6 % of a soccer ball.
 
     Raises:
         InvalidInput: a value outside its range, or an unknown model.
@@ -157,9 +160,9 @@ class Air(ValueEquality, ReprMixin):
         """Return dry air at an altitude; values left out are those of the standard atmosphere.
 
         Args:
-            altitude: above the sea [m], -1000 to 11000.
-            temperature_c: [degC], -80 to 60.
-            pressure: [Pa], 10,000 to 200,000.
+            altitude: altitude above sea level [m], -1000 to 11000.
+            temperature_c: temperature [degC], -80 to 60.
+            pressure: pressure [Pa], 10,000 to 200,000.
             options: wind, drag, lift, torque and buoyancy, as for `Air`.
 
         Raises:

@@ -28,16 +28,17 @@ class Ball(ReprMixin):
     (IFAB, Laws of the Game 2023/24, Law 2).
 
     Args:
-        mass: [kg], above 0; inf is an obstacle that cannot move, for an impact alone: its impulse
-            and joint impulses are those of the limit of ever heavier balls.
-        radius: [m], above 0.
-        inertia_factor: moment of inertia over mass times radius squared, above 0: 2/3 of a thin
-            shell, which is the most a ball can have; 2/5 of a solid ball; inf, a particle: it has a
-            size in the air and at the contact, but nothing turns it.
-        pressure: of the air inside above that outside (gauge) [Pa], 2e3 to 1e6; None, the
-            default, is unknown. Law 2 allows 0.6 to 1.1 atmospheres, about 60e3 to 110e3 Pa. The
-            limits are far beyond those of balls, and exclude Law 2's range in bar, kPa, psi and
-            g/cm2: 0.8, 80, 12 and 800 are refused.
+        mass: mass [kg], above 0. With an infinite mass the ball is an obstacle that cannot move,
+            for impacts only: its impulse and joint impulses are those of the limit of ever heavier
+            balls.
+        radius: radius [m], above 0.
+        inertia_factor: moment of inertia over mass times radius squared, above 0. It is 2/3 of a
+            thin shell, which is the most a ball can have, and 2/5 of a solid ball. An infinite one
+            makes a particle: it has a size in the air and at the contact, but nothing turns it.
+        pressure: gauge pressure, of the air inside above that outside [Pa], 2e3 to 1e6; None, the
+            default, if it is unknown. Law 2 allows 0.6 to 1.1 atmospheres, about 60e3 to 110e3 Pa.
+            The limits are far beyond those of balls, and exclude the range of Law 2 in bar, kPa,
+            psi and g/cm2: 0.8, 80, 12 and 800 are refused.
 
     Raises:
         InvalidInput: a value outside its range.
@@ -77,7 +78,7 @@ class Ball(ReprMixin):
             )
 
     def check_movable(self, what: str) -> None:
-        """Raise `InvalidInput` for an obstacle, which `what` cannot be for."""
+        """Raise `InvalidInput` if the ball is an obstacle; `what` needs a movable one."""
         if self.mass == math.inf:
             raise InvalidInput(
                 f"ball mass is inf, an obstacle that cannot move: {what} needs a finite mass"
@@ -98,12 +99,12 @@ class Ball(ReprMixin):
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about any diameter [kg m2], of a shell 2/3 m r^2."""
+        r"""Moment of inertia about any diameter [kg m2], :math:`\frac23 m r^2` of a thin shell."""
         return self.inertia_factor * self.mass * self.radius * self.radius
 
     @property
     def turning(self) -> float:
-        """Radius squared over inertia [1/kg]: what turning adds to 1 / m across the normal."""
+        r"""What rotation adds to :math:`1/m` across the normal, :math:`r^2/I` [1/kg]."""
         return 1.0 / (self.inertia_factor * self.mass)
 
     @property
@@ -145,12 +146,12 @@ class Ball(ReprMixin):
 
     @property
     def cross_section(self) -> float:
-        """Area that meets the air [m2], pi r^2."""
+        r"""Area across the flow of the air, :math:`\pi r^2` [m2]."""
         return math.pi * self.radius * self.radius
 
     @property
     def volume(self) -> float:
-        """Volume [m3], which buoyancy acts on."""
+        r"""Volume, :math:`\frac43 \pi r^3` [m3]; buoyancy is the weight of as much air."""
         return 4.0 / 3.0 * math.pi * self.radius**3
 
 
@@ -164,9 +165,9 @@ class BallState(ValueEquality):
 
     Args:
         position: centre of the ball, shape `(3,)` or `(n, 3)` [m, world frame].
-        velocity: of the centre, likewise [m/s, world frame].
-        spin: angular velocity, likewise [rad/s, world frame].
-        time: [s], a number or shape `(n,)`.
+        velocity: velocity of the centre, shape `(3,)` or `(n, 3)` [m/s, world frame].
+        spin: angular velocity, shape `(3,)` or `(n, 3)` [rad/s, world frame].
+        time: time, a number or shape `(n,)` [s].
 
     Raises:
         InvalidInput: shapes that do not go together, or an entry that is not finite.
@@ -211,7 +212,8 @@ class BallState(ValueEquality):
     ) -> "BallState":
         """Return the state of finite arrays of shape `(3,)`, which it owns from then on.
 
-        It skips the checks, which take as long as an impact: for values computed from checked ones.
+        The arrays are not checked, which would take as long as an impact. Use it for values that
+        are computed from checked ones.
         """
         state = cls.__new__(cls)
         for array in (position, velocity, spin):

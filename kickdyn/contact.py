@@ -24,18 +24,18 @@ class Contact(ValueEquality, ReprMixin):
     Args:
         normal: direction from the foot into the ball, any length but zero, stored as a unit
             vector, shape `(3,)` [world frame]. The ball's centre is at `contact point + r normal`.
-        restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather,
-            oval) ball measured 0.66 to 0.79 (Peacock & Ball 2016); the paper's Table 2 needs 0.8.
-            Or e over the speed of approach along the normal: a table of rows (speed [m/s], e),
-            shape `(n, 2)`, speeds increasing, such as `RestitutionFit.table`; or the name of a
-            model, `peacock-ball` (`kickdyn.restitution.MODELS`, with source). Between rows e is
+        restitution: coefficient e of Eq. (1), 0 to 1. A rigid mechanical limb on a (leather, oval)
+            ball measured 0.66 to 0.79 (Peacock & Ball 2016); the paper's Table 2 needs 0.8. It may
+            also depend on the speed of approach along the normal: as a table of rows (speed [m/s],
+            e), shape `(n, 2)`, speeds increasing, such as `RestitutionFit.table`; or as the name of
+            a model, `peacock-ball` (`kickdyn.restitution.MODELS`, with source). Between rows e is
             linear; outside them it is that of the nearest row, and results have a warning.
         friction: Coulomb's coefficient mu, 0 or more. The default 0 is the frictionless contact of
             Eqs. (8)-(10); the paper uses 0.4, and 0.37 to 0.63 was measured on nine match balls
             against leather (Proceedings 2020, 49(1):92).
-        offset: of the contact point from the origin of the leg's contact frame, in that frame's
-            axes, so that it stays on the foot as the foot rotates, shape `(3,)` [m]; it replaces
-            that of the posture. None, the default, keeps the contact point of the posture.
+        offset: position of the contact point in the leg's contact frame, shape `(3,)` [m]. It is
+            fixed to the foot as the foot rotates, and replaces the offset of the posture. None, the
+            default, keeps the contact point of the posture.
 
     Raises:
         InvalidInput: a normal of length 0, a coefficient outside its range, or speeds of a table
@@ -66,7 +66,7 @@ class Contact(ValueEquality, ReprMixin):
         """Return the coefficient e at a speed of approach along the normal.
 
         Args:
-            speed: u of the foot towards the ball, 0 or more [m/s].
+            speed: speed u of the foot towards the ball, 0 or more [m/s].
 
         Raises:
             InvalidInput: a speed that is below 0 or no finite number.
@@ -81,7 +81,7 @@ class Contact(ValueEquality, ReprMixin):
         the interval above.
 
         Args:
-            speed: u of the foot towards the ball, 0 or more [m/s].
+            speed: speed u of the foot towards the ball, 0 or more [m/s].
 
         Raises:
             InvalidInput: a speed that is below 0 or no finite number.

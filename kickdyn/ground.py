@@ -16,16 +16,17 @@ class Surface:
     """How a ball bounces and rolls on a level surface.
 
     Args:
-        name: by which messages and results call it.
-        restitution: ratio of vertical speeds after and before a bounce, 0 to 1.
-        friction: Coulomb's coefficient, 0 or more.
+        name: name of the surface in messages and results.
+        restitution: ratio of the vertical speeds after and before a bounce, 0 to 1.
+        friction: Coulomb's coefficient of friction, 0 or more.
         rolling_deceleration: deceleration of a rolling ball without the drag of the air [m/s2],
             above 0.
-        tangential_restitution: of the contact point while it grips, -1 to 1. With 0 the ball rolls
-            after the bounce; a value above 0 reverses the motion of the contact point.
-        source: where the numbers come from.
-        deviations: standard deviations of the coefficients by their names, where they were
-            measured, as in `Segments.surface`; motions are computed without them.
+        tangential_restitution: coefficient :math:`e_t`, -1 to 1: a bounce in which the ball grips
+            turns the slip u of its lowest point into :math:`-e_t u`. With 0 the ball rolls after
+            the bounce.
+        source: source of the numbers.
+        deviations: standard deviations of the coefficients by their names, as in
+            `Segments.surface`, where they were measured. They do not change any motion.
 
     Raises:
         InvalidInput: a coefficient outside its range, or a deviation of something else.
@@ -100,9 +101,10 @@ class Ground(ReprMixin):
     """A level plane.
 
     Args:
-        height: of the plane [m, world frame z].
-        surface: name of one of `SURFACES`, or a `Surface`: what `follow` bounces and rolls the ball
-            on. `fly` ends where the ball's lowest point touches, and needs none.
+        height: height of the ground [m, world frame z].
+        surface: name of one of `kickdyn.ground.SURFACES`, or a `Surface`, on which `follow` lets
+            the ball bounce and roll. `fly` needs none: it ends where the lowest point of the ball
+            touches the ground.
 
     Raises:
         InvalidInput: a height that is not finite, or an unknown surface.

@@ -26,14 +26,21 @@ class Plane(ValueEquality, ReprMixin):
     """An infinite plane that ends a flight which reaches it from the side of its normal.
 
     Args:
-        point: any point of it, shape `(3,)` [m, world frame].
-        normal: towards the ball, shape `(3,)`, of any length but zero.
-        reached_by: the part of the ball that is on the plane when it counts as reached: `front`,
-            the surface, as at a wall; `centre`; `back`, where the whole ball is over it, as a goal
-            is scored (IFAB, Laws of the Game 2023/24, Law 10).
+        point: any point of the plane, shape `(3,)` [m, world frame].
+        normal: normal to the side from which the ball comes, shape `(3,)`, of any length but zero.
+        reached_by: what of the ball must be on the plane to reach it: `front`, its surface, as at a
+            wall; `centre`; or `back`, when the whole ball is over the plane, as a goal is scored
+            (IFAB, Laws of the Game 2023/24, Law 10).
 
     Raises:
-        InvalidInput: a vector that is not finite, a normal of length 0, or an unknown part.
+        InvalidInput: a vector that is not finite, a normal of length 0, or another `reached_by`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> wall = kd.Plane(point=(11, 0, 0), normal=(-1, 0, 0))
+        >>> path = kd.fly(kd.BallState(velocity=(20, 0, 5)), kd.Ball(), plane=wall)
+        >>> str(path.status), round(float(path.landing.position[0]), 2)  # a radius before it
+        ('at-plane', 10.89)
     """
 
     point: Array
@@ -69,13 +76,13 @@ class Plane(ValueEquality, ReprMixin):
 
     @validation.check_arguments
     def gap(self, ball: Ball, position: ArrayLike) -> float:
-        r"""Return how far a ball still is from reaching the plane along its normal [m], 0 or more.
+        r"""Return the distance along the normal between a ball and its reaching the plane [m].
 
         :math:`n \cdot (x - p) + k r`, where k is -1, 0 or 1 for `front`, `centre` and `back`.
 
         Args:
-            ball: what is to reach the plane.
-            position: of its centre, shape `(3,)` [m, world frame].
+            ball: the ball.
+            position: position of its centre, shape `(3,)` [m, world frame].
 
         Raises:
             InvalidInput: the ball is beyond it already.

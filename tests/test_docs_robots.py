@@ -1,6 +1,8 @@
 """The tables of docs/explanation/robots.md are the outputs of their scripts."""
 
+import ast
 import runpy
+import shlex
 from pathlib import Path
 
 import pytest
@@ -56,3 +58,16 @@ def test_refused_files_load_with_the_joints_locked_that_the_reason_names(reading
     locked = dict.fromkeys(filter(None, named), 0.0)
     leg = kd.Leg.from_urdf(robots_folder() / found.file, frame, locked=locked)
     assert leg.posture(leg.configuration()).condition < 1e7
+
+
+def test_the_remedy_of_a_refusal_can_be_copied(readings):
+    """Its `locked=` for Python and its options for commands lock the same joints."""
+    (found,) = [reading for reading in readings if reading.file.endswith("/romeo.urdf")]
+    python = ast.literal_eval(found.reason.partition("by locked=")[2].partition(" in Python")[0])
+    options = shlex.split(found.reason.partition(" in Python, by ")[2].removesuffix(" in commands"))
+    assert options == [word for name in python for word in ("--lock", f"{name}=0")]
+    leg = kd.Leg.from_urdf(robots_folder() / found.file, "r_sole", locked=python)
+    patterns = {"*Finger*": 0.0, "*Hand": 0.0, "*Thumb*": 0.0}
+    same = kd.Leg.from_urdf(robots_folder() / found.file, "r_sole", locked=patterns)
+    assert leg.joint_names == same.joint_names
+    assert leg.nv == 31

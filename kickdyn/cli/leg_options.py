@@ -114,8 +114,8 @@ _OPTIONS = (
                  help="Link or joint whose origin strikes the ball.  [default: toe; for a robot, "
                  "its right foot]"),
     click.option("--lock", "locked", multiple=True, metavar="JOINT=VALUE", callback=_read_locked,
-                 help="Lock a joint at a value [deg; m for prismatic joints]; "
-                 "repeatable."),
+                 help="Lock a joint at a value [deg; m for prismatic joints], or all joints that a "
+                 "pattern matches, as 'LFinger*=0'; repeatable."),
     click.option("--loop", "loops", multiple=True, metavar="A:B", callback=_read_loops,
                  help="Close a kinematic loop, which a URDF file cannot have, by a ball joint "
                  "between the origins of two frames; repeatable."),

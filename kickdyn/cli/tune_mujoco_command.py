@@ -27,7 +27,7 @@ from kickdyn.impact.laws import ImpactLaw
 from kickdyn.restitution import Restitution
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import MjcfFile
-from kickdyn.robot.model_validation import unknown
+from kickdyn.robot.names import unknown
 from kickdyn.scene.scene import Scene
 from kickdyn.scene.toml_reader import load_scene
 from kickdyn.sweeps.grid import read_postures

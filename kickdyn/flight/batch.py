@@ -51,16 +51,18 @@ def fly_many(
 
     Args:
         states: the launches, such as `BallState(velocity=velocities)` with velocities of shape
-            `(n, 3)`: an argument of shape `(3,)`, or a missing one, is the same for all; their
-            time is not used.
-        ball: mass and radius.
-        air: None is the vacuum. Wind and coefficients that are functions must be written with
-            floats and `math`, so that numba can compile them.
-        ground: where the flights end; None ends each at the height of its launch.
-        tol: relative tolerance of the integration, 1e-13 to 1e-2.
-        time_limit: after which a ball that will not come down is left alone [s].
+            `(n, 3)`. An argument of `BallState` that is left out or has shape `(3,)` is the same
+            for all launches. Their times are not used.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum. Wind and coefficients that are functions must be written
+            with floats and `math`, so that numba can compile them.
+        ground: the ground, where the flights end; None ends each at the height of its launch.
+        tol: relative tolerance of the integration, as for `fly`.
+        time_limit: time after which a flight ends with the status `aloft` if the ball has not come
+            down [s].
         error: whether to estimate the error of each landing point from a second flight, as
-            `Flight.error` does; it takes three times as long, and more with functions of your own.
+            `Flight.error` does. This takes three times as long, and longer with functions of your
+            own.
 
     Returns:
         A dataset along `flight` in the order of the launches. Where `status` is `failed`, the
@@ -72,6 +74,13 @@ def fly_many(
     Raises:
         InvalidInput: a single state, a ball that starts inside the ground, a bad tolerance, a
             function that cannot be compiled.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> states = kd.BallState(velocity=[(20, 0, 10), (25, 0, 8)])
+        >>> flights = kd.fly_many(states, kd.Ball(), kd.Air())
+        >>> flights.range.values.round(2).tolist()
+        [32.14, 32.33]
     """
     if states.position.ndim != 2:
         raise InvalidInput(

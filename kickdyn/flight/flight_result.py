@@ -42,13 +42,15 @@ class Flight(ReprMixin):
     """The flight of a ball; all times count from the launch.
 
     Attributes:
-        ball, air, ground, plane, tol: as in the call of `fly`.
-        launch: the start.
-        landing: the end: on the ground, back at the height of the launch, or at the plane.
-        status: `landed`; `at-plane`, where that came first; `aloft`, where the time limit did:
-            `landing` is then merely the last state.
-        method: how it was computed.
-        evaluations: of the acceleration, up to the landing; 0 for the closed form.
+        ball, air, ground, plane, tol: the arguments of `fly`.
+        launch: the ball at the launch, at time 0.
+        landing: the ball at the end of the flight: on the ground, back at the height of the launch,
+            or at the plane.
+        status: `landed`; `at-plane`, where the ball reached the plane first; or `aloft`, where it
+            did neither before the time limit, and `landing` is merely the last state.
+        method: how the flight was computed.
+        evaluations: number of evaluations of the acceleration, up to the landing; 0 for the closed
+            form.
     """
 
     ball: Ball
@@ -84,7 +86,7 @@ class Flight(ReprMixin):
 
     @cached_property
     def apex(self) -> BallState:
-        """The highest point, as exact as the landing; the launch if the ball never rises."""
+        """The ball at its highest point, as exact as the landing; the launch if it never rises."""
         return self._find_apex()
 
     @property
@@ -150,9 +152,12 @@ class Flight(ReprMixin):
         return [(model, float(out.mean())) for model, out in found]
 
     def arrival(self, x: float) -> BallState | None:
-        """Return the ball where its centre first is at `x` [m, world frame]; None if it never is.
+        """Return the ball where its centre first is at `x`, or None if it never is.
 
         The state is as exact as a landing: it is the end of a second flight, at a plane.
+
+        Args:
+            x: coordinate of the ball's centre [m, world frame].
 
         Raises:
             InvalidInput: x is not a finite number.
@@ -175,12 +180,12 @@ class Flight(ReprMixin):
     def sample(self, t: ArrayLike) -> BallState:
         """Return the ball at one time or many.
 
-        Within the steps of the integration the states are interpolated: positions can be wrong by
-        some 60 times the tolerance's share of the flight's length, in the median by a few times
-        it. `error` is about the landing point only.
+        The states are interpolated within the steps of the integration. The error of a position is
+        a few times `tol` times the length of the flight in the median, and can be some 60 times
+        that. `error` is about the landing point only.
 
         Args:
-            t: since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
+            t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
 
         Raises:
             InvalidInput: a time outside the flight.
@@ -191,14 +196,14 @@ class Flight(ReprMixin):
         return BallState(self.launch.position + moved[..., :3], moved[..., 3:6], spin, times)
 
     def orientation(self, t: ArrayLike) -> Rotation:
-        r"""Return how the ball is turned from its orientation at the launch, world frame.
+        r"""Return the rotation of the ball since its launch, in the world frame.
 
         The air brakes the spin but does not turn its axis, so the rotation vector is
         :math:`\int_0^t \omega\, dt`, by Gauss's rule. Its `as_quat()` gives `(x, y, z, w)`,
         as Pinocchio and meshcat take it, `as_matrix()` the rotation matrix.
 
         Args:
-            t: as for `sample`.
+            t: time since the launch, as for `sample` [s].
 
         Returns:
             A scipy `Rotation`: one, or a stack of n.

@@ -46,26 +46,35 @@ def fly(
     equations of `FlightEquations` to the landing; the apex is computed when it is first read.
 
     Args:
-        state: the launch, as `Impact.ball_after` gives it; its time is not used.
-        ball: mass and radius.
-        air: None is the vacuum.
-        ground: where the flight ends; None ends it with the ball's centre back at the height of
-            the launch.
-        tol: relative tolerance of each step of the integration, 1e-13 to 1e-2, of the flight's own
-            lengths and speeds. The steps' errors add up; `Flight.error` estimates their sum.
-        plane: a wall or a goal line, where the flight ends if it comes there first. A ball that
-            starts on it flies only if it leaves it.
-        time_limit: after which a ball that will not come down is left alone [s].
-        max_step: longest step of the integration [s], or None. A step does not see what a function
-            of your own does between its 12 evaluations, such as a narrow peak of C_D;
+        state: the ball at the launch, such as `Impact.ball_after`; its time is not used.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum.
+        ground: the ground, where the flight ends. None ends it where the centre of the ball is back
+            at the height of the launch.
+        tol: tolerance of each step of the integration, 1e-13 to 1e-2, relative to the lengths and
+            speeds of this flight. The errors of the steps add up; `Flight.error` estimates their
+            sum.
+        plane: a wall or a goal line, which ends the flight if the ball reaches it first. A ball
+            that starts on it flies only if it moves away from it.
+        time_limit: time after which the flight ends with the status `aloft` if the ball has not
+            come down [s].
+        max_step: longest step of the integration [s]; None sets no limit. A step does not see what
+            a function of your own does between its 12 evaluations, such as a narrow peak of C_D;
             `Flight.error` does.
 
     Raises:
         InvalidInput: an array of states, a ball that starts inside the ground, beyond the plane or
-            faster than `MAX_SPEED`, a position beyond the range of float64, a bad tolerance, or a
+            faster than light, a position beyond the range of float64, a bad tolerance, or a
             coefficient outside its range whose model refuses that; others give one of
             `Flight.warnings`.
         KickdynError: the integrator gave up.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> kick = kd.BallState(velocity=(20, 0, 10), spin=(0, -30, 0))  # with back spin
+        >>> path = kd.fly(kick, kd.Ball(), kd.Air())
+        >>> round(path.range, 2), round(path.height, 2), round(path.duration, 2)
+        (42.21, 7.53, 2.91)
     """
     check_single(state)
     tol = validation.number("tol", tol, at_least=1e-13, at_most=1e-2)

@@ -31,12 +31,12 @@ class Course(ReprMixin):
     """The motion of a ball until it rests or reaches a plane; times count from the launch.
 
     Attributes:
-        status: `at-rest`; `at-plane`, where that ended it; `aloft`, where a flight would not come
-            down; `bouncing`, where the ball still bounces after `MOST_BOUNCES`; `blown`, where the
-            wind kept the ball rolling.
-        flights: one before each bounce.
+        status: `at-rest`; `at-plane`, where the ball reached the plane; `aloft`, where it did not
+            come down before the time limit; `bouncing`, where it still bounces after
+            `MOST_BOUNCES`; `blown`, where the wind kept it rolling until the time limit.
+        flights: the flights, one before each bounce.
         bounces: the ball just after each bounce.
-        ground_phases: the phases of sliding and rolling, if there are any.
+        ground_phases: the phases of sliding and rolling; empty if there are none.
     """
 
     status: FlightStatus
@@ -65,12 +65,12 @@ class Course(ReprMixin):
 
     @property
     def launch(self) -> BallState:
-        """The start."""
+        """The ball at the launch."""
         return self.flights[0].launch
 
     @cached_property
     def rest(self) -> BallState:
-        """The last state."""
+        """The last state of the ball, at rest unless the status says otherwise."""
         last = self.ground_phases[-1].end if self.ground_phases else self.flights[-1].landing
         return BallState(last.position, last.velocity, last.spin, self.duration)
 
@@ -100,7 +100,7 @@ class Course(ReprMixin):
         """Return the ball at one time or many.
 
         Args:
-            t: since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
+            t: time since the launch, from 0 to `duration`, a number or shape `(n,)` [s].
 
         Raises:
             InvalidInput: a time outside the course.
@@ -138,19 +138,26 @@ def follow(
     """Let a ball fly, bounce and roll until it rests.
 
     Args:
-        state: the launch, above the ground or on it.
-        ball: mass, radius and inertia.
-        air: None is the vacuum.
-        ground: with a surface; None is turf that the ball touches at its launch, so that its first
-            flight ends at the height of the launch, as that of `fly` does.
+        state: the ball at the launch, above the ground or on it.
+        ball: the ball; its mass, radius and inertia count.
+        air: the air; None is the vacuum.
+        ground: a ground with a surface. None is turf that the ball touches at its launch, so that
+            the first flight ends at the height of the launch, as that of `fly` does.
         tol: relative tolerance of every flight.
         plane: a wall or a goal line that ends the motion, be it flying, sliding or rolling.
-        time_limit: of every flight, and of rolling [s].
-        max_step: of every flight, as for `fly`.
+        time_limit: longest duration of every flight, and of rolling [s].
+        max_step: longest step of the integration of every flight, as for `fly` [s].
 
     Raises:
         InvalidInput: ground without a surface, or without the friction that ends sliding, or as for
             `fly`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> kick = kd.BallState(velocity=(20, 0, 10), spin=(0, -30, 0))
+        >>> course = kd.follow(kick, kd.Ball(), kd.Air())
+        >>> str(course.status), len(course.bounces), round(course.distance, 1)
+        ('at-rest', 8, 76.2)
     """
     check_single(state)
     if ground is None:
@@ -203,7 +210,7 @@ def _grounded(
 ) -> list[GroundPhase]:
     """Return the phases of a ball that stays down: sliding, if it does, then rolling."""
     if surface.friction == 0.0:
-        raise InvalidInput(f"friction of {surface.name} is 0: the ball would slide for ever")
+        raise InvalidInput(f"friction of {surface.name} is 0: it must be above 0 to end sliding")
     phases: list[GroundPhase] = []
     sliding = slide(state, ball, air, surface, wall_of(plane, ball, state))
     if sliding is not None:

@@ -73,9 +73,9 @@ class ContactSample(NamedTuple):
     """The contact at one time or many.
 
     Attributes:
-        force: on the ball, shape `(3,)` or `(n, 3)` [N, world frame].
-        impulse: on the ball so far, same shape [N s].
-        deflection: of ball and foot together, a number or shape `(n,)` [m].
+        force: force on the ball, shape `(3,)` or `(n, 3)` [N, world frame].
+        impulse: impulse on the ball so far, same shape [N s, world frame].
+        deflection: deflection of ball and foot together, a number or shape `(n,)` [m].
     """
 
     force: Array
@@ -88,14 +88,14 @@ class Collision(ReprMixin):
     """The result of a contact of finite stiffness, from first contact to separation.
 
     Attributes:
-        leg, ball, contact: as in the call.
-        approach_speed: of the foot towards the ball along the normal at first contact [m/s].
+        leg, ball, contact: the leg, the ball and the contact of the call.
+        approach_speed: speed of the foot towards the ball along the normal at first contact [m/s].
         restitution: coefficient e of the contact at that speed.
-        force_model: stiffness and dissipation.
-        impulse: on the ball, shape `(3,)` [N s, world frame].
-        contact_time: for which the force acts, from first contact to separation [s].
-        visible_contact_time: for which foot and ball seem to touch [s]. The hysteretic spring of
-            `walton-braun` ends with the ball still flattened by :math:`d_0`. A ball that regains
+        force_model: stiffness and dissipation of the contact.
+        impulse: impulse on the ball, shape `(3,)` [N s, world frame].
+        contact_time: time for which the force acts, from first contact to separation [s].
+        visible_contact_time: time for which foot and ball seem to touch [s]. The hysteretic spring
+            of `walton-braun` ends with the ball still flattened by :math:`d_0`. A ball that regains
             its shape as fast as it leaves the foot, at the speed w of separation, touches it
             without a force for :math:`d_0 / w` longer:
 
@@ -106,15 +106,19 @@ class Collision(ReprMixin):
             contact that the model allows: a ball that recovers later leaves the foot earlier. Of
             `hunt-crossley`, whose :math:`d_0` is 0, both times are the same.
         peak_force: largest contact force, friction included [N].
-        deflection: largest, of ball and foot together [m].
-        foot_displacement: of the contact frame meanwhile, shape `(3,)` [m, world frame].
-        energy_lost: to damping and friction [J].
-        ball_before, ball_after: at first contact and at separation; times count from first contact.
-        q_before, q_after: shape `(nq,)` [rad].
-        v_before, v_after: shape `(nv,)` [rad/s].
+        deflection: largest deflection, of ball and foot together [m].
+        foot_displacement: displacement of the contact frame in that time, shape `(3,)`
+            [m, world frame].
+        energy_lost: energy lost to damping and friction [J].
+        ball_before, ball_after: the ball at first contact and at separation; times count from first
+            contact.
+        q_before, q_after: configuration at first contact and at separation, shape `(nq,)`
+            [rad; m for prismatic joints].
+        v_before, v_after: joint velocity at first contact and at separation, shape `(nv,)`
+            [rad/s; m/s for prismatic joints].
         energy_residual: energy not accounted for, relative to the kinetic energy of the approach
             along the normal.
-        evaluations: of the equations of motion.
+        evaluations: number of evaluations of the equations of motion.
         tol: relative tolerance of the integrator.
     """
 
@@ -161,8 +165,8 @@ class Collision(ReprMixin):
     def warnings(self) -> tuple[str, ...]:
         """A line for each joint outside its range, or faster before the impact than its limit.
 
-        And one where the restitution is used outside its table, and where a ball whose stiffness
-        is that of its pressure is flattened beyond the range of `Ball.stiffness`.
+        Further lines say so where the restitution is used outside its table, and where a ball whose
+        stiffness is that of its pressure is flattened beyond the range of `Ball.stiffness`.
         """
         flat: tuple[str, ...] = ()
         share = self.deflection / self.ball.radius
@@ -184,10 +188,11 @@ class Collision(ReprMixin):
 
     @cached_property
     def error(self) -> float:
-        """Estimate of the impulse's error [N s]: twice what a 100 times tighter run changes.
+        """Estimate of the numerical error of the impulse [N s].
 
-        It is never less than the tolerance's share of the impulse, and computed when first read, by
-        that run. Errors of the model are not part of it.
+        It is twice the change of the impulse when the tolerance is 100 times tighter, and never
+        less than `tol` times the impulse. It takes this second run when it is first read. Errors of
+        the model are not part of it.
         """
         tighter = self._again(tol=max(self.tol * 1e-2, 1e-13))
         size = math.hypot(*self.impulse)
@@ -197,11 +202,11 @@ class Collision(ReprMixin):
     def joint_impulses(self) -> Array:
         """Impulse of the contact force in each joint, shape `(njoints, 6)` [N s, N m s].
 
-        Of the joint's parent on its child, linear then angular, about the joint's origin and in its
-        frame, which turns meanwhile; joints as in `leg.joint_names`. It is the integral of what
-        the contact force adds at every moment to the force in the joint, as in
-        `Impact.joint_impulses`, to which it tends for short contacts. Weight, torques and the
-        motion of the leg need further forces. It is computed when first read.
+        Each row has the linear, then the angular impulse of the joint's parent on its child, about
+        the joint's origin and in the joint's frame, which turns meanwhile; rows are in the order of
+        `leg.joint_names`. It is the integral over time of what the contact force adds to the force
+        in the joint, and tends to `Impact.joint_impulses` for short contacts. Weight, torques and
+        the motion of the leg need further forces. It is computed when first read.
         """
         impulses = self._integrate_joints()
         impulses.setflags(write=False)
@@ -211,7 +216,7 @@ class Collision(ReprMixin):
         """Return the contact at one time or many.
 
         Args:
-            t: since first contact, 0 to `contact_time`, a number or shape `(n,)` [s].
+            t: time since first contact, 0 to `contact_time`, a number or shape `(n,)` [s].
 
         Raises:
             InvalidInput: a time outside the contact, or more than one dimension.
@@ -243,31 +248,34 @@ def collide(
     """Strike a ball through a contact of finite stiffness, to the first separation.
 
     The leg moves meanwhile, under gravity, joint torques, centrifugal and Coriolis forces; supports
-    stay at rest and loops closed, whatever forces that takes of ground and pins. The foot
-    is a plane through its contact point that rotates with it, the ball a rigid body behind a
-    spring; the force of `ForceModel` acts along the plane's normal through the ball's centre, and
-    Coulomb's friction across it, against the sliding. For growing stiffness the result with the
+    stay at rest and loops stay closed. The foot is a plane through its contact point that rotates
+    with it, and the ball is a rigid body behind a spring. The force of `ForceModel` acts along the
+    normal of the plane through the centre of the ball, and Coulomb's friction across it, against
+    the sliding. For growing stiffness the result with the
     dissipation `walton-braun` tends to that of `strike`, law `stronge`, whose restitution it has.
     With `hunt-crossley` it tends to the law `newton` if the contact slips in one direction
     throughout; if it sticks, only if friction does not change the normal velocity (a leg without
     coupling).
 
     Args:
-        posture: of the leg at first contact, whose contact frame touches the ball.
-        v: joint velocity at first contact, shape `(nv,)` [rad/s].
-        ball: its centre is at `contact point + radius * normal` at first contact.
+        posture: posture of the leg at first contact, whose contact frame touches the ball.
+        v: joint velocity at first contact, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball: the ball; its centre is at `contact point + radius * normal` at first contact.
         contact: normal at first contact, restitution of 0.01 or more at the speed of approach,
-            and friction. Sticking points creep, at about a thousandth of the approach speed.
-        contact_time: for which the stiffness is chosen, exactly so if effective masses are
-            constant and no other force acts [s]; `CONTACT_TIME`, 10 ms, by default.
-        stiffness: of a Hertz contact [N/m^1.5], instead of `contact_time`; or `"pressure"`, the
-            linear spring of an inflated ball, `Ball.stiffness`, which has no fitted value.
-        dissipation: `walton-braun` or `hunt-crossley`, see `Dissipation` and `ForceModel`; of both
-            the restitution is exact if effective masses are constant and no other force acts.
-        torque: at the joints, shape `(nv,)` [N m; N], constant or a function of time since
-            first contact, q and v; 0 by default.
-        ball_velocity: of its centre at first contact, shape `(3,)` [m/s, world frame].
-        ball_spin: at first contact, shape `(3,)` [rad/s, world frame].
+            friction and offset. Points that stick creep, at about a thousandth of the approach
+            speed.
+        contact_time: duration of the contact for which the stiffness is chosen [s]. The contact
+            lasts exactly so long if effective masses are constant and no other force acts. It is 10
+            ms where neither this nor `stiffness` is given.
+        stiffness: stiffness of a Hertz contact [N/m^1.5], in place of `contact_time`; or
+            `"pressure"`, the linear spring of an inflated ball, `Ball.stiffness`, which has no
+            fitted value.
+        dissipation: `walton-braun` or `hunt-crossley`, see `ForceModel`. With both, the restitution
+            is exact if effective masses are constant and no other force acts.
+        torque: torques at the joints, shape `(nv,)` [N m; N for prismatic joints]: constant, or a
+            function of the time since first contact, q and v. None is 0.
+        ball_velocity: velocity of its centre at first contact, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity at first contact, shape `(3,)` [rad/s, world frame].
         tol: relative tolerance of the integrator, 1e-13 to 1e-3; above 1e-6 the energy lost is less
             exact than `error` says of the impulse.
 
@@ -276,6 +284,14 @@ def collide(
         InvalidInput: a wrong shape, a value outside its range, both contact_time and stiffness, a
             ball of unknown pressure, or a velocity that moves a support or opens a loop.
         KickdynError: foot and ball do not separate, or the integrator failed.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+        >>> collision = kd.collide(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> round(collision.peak_force)  # [N]
+        1360
     """
     validation.number("tol", tol, at_least=1e-13, at_most=1e-3)
     torque = _checked_torque(torque, posture.leg.nv)

@@ -49,10 +49,10 @@ class ForceModel:
     its c for a restitution, exactly for two masses on which no other force acts.
 
     Attributes:
-        stiffness: k [N/m^n]; of two elastic bodies (n = 3/2), 4/3 E* sqrt(R) (Johnson 1985,
-            Eq. 4.23); of an inflated ball (n = 1) see `Ball.stiffness`.
+        stiffness: k [N/m^n]; of two elastic bodies (n = 3/2) it is :math:`\frac43 E^* \sqrt{R}`
+            (Johnson 1985, Eq. 4.23), of an inflated ball (n = 1) see `Ball.stiffness`.
         damping: c [s/m].
-        restitution: e of the hysteresis, 0.01 to 1, which is without hysteresis.
+        restitution: e of the hysteresis, 0.01 to 1; with 1 there is no hysteresis.
         exponent: n, 1 to 2.
     """
 
@@ -73,26 +73,26 @@ class ForceModel:
             object.__setattr__(self, name, value)
 
     def force(self, deflection: float, rate: float, largest: float = 0.0) -> float:
-        """Return the normal force [N], unchecked.
+        """Return the normal force [N]; the arguments are not checked.
 
         Args:
             deflection: d [m].
-            rate: of the deflection [m/s].
-            largest: deflection so far [m]; below d the contact is being compressed.
+            rate: rate of the deflection [m/s].
+            largest: largest deflection so far [m]; below d the contact is being compressed.
         """
         spring, _ = self._spring(deflection, largest)
         return max(spring * (1.0 + self.damping * rate), 0.0)
 
     def returned(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the part of the spring's force whose work restitution gives back [N], unchecked.
+        """Return the part of the spring's force whose work restitution gives back [N].
 
-        The arguments are those of `force`.
+        The arguments are those of `force`; they are not checked.
         """
         spring, _ = self._spring(deflection, largest)
         return spring if deflection < largest else self.restitution**2 * spring
 
     def stored(self, deflection: float, largest: float = 0.0) -> float:
-        """Return the energy that restitution will give back [J], unchecked; as for `force`."""
+        """Return the energy that restitution will give back [J]; arguments as for `force`."""
         spring, recovered = self._spring(deflection, largest)
         return spring * recovered / (self.exponent + 1.0)
 
@@ -158,9 +158,9 @@ def contact_stiffness(
     `walton-braun` :math:`\tau(e) = (1 + e)/2\; \tau(1)`.
 
     Args:
-        contact_time: desired [s], above 0.
-        mass: m = 1 / (1/m1 + 1/m2) [kg], above 0.
-        approach_speed: [m/s], above 0. Hertz's contact time falls with its fifth root.
+        contact_time: duration T of the contact [s], above 0.
+        mass: reduced mass m = 1 / (1/m1 + 1/m2) of the two bodies [kg], above 0.
+        approach_speed: u [m/s], above 0. The contact time of Hertz falls with its fifth root.
         restitution: coefficient e, 0.01 to 1.
         dissipation: `walton-braun` or `hunt-crossley`, see `Dissipation`.
 

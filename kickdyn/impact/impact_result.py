@@ -35,16 +35,17 @@ RESIDUAL_ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Impact(ReprMixin):
-    """The result of a strike, with the residuals that prove it.
+    """The result of a strike, with residuals by which it can be checked.
 
     The motion of the leg after the impact is computed when it is first read, and then stored.
 
     Attributes:
-        approach: leg and ball just before.
+        approach: leg and ball just before the impact.
         law: the impact law.
-        solution: what the law returned.
-        ball_after: motion of the ball just after.
-        response: of the leg, where it was computed with the impulse; None where it follows from it.
+        solution: the impulse that the law returned.
+        ball_after: state of the ball just after the impact.
+        response: response of the leg, where it was computed together with the impulse; None where
+            it follows from the impulse.
     """
 
     approach: Approach
@@ -60,12 +61,12 @@ class Impact(ReprMixin):
 
     @property
     def ball(self) -> Ball:
-        """The ball."""
+        """The ball that is struck."""
         return self.approach.ball
 
     @property
     def contact(self) -> Contact:
-        """Normal, restitution and friction, as they were given."""
+        """The contact, as it was given: normal, restitution and friction."""
         return self.approach.contact
 
     @property
@@ -75,17 +76,17 @@ class Impact(ReprMixin):
 
     @property
     def ball_before(self) -> BallState:
-        """Motion of the ball just before."""
+        """State of the ball just before the impact."""
         return self.approach.ball_before
 
     @property
     def v_before(self) -> Array:
-        """Joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
+        """Joint velocity before the impact, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
         return self.approach.v
 
     @property
     def foot_velocity(self) -> Array:
-        """Velocity of the foot's contact point just before, shape `(3,)` [m/s, world frame]."""
+        """Velocity of the contact point before the impact, shape `(3,)` [m/s, world frame]."""
         return self.approach.foot_velocity
 
     @property
@@ -119,32 +120,33 @@ class Impact(ReprMixin):
 
     @property
     def free_effective_mass(self) -> float:
-        """What the effective mass would be if the leg's stiff joints were free [kg], or inf."""
+        """Effective mass of the leg if its stiff joints were free [kg], or inf."""
         return self.posture.without_stiff_joints.effective_mass(self.contact.normal)
 
     @property
     def condition(self) -> float:
-        """Condition of the joint-space inertia, 1-norm; about log10 of it digits can be lost."""
+        """Condition number of the joint-space inertia in the 1-norm, see `Posture.condition`."""
         return self.posture.condition
 
     @cached_property
     def leg_response(self) -> LegResponse:
-        """What the impulse does to the leg; its parts are attributes of the impact, too."""
+        """The response of the leg to the impulse; its parts are attributes of the impact, too."""
         if self.response is not None:
             return self.response
         return leg_response(self.approach.posture, self.approach.v, self.solution.impulse)
 
     @property
     def v_after(self) -> Array:
-        """Joint velocity just after, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
+        """Joint velocity after the impact, shape `(nv,)` [rad/s; m/s for prismatic joints]."""
         return self.leg_response.v_after
 
     @property
     def joint_impulses(self) -> Array:
         """Impulse of each joint's parent on its child, shape `(njoints, 6)` [N s, N m s].
 
-        Linear then angular, about the joint's origin and in its frame, joints as in
-        `leg.joint_names`. That of a stiff joint includes the impulse by which its motor holds.
+        Each row has the linear, then the angular impulse, about the joint's origin and in the
+        joint's frame; rows are in the order of `leg.joint_names`. The row of a stiff joint includes
+        the impulse by which its motor holds.
         """
         return self.leg_response.joint_impulses
 
@@ -152,25 +154,27 @@ class Impact(ReprMixin):
     def constraint_impulses(self) -> Array:
         """Impulses of the constraints, stacked as in `posture.constraint_projector.rows`.
 
-        [N s, N m s, world axes; of mimic and stiff joints along the joint], empty without any;
-        `support_impulses` and `loop_impulses` have them by name.
+        Those of supports and loops have world axes, those of mimic and stiff joints act along the
+        joint [N s, N m s]. The array is empty for a leg without constraints. `support_impulses` and
+        `loop_impulses` have them by name.
         """
         return self.leg_response.constraint_impulses
 
     @property
     def support_impulses(self) -> dict[str, Array]:
-        """Impulse of each support on the robot, linear then angular, about its frame, world axes.
+        """Impulse of the ground on each supporting foot, by the name of the support's frame.
 
-        Shape `(6,)`, of a point foot `(3,)` [N s, N m s].
+        That of a flat foot has the linear, then the angular impulse about the origin of the frame,
+        shape `(6,)`; that of a point foot is linear, shape `(3,)` [N s, N m s, world axes].
         """
         impulses = self.constraint_impulses
         return {support.frame: impulses[block.rows] for support, block in self._blocks()[0]}
 
     @property
     def loop_impulses(self) -> dict[tuple[str, str], Array]:
-        """Impulse of each loop on its second frame, shape `(3,)` [N s, world axes].
+        """Impulse on the second frame of each loop, shape `(3,)` [N s, world axes].
 
-        The first frame takes the opposite.
+        The impulse on the first frame is the opposite.
         """
         impulses = self.constraint_impulses
         return {loop: impulses[block.rows] for loop, block in self._blocks()[1]}
@@ -189,10 +193,11 @@ class Impact(ReprMixin):
 
     @property
     def restitution_residual(self) -> float:
-        r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` from the velocities after.
+        r"""Residual :math:`|u_n^+ + e\, u_n^-| / |u_n^-|` of Newton's restitution along the normal.
 
-        Law `paper` has restitution along the attack direction and law `stronge` that of work: where
-        this makes a difference, the residual shows it.
+        It is computed from the velocities after the impact. With the law `paper`, whose restitution
+        is along the attack direction, and with `stronge`, whose restitution is that of work, it is
+        not 0 where these differ from Newton's.
         """
         approach = self.approach
         foot_velocity_after = approach.posture.jacobian.dot(self.leg_response.v_after)
@@ -202,17 +207,24 @@ class Impact(ReprMixin):
 
     @property
     def momentum_residual(self) -> float:
-        """Momentum that Newton-Euler cannot account for, relative to impulse times Jacobian."""
+        r"""Joint-space momentum that Newton-Euler does not account for, relative to its scale.
+
+        The scale is :math:`\|J\| |p|`, with the Jacobian J of the contact point and the impulse p.
+        It is 0 but for rounding.
+        """
         return self.leg_response.momentum_residual
 
     @property
     def support_residual(self) -> float:
-        """Largest velocity of a supported frame just after [m/s, rad/s]: 0 but for rounding."""
+        """Largest velocity of a supporting foot after the impact [m/s, rad/s].
+
+        It is 0 but for rounding.
+        """
         return self._fastest(self._blocks()[0])
 
     @property
     def loop_residual(self) -> float:
-        """Largest velocity at which a loop opens just after [m/s]: 0 but for rounding."""
+        """Largest velocity at which a loop opens after the impact [m/s], 0 but for rounding."""
         return self._fastest(self._blocks()[1])
 
     @property
@@ -229,13 +241,13 @@ class Impact(ReprMixin):
 
     @property
     def speed_ratio(self) -> float:
-        """Ball speed just after over foot speed just before; inf if the foot was at rest."""
+        """Speed of the ball after the impact over that of the foot before it; inf if that is 0."""
         foot = math.hypot(*self.foot_velocity)
         return float(self.ball_after.speed) / foot if foot else math.inf
 
     @property
     def worst_joint(self) -> tuple[str, float]:
-        """The joint that transmits the largest linear impulse, and its size [N s]."""
+        """Name of the joint that transmits the largest linear impulse, and that impulse [N s]."""
         sizes = np.linalg.norm(self.joint_impulses[:, :3], axis=1)
         worst = int(np.argmax(sizes))
         return self.posture.leg.joint_names[worst], float(sizes[worst])
@@ -247,24 +259,24 @@ class Impact(ReprMixin):
 
     @property
     def digits(self) -> float:
-        """Digits that rounding leaves of the impulse, at least: an estimate, see `Rounding`.
+        """Estimate of how many decimal digits of the impulse are correct, 0 to 16.
 
-        Velocities after the impact may cancel more. Few are left where the speed of approach is
-        little more than the rounding of its terms, where the ball is many times heavier than the
-        leg that it sticks to, and where friction nearly jams the contact.
+        Velocities after the impact may have fewer, where they cancel. Few digits are left where the
+        speed of approach is little more than the rounding of its terms, where the ball is many
+        times heavier than the leg that it sticks to, and where friction nearly jams the contact.
         """
         return float(digits_left(self.rounding.impulse))
 
     @property
     def joint_digits(self) -> Array:
-        """Digits that rounding leaves of each joint's linear impulse, an estimate, `(njoints,)`."""
+        """Estimate of how many digits of each joint's linear impulse are correct, `(njoints,)`."""
         return digits_left(self.rounding.joints)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """A line for each joint outside its range, or faster before the impact than its limit.
 
-        And one where the restitution is used outside its table.
+        Another line says so where the restitution is used outside its table.
         """
         return (
             *self.posture.warnings,
@@ -274,10 +286,11 @@ class Impact(ReprMixin):
 
     @validation.check_arguments
     def sensitivity(self, *, of_leg: bool = True) -> Sensitivity:
-        """Return the derivatives of this impact; see `Sensitivity`.
+        """Return the derivatives of this impact by everything that it depends on.
 
         Args:
-            of_leg: whether to include the sources that change the leg, which cost most.
+            of_leg: whether to include the sources that change the leg, `q`, `v`, `link_mass` and
+                `link_inertia`; their derivatives take most of the time.
 
         Raises:
             InvalidInput: a law other than `newton`, a support that moves after
@@ -293,20 +306,29 @@ class Impact(ReprMixin):
         )
 
     def uncertainty(self, **spread: ArrayLike) -> Uncertainty:
-        """Return covariances of the result and their sources; see `Uncertainty`.
-
-        `impact.uncertainty(q=0.02, v=0.1, restitution=0.03)` takes standard deviations by source.
+        """Return the covariances of the results that follow from those of what they depend on.
 
         Args:
-            **spread: by the name of a source (`kickdyn.impact.sensitivity.UNITS`), its standard
-                deviation: one for all its components, or one for each, shape `(n,)`, independent
-                of each other; or their covariance, shape `(n, n)`. Sources are independent. For
-                the direction `normal` it is the angle by which it tilts to each side [rad].
+            **spread: standard deviations by the name of a source
+                (`kickdyn.impact.sensitivity.UNITS` has names and units): one number for all
+                components of the source; one for each component, shape `(n,)`, which are then
+                independent; or the covariance of the components, shape `(n, n)`. Different sources
+                are independent. The deviation of `normal` is the angle by which this direction
+                tilts to each side [rad].
 
         Raises:
             InvalidInput: no source or an unknown one, a wrong shape, a negative or infinite
                 deviation, a covariance that is not symmetric and positive semidefinite, or what
                 `sensitivity` refuses.
+
+        Example:
+            >>> import kickdyn as kd
+            >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+            >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8)
+            >>> impact = kd.strike(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+            >>> spread = impact.uncertainty(v=0.1, restitution=0.03)
+            >>> round(spread.speed, 2)  # standard deviation [m/s]
+            0.31
         """
         return uncertainty(self.sensitivity(), self.impulse, self.ball_after.velocity, spread)
 

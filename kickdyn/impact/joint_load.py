@@ -16,16 +16,17 @@ from kickdyn.impact.impact_result import Impact
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JointLoad(ReprMixin):
-    """The load of one joint; impulses by the parent on the child, about its origin in its axes.
+    """The load of one joint: the impulses of its parent on its child, about its origin in its axes.
 
     Attributes:
-        joint: its name.
-        structure: the part that bearings and links transmit, linear then angular, shape `(6,)`
-            [N s, N m s].
-        axis: along the joint's degrees of freedom, shape `(6,)` [N s, N m s]: 0 in a passive joint
-            but for the inertia of its rotor; of a stiff joint, the impulse of its motor.
-        peak_force: of the linear part of both [N]; None without a contact time.
-        peak_moment: of the angular part of both [N m]; None without a contact time.
+        joint: name of the joint.
+        structure: part of the impulse that bearings and links transmit, linear then angular, shape
+            `(6,)` [N s, N m s].
+        axis: part of the impulse along the degrees of freedom of the joint, shape `(6,)`
+            [N s, N m s]. It is 0 in a passive joint but for the inertia of its rotor; in a stiff
+            joint it is the impulse of its motor.
+        peak_force: peak force of both parts together [N]; None without a contact time.
+        peak_moment: peak moment of both parts together [N m]; None without a contact time.
     """
 
     joint: str
@@ -60,13 +61,23 @@ def joint_loads(impact: Impact, contact_time: float | None = None) -> dict[str, 
     r"""Return the load of every joint by name, in the model's order.
 
     Args:
-        impact: of any law.
-        contact_time: T [s]; with it, the peak of a half-sine pulse is estimated for each joint,
-            :math:`\frac{\pi}{2} p / T`. This assumes that all joints feel the pulse at once, as
-            rigid bodies do, and that the contact force rises and falls like a spring's.
+        impact: an impact by any law.
+        contact_time: T [s], 1e-9 or more. With it, the peak of a half-sine pulse is estimated for
+            each joint, :math:`\frac{\pi}{2} p / T`. This assumes that all joints feel the pulse at
+            once, as rigid bodies do, and that the contact force rises and falls like that of a
+            spring. None estimates no peaks.
 
     Raises:
         InvalidInput: no impact, or a contact time below 1e-9 s.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> posture = kd.Leg.human().posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8)
+        >>> impact = kd.strike(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> loads = kd.joint_loads(impact, contact_time=0.01)
+        >>> round(loads["knee"].peak_force)  # [N]
+        389
     """
     per_time = None
     if contact_time is not None:

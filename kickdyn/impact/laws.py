@@ -72,14 +72,21 @@ def normal_impulse(
     r"""Return the frictionless impulse of Eq. (10), :math:`(1 + e)\, u / (1/M + 1/m)` [N s].
 
     Args:
-        approach_speed: u, of the foot towards the ball along the normal [m/s], 0 or more.
+        approach_speed: speed u of the foot towards the ball along the normal [m/s], 0 or more.
         restitution: coefficient e, 0 to 1.
-        leg_mass: M, the leg's effective mass along the normal [kg], above 0; inf is immovable.
-        ball_mass: m [kg], above 0; inf, the default, is an obstacle that does not move, as in
-            Table 2.
+        leg_mass: effective mass M of the leg along the normal [kg], above 0; inf is an immovable
+            leg.
+        ball_mass: mass m of the ball [kg], above 0; inf, the default, is an obstacle that does not
+            move, as in Table 2.
 
     Raises:
         InvalidInput: a value outside its range, or two immovable bodies.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> p = kd.normal_impulse(10.0, restitution=0.8, leg_mass=2.0, ball_mass=0.43)  # at 10 m/s
+        >>> round(p, 2)
+        6.37
     """
     speed = validation.number("approach speed", approach_speed, at_least=0, unit="m/s")
     e = validation.number("restitution", restitution, at_least=0, at_most=1)

@@ -14,7 +14,7 @@ from kickdyn.errors import InvalidInput
 from kickdyn.impact.leg_response import joint_impulses
 from kickdyn.robot.constraints import INDEPENDENT
 from kickdyn.robot.leg import Leg, Posture
-from kickdyn.robot.model_validation import listed
+from kickdyn.robot.names import listed
 
 LINEAR, ANGULAR = slice(0, 3), slice(3, 6)
 

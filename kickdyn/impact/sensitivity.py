@@ -71,20 +71,27 @@ class Branch(StrEnum):
 class Sensitivity(ReprMixin):
     """Derivatives of an impact's results, one Jacobian per source.
 
-    Each attribute of type `Jacobians` maps the name of a source, see `UNITS`, to an array of shape
-    `(k, n)`: k is the size of the result, n that of the source; q counts in the tangent space.
+    A source is a quantity on which the impact depends; `kickdyn.impact.sensitivity.UNITS` has their
+    names and units. Each attribute of type `Jacobians` maps the name of a source to an array of
+    shape `(k, n)`, with the k components of the result and the n of the source. The source q has nv
+    components, those of its tangent space.
 
     Attributes:
-        impulse: of the impulse on the ball, k = 3 [N s per unit of the source, world frame].
-        velocity: of the ball's velocity just after, k = 3 [m/s per unit].
-        spin: of the ball's spin just after, k = 3 [rad/s per unit].
-        v_after: of the joint velocity just after, k = nv [rad/s per unit].
+        impulse: derivatives of the impulse on the ball, k = 3
+            [N s per unit of the source, world frame].
+        velocity: derivatives of the velocity of the ball after the impact, k = 3
+            [m/s per unit of the source, world frame].
+        spin: derivatives of the spin of the ball after the impact, k = 3
+            [rad/s per unit of the source, world frame].
+        v_after: derivatives of the joint velocity after the impact, k = nv
+            [rad/s per unit of the source].
         branch: `frictionless`, `stick` or `slip`.
-        margin: distance to the other branch: in stick, the friction to spare [N s]; in slip, the
-            speed of sliding that remains [m/s]; inf without friction.
-        margin_slope: of the margin, k = 1.
-        at_boundary: whether the margin is 0 to rounding. Stick and slip have different
-            derivatives; these then hold to one side only.
+        margin: distance to the other branch: in `stick`, the friction impulse that is left until
+            the contact slips [N s]; in `slip`, the speed of sliding that remains [m/s]; inf without
+            friction.
+        margin_slope: derivatives of the margin, k = 1.
+        at_boundary: whether the margin is 0 but for rounding. As stick and slip have different
+            derivatives, these are then valid to one side only.
     """
 
     impulse: Jacobians

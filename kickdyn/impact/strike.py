@@ -46,17 +46,17 @@ def strike(
               v_b^+ = v_b + p / m, \qquad \omega_b^+ = \omega_b - \frac{r}{I_b}\, n \times p .
 
     Args:
-        posture: of the leg, whose contact frame touches the ball.
+        posture: posture of the leg, whose contact frame touches the ball.
         v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
-        ball: its centre is at `contact point + radius * normal`.
-        contact: normal, restitution and friction, and where on the foot.
-        law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution,
-            the sliding followed through the contact) or `paper`.
-        engine: `closed-form`, or `pinocchio`: `pin.impulseDynamics` on leg and ball as one model,
-            without friction. It is an independent computation of the same impact; the joint
-            impulses follow from its velocity jump.
-        ball_velocity: of its centre just before, shape `(3,)` [m/s, world frame].
-        ball_spin: just before, shape `(3,)` [rad/s, world frame].
+        ball: the ball; its centre is at `contact point + radius * normal`.
+        contact: normal, restitution, friction and offset of the contact.
+        law: `newton` (kinematic restitution, exact Coulomb cone), `stronge` (energetic restitution;
+            the sliding is followed through the contact) or `paper` (that of the ICRA 2005 paper).
+        engine: `closed-form`, or `pinocchio`, which gives leg and ball as one model to
+            `pin.impulseDynamics`, without friction. This is an independent computation of the same
+            impact; the joint impulses follow from its velocity jump.
+        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
         strict: whether to refuse a result that creates energy.
 
     Raises:
@@ -65,6 +65,15 @@ def strike(
         EnergyCreated: `strict` is true and the law creates energy.
         InvalidInput: a wrong shape, an entry that is not finite, an unknown law or engine, or
             friction with the engine `pinocchio`.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> leg = kd.Leg.human()
+        >>> posture = leg.posture([0.7, 0.5, -0.3])
+        >>> contact = kd.Contact(normal=(2, 0, 1), restitution=0.8, friction=0.4)
+        >>> impact = kd.strike(posture, [6.6, -14.5, 6.6], kd.Ball(), contact)
+        >>> round(impact.ball_after.speed, 2)  # [m/s]
+        16.94
     """
     law = validation.choice("impact law", law, ImpactLaw)
     validation.flag("strict", strict)

@@ -36,23 +36,27 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uncertainty(Printed):
-    r"""Covariances of an impact's results, and their parts by source (the uncertainty budget).
+    r"""Covariances of an impact's results, and the contribution of each source to them.
 
     To first order, :math:`\Sigma_y = \sum_x J_x \Sigma_x J_x^T` over independent sources x (JCGM
-    100:2008, 5.1 and 5.2). `print` shows the budget as a table.
+    100:2008, 5.1 and 5.2). `print` shows these contributions as a table, the uncertainty budget.
 
     Attributes:
         impulse: covariance of the impulse on the ball, shape `(3, 3)` [N2 s2, world frame].
-        velocity: of the ball's velocity just after, shape `(3, 3)` [m2/s2].
-        spin: of the ball's spin just after, shape `(3, 3)` [rad2/s2].
-        impulse_size: standard deviation of the impulse's size [N s].
-        speed: of the ball's speed just after [m/s]. Both leave out what only rotates the vector, so
-            the root of a covariance's trace is larger; of a ball brought to rest it is that root.
-        by_source: for each source, the covariance of every result if it were the only one; those
-            of `impulse_size` and `speed` are variances. They add up.
+        velocity: covariance of the velocity of the ball after the impact, shape `(3, 3)`
+            [m2/s2, world frame].
+        spin: covariance of the spin of the ball after the impact, shape `(3, 3)`
+            [rad2/s2, world frame].
+        impulse_size: standard deviation of the length of the impulse vector [N s].
+        speed: standard deviation of the speed of the ball after the impact [m/s]. This one and
+            `impulse_size` leave out what only rotates the vector, so that the root of the trace of
+            a covariance is larger. For a ball brought to rest it is that root.
+        by_source: for each source, the covariance of every result if this source were the only one;
+            those of `impulse_size` and `speed` are variances. The sum over the sources is the
+            total.
         branch: `frictionless`, `stick` or `slip`.
-        branch_sigmas: how many standard deviations the other branch is away. First order holds on
-            one branch only: below about 2, read the covariances as rough.
+        branch_sigmas: number of standard deviations to the other branch. The first order is valid
+            on one branch only: below about 2, the covariances are rough.
     """
 
     impulse: Array
@@ -65,9 +69,9 @@ class Uncertainty(Printed):
     branch_sigmas: float
 
     def share(self, result: str) -> dict[str, float]:
-        """Return the part of a result's variance that each source makes; together 1.
+        """Return the share of each source in the variance of a result.
 
-        All are 0 where the result is certain.
+        The sum of the shares is 1; all are 0 where the result is certain.
 
         Args:
             result: `impulse_size`, `speed`, `impulse`, `velocity` or `spin`; the variance of the

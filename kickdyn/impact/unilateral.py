@@ -41,15 +41,18 @@ AT_REST_SPEED = 1e-9
 class UnilateralImpact(Impact):
     """An `Impact` in which supports rest on points that can push and have friction, but not pull.
 
-    `support_impulses` are the sums over a support's points, `support_residual` is how fast the foot
-    leaves, and `effective_mass` is that of the leg without supports.
+    `support_impulses` are the sums over the points of a support, `support_residual` is the velocity
+    at which the foot moves after the impact, and `effective_mass` is that of the leg without
+    supports.
 
     Attributes:
-        point_impulses: by support, on the robot at each corner of the sole, or at the point foot,
-            shape `(k, 3)` [N s, world axes]. With more than three corners of a rigid sole, sum and
-            moment are unique but not the distribution, of which this is one.
-        point_velocities: of the same points just after, shape `(k, 3)` [m/s, world axes].
-        cone_residual: of the contact laws, relative to the largest impulse or velocity.
+        point_impulses: impulses of the ground on the robot by the name of the support, at each
+            corner of the sole or at the point foot, shape `(k, 3)` [N s, world axes]. With more
+            than three corners of a rigid sole, their sum and moment are unique but not their
+            distribution, of which this is one.
+        point_velocities: velocities of the same points just after the impact, shape `(k, 3)`
+            [m/s, world axes].
+        cone_residual: residual of the contact laws, relative to the largest impulse or velocity.
     """
 
     point_impulses: dict[str, Array]
@@ -58,18 +61,18 @@ class UnilateralImpact(Impact):
 
     @cached_property
     def effective_mass(self) -> float:
-        """Mass of the leg along the normal without its supports [kg]."""
+        """Effective mass along the normal of the leg without its supports [kg]."""
         return _without_supports(self.approach).effective_mass(self.contact.normal)
 
     @cached_property
     def rounding(self) -> Rounding:
-        """Shares that may be rounding, with what the solver leaves of the contact laws."""
+        """Shares of the impulses that may be rounding, plus the residual of the contact laws."""
         found, left = super().rounding, self.cone_residual
         return Rounding(found.impulse + left, found.joints + left)
 
     @property
     def footing(self) -> dict[str, Footing]:
-        """What each support does: it stands, slips, tips on an edge, or lifts off."""
+        """Motion of each support in the impact: it stands, slips, tips on an edge, or lifts off."""
         threshold = AT_REST_SPEED * self.approach_speed
         return {
             name: _footing(velocities, threshold)
@@ -97,14 +100,25 @@ def unilateral_strike(
     ball_spin: ArrayLike = AT_REST,
     strict: bool = False,
 ) -> UnilateralImpact:
-    """Strike a ball from supports that are not fixed, but stand on points of the ground.
+    """Strike a ball with a robot whose feet stand on the ground, but can slip, tip and lift off.
 
-    Newton's restitution at the ball, none at the ground, where all is at rest, and Coulomb's cone
-    at every point: one nonlinear complementarity problem, see `solve_cones`. Law `newton` is the
-    only one: law `paper` finds the impulse from the leg's effective mass along the attack
-    direction, which feet that may lift off leave undefined; law `stronge` follows the impulse as it
-    grows at one point, and how fast each of several grows depends on their unknown stiffness.
-    Arguments are those of `strike`; the posture is that of a leg with supports.
+    The restitution is Newton's at the ball and 0 at the points of the soles, which are at rest
+    before the impact, with Coulomb's friction at every point. This is one nonlinear complementarity
+    problem, which `kickdyn.impact.cone_solver.solve_cones` solves.
+
+    Args:
+        posture: posture of a leg with supports, each with its friction and a flat one with its
+            `sole`; its contact frame touches the ball.
+        v: joint velocity just before, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball: the ball; its centre is at `contact point + radius * normal`.
+        contact: normal, restitution, friction and offset of the contact with the ball.
+        law: `newton`. The law `paper` needs the effective mass of the leg along the attack
+            direction, which feet that may lift off leave undefined; `stronge` follows the impulse
+            as it grows at one point, and how fast each of several grows depends on their stiffness,
+            which is unknown.
+        ball_velocity: velocity of its centre just before, shape `(3,)` [m/s, world frame].
+        ball_spin: angular velocity just before, shape `(3,)` [rad/s, world frame].
+        strict: whether to refuse a result that creates energy.
 
     Raises:
         NoImpact: as for `strike`.

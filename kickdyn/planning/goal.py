@@ -65,11 +65,11 @@ class Goal(ReprMixin):
     under the target where that is lower.
 
     Args:
-        target: of the ball's centre, from where it starts: a distance along x at the height of the
-            launch [m], or a point, shape `(3,)` [m, world axes].
-        time: of the flight to the target, 1e-6 to 1000 [s].
-        apex: greatest height of the flight above the launch [m], before the target.
-        speed: of the launch [m/s]; a low and a high arc may both do it.
+        target: position of the ball's centre at the target, from where it starts: a distance along
+            x at the height of the launch [m], or a point, shape `(3,)` [m, world axes].
+        time: time of the flight to the target, 1e-6 to 1000 [s].
+        apex: largest height of the flight above the launch [m], reached before the target.
+        speed: speed of the launch [m/s]; both a low and a high arc may have it.
         over: `(distance, height)` of a point of the flight, such as over a wall or under a bar:
             horizontal distance from the launch, along the line to the target, and the centre's
             height above the launch [m].

@@ -67,21 +67,20 @@ class Launch(ReprMixin):
 
     Attributes:
         status: `met` or `unreachable`.
-        goal: that was asked for.
+        goal: the goal that was asked for.
         reached: the goal that this launch meets: `goal` where the status is `met`, else the nearest
             there is.
-        limit: the reason why a goal is unreachable, see `LaunchLimit`; None where it is
-            met.
-        velocity: shape `(3,)` [m/s, world frame].
-        spin: shape `(3,)` [rad/s, world frame].
-        time: of the flight to the target [s].
-        errors: of the target (3 components), of the condition beside it and of `beside`
-            [m, s, m/s]; shape `(4,)` or `(5,)`.
+        limit: reason why the goal is unreachable, see `LaunchLimit`; None where it is met.
+        velocity: velocity of the launch, shape `(3,)` [m/s, world frame].
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame].
+        time: time of the flight to the target [s].
+        errors: errors of the target (3 components), of the condition beside it and of `beside`
+            [m, s, m/s], shape `(4,)`, or `(5,)` with `beside`.
         history: launch velocities of Newton's method, shape `(iterations + 1, 3)` [m/s]. The first
             is the vacuum's answer, Eqs. (24)-(25), or a member of the family of all launches to the
             target where Newton's method fails from there; the last is `velocity`.
-        ball: that flies.
-        air: that it flies through; None is the vacuum.
+        ball: the ball.
+        air: the air; None is the vacuum.
         limits: largest launch speed [m/s] and size of the spin that `beside` seeks [rad/s] of
             `others`; None along the ground, where none are looked for.
     """
@@ -224,12 +223,14 @@ def plan_launch(
     count.
 
     Args:
-        goal: from the ball's position.
-        ball: mass and radius.
-        air: None is the vacuum; a wind that depends on height counts it from the launch.
-        spin: shape `(3,)` [rad/s, world frame]; for `beside` its axis, the size being unknown.
-        arc: `low` or `high`, where two launches meet the goal; the other is in `others`.
-        speed_limit: of the launch [m/s], at most 343.
+        goal: the goal, seen from the position of the ball.
+        ball: the ball; its mass and radius count.
+        air: the air; None is the vacuum. A wind that depends on the height takes the height above
+            the launch.
+        spin: spin of the launch, shape `(3,)` [rad/s, world frame]. With `beside` it gives the axis
+            only, and the size is sought.
+        arc: `low` or `high`, where two launches meet the goal; the other one is in `Launch.others`.
+        speed_limit: largest speed of the launch [m/s], at most 343.
         spin_limit: largest spin that `beside` may take [rad/s].
 
     Returns:
@@ -239,6 +240,12 @@ def plan_launch(
     Raises:
         InvalidInput: a value out of range, or `beside` where no lift can bend the flight.
         OutOfReach: the ground is in the way of every launch to the target.
+
+    Example:
+        >>> import kickdyn as kd
+        >>> launch = kd.plan_launch(kd.Goal(30, time=1.5), kd.Ball(), kd.Air())
+        >>> str(launch.status), round(launch.speed, 2), round(launch.angle, 3)
+        ('met', 24.85, 0.315)
     """
     limit = validation.number("speed limit", speed_limit, above=0, at_most=SPEED_LIMIT, unit="m/s")
     most_spin = validation.number("spin limit", spin_limit, above=0, unit="rad/s")

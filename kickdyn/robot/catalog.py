@@ -12,7 +12,8 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.joint_table import reduced_model
-from kickdyn.robot.model_validation import frame_id, listed
+from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.names import listed
 from kickdyn.robot.urdf_file import UrdfFile, build_model, check_base, read_document
 
 PACKAGE = "example-robot-data"

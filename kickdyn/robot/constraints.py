@@ -23,7 +23,8 @@ from kickdyn.core.representation import ReadOnlyArrays, ValueEquality
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.mimic_joints import Gears
-from kickdyn.robot.model_validation import frame_id, listed
+from kickdyn.robot.model_validation import frame_id
+from kickdyn.robot.names import listed
 
 CLOSED = 1e-9
 """Gap [m] up to which a loop counts as closed."""
@@ -43,12 +44,13 @@ class Support(ValueEquality):
     """A frame that stands on the ground and stays at rest while the ball is struck.
 
     Attributes:
-        frame: of the robot.
-        point: whether only the frame's origin is at rest (a point foot), or the whole frame (a
-            flat foot).
-        friction: Coulomb's coefficient between sole and ground, 0 or more; None: not checked.
-        sole: corners of the sole, shape `(k, 3)` [m, support frame], three or more; None: not
-            checked. The ground is level, its normal z.
+        frame: name of a frame of the robot.
+        point: whether only the origin of the frame is at rest (a point foot), or the whole frame (a
+            flat foot, the default).
+        friction: Coulomb's coefficient between sole and ground, 0 or more. With None, slipping is
+            not checked.
+        sole: corners of the sole, three or more, shape `(k, 3)` [m, support frame]. With None,
+            tipping is not checked. The ground is level, with z as its normal.
 
     Raises:
         InvalidInput: a coefficient below 0, corners of the wrong shape, or for a point foot.
@@ -90,7 +92,7 @@ class Support(ValueEquality):
 
     @property
     def size(self) -> int:
-        """Number of velocities that are 0: 3 or 6."""
+        """Number of velocity components that are 0: 3 of a point foot, 6 of a flat foot."""
         return 3 if self.point else 6
 
 

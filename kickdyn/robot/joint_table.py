@@ -12,7 +12,7 @@ from kickdyn.core import validation
 from kickdyn.core.validation import Array, read_only
 from kickdyn.errors import InvalidInput
 from kickdyn.robot.mimic_joints import Gears, Mimic
-from kickdyn.robot.model_validation import unknown
+from kickdyn.robot.names import expand_patterns, unknown
 
 LIMIT_TOLERANCE = 1e-6
 """By how much a range may be passed without a warning [rad; m]; a speed limit, as a share of it."""
@@ -86,32 +86,39 @@ class JointTable:
         return checked
 
     def joint_values(self, q: ArrayLike) -> dict[str, float]:
-        """Return the values of the joints of one degree of freedom [rad; m for prismatic joints].
+        """Return the value of each joint of one degree of freedom by name [rad; m if prismatic].
+
+        Args:
+            q: configuration, shape `(nq,)`.
 
         Raises:
-            InvalidInput: q, shape `(nq,)`, is no configuration.
+            InvalidInput: q is no configuration.
         """
         q = self.check_configuration(q)
         step = pin.difference(self._model, pin.neutral(self._model), q)
         return {name: float(step[self.velocity_index(name)]) for name in self.single_joints}
 
     def angles_deg(self, q: ArrayLike) -> dict[str, float]:
-        """Return the angles of the joints of one degree of freedom that turn [deg]."""
+        """Return the angles of the revolute joints by name [deg]; q has shape `(nq,)`."""
         return {name: x for name, (x, unit) in self.display_values(q).items() if unit == "deg"}
 
     def positions_m(self, q: ArrayLike) -> dict[str, float]:
-        """Return the positions of the prismatic joints [m]."""
+        """Return the positions of the prismatic joints by name [m]; q has shape `(nq,)`."""
         return {name: x for name, (x, unit) in self.display_values(q).items() if unit == "m"}
 
     def display_values(self, q: ArrayLike) -> dict[str, tuple[float, str]]:
-        """Return `joint_values` as people read them, with their unit, `deg` or `m`."""
+        """Return `joint_values` in degrees or metres, each with its unit, `deg` or `m`."""
         return {
             name: (x, "m") if self.joint_unit(name) == "m" else (math.degrees(x), "deg")
             for name, x in self.joint_values(q).items()
         }
 
     def velocity_index(self, joint: str) -> int:
-        """Return the index of a joint of one degree of freedom in v; raise `InvalidInput`."""
+        """Return the index in v of a joint of one degree of freedom.
+
+        Raises:
+            InvalidInput: there is no such joint, or it has several degrees of freedom.
+        """
         return int(self._model.idx_vs[self._number(joint)])
 
     def joint_unit(self, joint: str) -> str:
@@ -120,7 +127,7 @@ class JointTable:
         return "m" if kind.startswith("JointModelP") else "rad"
 
     def joint_range(self, joint: str) -> tuple[float, float]:
-        """Return lower and upper limit of a joint [rad or m]; +-pi for a continuous one."""
+        """Return the limits of a joint, lower and upper [rad or m]; -pi and pi if continuous."""
         number = self._number(joint)
         if self._model.nqs[number] != 1:
             return -math.pi, math.pi
@@ -235,20 +242,26 @@ def lock_joints(
 ) -> Any:
     """Return a `pin.Model` with joints locked at their values [rad; m for prismatic joints].
 
-    With a joint, those that mimic it are locked.
+    A name may be a pattern, as for `expand_patterns`. With a joint, those that mimic it are locked.
 
     Raises:
         InvalidInput: no such joint, a value that is not finite or outside the joint's range, a
             mimic joint without its driver, or all joints are locked.
     """
-    table, joints = JointTable(model, mimics), validation.mapping("joints", joints)
-    if not joints:
+    table, wanted = JointTable(model, mimics), validation.mapping("joints", joints)
+    if not wanted:
         return model
+    for name in wanted:
+        if not expand_patterns({name: 0.0}, table.single_joints):
+            table.velocity_index(name)  # raises
+    joints = expand_patterns(wanted, table.single_joints)
     for mimic in table.mimics:
         if mimic.joint in joints and mimic.driver not in joints:
             raise InvalidInput(
                 f"joint {mimic.joint!r} mimics {mimic.driver!r}: lock that one, which locks both"
             )
+        if mimic.joint not in wanted:
+            joints.pop(mimic.joint, None)
     q = table.configuration(joints)
     for line in table.outside_range(q):
         if any(line.startswith(f"{joint} at ") for joint in joints):

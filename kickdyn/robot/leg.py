@@ -59,17 +59,18 @@ class Leg(JointTable, ReprMixin):
     another. It can be pickled and shared between threads.
 
     Attributes:
-        name: of the robot.
+        name: name of the robot.
         frame: name of the contact frame.
-        file: the checked file it came from, None for `from_model`.
-        joint_names: without the universe, in the model's order.
+        file: the checked file from which the leg was read; None for `from_model`.
+        joint_names: names of the joints in the order of the model, without its universe.
         nq, nv: sizes of configuration and velocity.
-        lower, upper: joint range, shape `(nq,)` [rad; m for prismatic joints].
-        velocity_limit, effort_limit: of speed and torque (`effort` in a URDF), shape `(nv,)`
-            [rad/s, N m; m/s, N for prismatic joints].
-        mimics: joints that move with another, as the file says.
+        lower, upper: range of the joints, shape `(nq,)` [rad; m for prismatic joints].
+        velocity_limit, effort_limit: largest speed and torque of each joint (`effort` in a URDF),
+            shape `(nv,)` [rad/s, N m; m/s, N for prismatic joints].
+        mimics: joints that move with another one, as the file says.
         stiff_joints: joints whose velocity an impact does not change.
-        constraints: supports, loops, mimic joints and stiff joints; None without any.
+        constraints: constraints by supports, loops, mimic joints and stiff joints; None without
+            any.
         contact_normal_cone: rows a of the cone of contact normals n with which the foot can meet a
             ball, :math:`a \cdot n \ge 0`, shape `(k, 3)` [contact frame]; None if it is unknown.
         workspace: this thread's scratch space for Pinocchio's calls; every call overwrites it.
@@ -140,8 +141,9 @@ class Leg(JointTable, ReprMixin):
             base: `fixed`, the root link welded to the world, or `floating`: then the first joint,
                 `root_joint`, has position and quaternion (xyzw) in q, and linear and angular
                 velocity, in the root link's axes, in v.
-            locked: joints to lock at their values, as `Leg.locked` does [rad; m for prismatic
-                joints], before inertias are judged: of a joint that moves no mass, for example.
+            locked: joints to lock at their values [rad; m for prismatic joints], before inertias
+                are judged: of a joint that moves no mass, for example. A name may be a pattern as
+                of a shell, such as `"LFinger*"`; a joint's own name goes before patterns.
             package_dirs: ROS packages, or folders that contain them, where a page looks for meshes
                 named `package://NAME/...`, before the folders that contain the file and those of
                 the variables `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. Meshes in them may be
@@ -236,11 +238,11 @@ class Leg(JointTable, ReprMixin):
         Args:
             name: bolt, g1, human, icub, icub_reduced, romeo, simple_humanoid, talos; or a name of
                 robot_descriptions, such as `g1_mj_description`.
-            frame: what touches the ball; the default is `toe`, on the front of the right foot
-                (`simple_humanoid`, whose file shows no foot: the ankle). There are also its
-                `instep` (g1, human, romeo) and `sole_edge`, the sole's front edge (these and
-                icub); or any frame of the file. A robot of robot_descriptions has no default,
-                unless its file has a frame `toe`.
+            frame: frame that touches the ball. The default is `toe`, on the front of the right foot
+                (for `simple_humanoid`, whose file shows no foot, at the ankle). Others are `instep`
+                (g1, human, romeo), `sole_edge`, the front edge of the sole (these and icub), and
+                every frame of the file. A robot of robot_descriptions has no default, unless its
+                file has a frame `toe`.
             base: `fixed` or `floating`, as for `from_urdf`.
             legs_only: lock all joints but the legs' at 0, or where `locked` has them; of
                 example-robot-data only.
@@ -298,10 +300,10 @@ class Leg(JointTable, ReprMixin):
         """Take a copy of a `pin.Model` built elsewhere, `armature` and all.
 
         Args:
-            model: with sound inertias, and mass that moves with every joint; on a fixed base, or
-                with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0, -9.81) m/s2,
-                as the ball's in flight, or zero, which turns weight off for joint torques and
-                while `collide` follows the contact.
+            model: a model with valid inertias, and mass that moves with every joint, on a fixed
+                base or with a `JointModelFreeFlyer` as its first joint. Its gravity is (0, 0,
+                -9.81) m/s2, as for the flight of the ball, or zero, which leaves weight out of
+                joint torques and of the motion in `collide`.
             frame: name of one of its frames.
 
         Raises:
@@ -319,6 +321,8 @@ class Leg(JointTable, ReprMixin):
 
     def locked(self, joints: Mapping[str, float]) -> "Leg":
         """Return the leg with joints locked at their values [rad; m for prismatic joints].
+
+        Names may be patterns, as for `from_urdf`.
 
         Raises:
             InvalidInput: no such joint, a value that is not finite or outside the joint's range,
@@ -348,7 +352,8 @@ class Leg(JointTable, ReprMixin):
         """Return the leg with frames that stand on the ground and stay at rest in the impact.
 
         Args:
-            supports: frames' names, for flat feet, or `Support`s; they replace any before.
+            supports: names of frames, for flat feet, or `Support` objects. They replace any
+                supports from before.
 
         Raises:
             InvalidInput: no such frame, or one of the kicking limb or of the fixed base.
@@ -383,7 +388,8 @@ class Leg(JointTable, ReprMixin):
         between this and a free one with the rotor of `with_armature`.
 
         Args:
-            joints: names; they replace any before, and none of them makes all joints free.
+            joints: names of the joints. They replace any stiff joints from before; without any
+                name, all joints are free.
 
         Raises:
             InvalidInput: no such joint, one named twice or with more than one degree of freedom,
@@ -410,8 +416,9 @@ class Leg(JointTable, ReprMixin):
         """Run kinematics and inertia at a configuration, inside the joints' range or not.
 
         Args:
-            q: shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one angle for each
-                continuous joint in place of its cosine and sine, and without mimic joints.
+            q: configuration, shape `(nq,)` [rad; m for prismatic joints]; or a short one, with one
+                angle for each continuous joint in place of its cosine and sine, and without mimic
+                joints.
 
         Raises:
             InvalidInput: wrong shape, an entry that is not finite, or a singular inertia.
@@ -425,7 +432,7 @@ class Leg(JointTable, ReprMixin):
         method starts with these at 0, and leads the kept ones to their values in small steps.
 
         Args:
-            q: to start from, shape `(nq,)` [rad; m for prismatic joints].
+            q: configuration to start from, shape `(nq,)` [rad; m for prismatic joints].
             keep: joints that stay as they are.
 
         Raises:
@@ -493,19 +500,21 @@ class Leg(JointTable, ReprMixin):
 
 
 class Posture(ReprMixin):
-    r"""A leg at a configuration `q`; `Leg.posture` makes it, so kinematics has always been run.
+    r"""A leg at a configuration `q`, with its kinematics and inertia; `Leg.posture` makes it.
 
-    With the joint-space inertia M and the Jacobian J of the contact point, an impulse p on the
-    foot changes the contact point's velocity by the Delassus matrix :math:`J M^{-1} J^T` times p.
+    With the joint-space inertia M and the Jacobian J of the contact point, an impulse p on the foot
+    changes the velocity of the contact point by :math:`J M^{-1} J^T p`. The matrix is named after
+    Delassus.
 
     Attributes:
         leg: the leg.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
-        contact_point: origin of the leg's contact frame, or the point at an offset from it, shape
-            `(3,)` [m, world frame].
-        contact_lever: from the contact joint's origin to that point, shape `(3,)` [m, axes of the
-            contact joint].
-        rotation_world_joint: from the axes of the contact joint to the world's, shape `(3, 3)`.
+        contact_point: position of the origin of the leg's contact frame, or of the point at an
+            offset from it, shape `(3,)` [m, world frame].
+        contact_lever: vector from the origin of the contact joint to that point, shape `(3,)`
+            [m, axes of the contact joint].
+        rotation_world_joint: rotation from the axes of the contact joint to those of the world,
+            shape `(3, 3)`.
         jacobian: J, of the contact point's velocity :math:`J v`, shape `(3, nv)` [world frame].
         inertia: joint-space inertia M, armature included, shape `(nv, nv)` [kg m2].
         constraint_projector: the leg's constraints at this configuration; None without any.
@@ -554,8 +563,8 @@ class Posture(ReprMixin):
         """Return this posture with its contact point elsewhere on the foot.
 
         Args:
-            offset: from the contact frame's origin, shape `(3,)` [m, contact frame]; None leaves
-                the point where it is.
+            offset: position of the point in the contact frame, shape `(3,)` [m]; None leaves the
+                point where it is.
 
         Raises:
             InvalidInput: an entry that is not finite or larger than 1 km.
@@ -585,9 +594,9 @@ class Posture(ReprMixin):
 
     @property
     def without_stiff_joints(self) -> "Posture":
-        """This posture of the leg whose stiff joints are free; itself where there are none.
+        """This posture of the leg with its stiff joints free; itself where there are none.
 
-        It has all velocities that are possible before an impact.
+        Its joint velocities are those that are possible before an impact.
         """
         # itself is not kept: a posture that refers to itself waits for the garbage collector
         return self._with_stiff_joints_free if self.leg.stiff_joints else self
@@ -602,20 +611,20 @@ class Posture(ReprMixin):
     def condition(self) -> float:
         """Condition number of M in the 1-norm, scaled to unit diagonal (LAPACK's estimate).
 
-        About its decimal logarithm of digits can be lost.
+        A result that is computed from M can lose as many digits as its decimal logarithm.
         """
         return condition(self.inertia, self._cholesky)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The leg's open loops; a line for each joint outside its range (or are these degrees?)."""
+        """A line for each open loop of the leg and for each joint outside its range."""
         return (*self.leg.open_loops, *self.leg.outside_range(self.q))
 
     @property
     def whitened_jacobian(self) -> Array:
         r"""Return :math:`J L^{-T}` with :math:`M = L L^T`, shape `(3, nv)` [world frame].
 
-        With constraints, projected on the changes of velocity that they allow in an impact.
+        With constraints, it is projected on the velocity jumps that they allow in an impact.
         """
         if self._whitened_jacobian is None:
             columns = self._whiten(self.jacobian)
@@ -628,8 +637,8 @@ class Posture(ReprMixin):
     def delassus_factor(self) -> Array:
         r"""Return F with :math:`F F^T = J M^{-1} J^T`, shape `(3, n)` [kg^-1/2, world frame].
 
-        It is the whitened Jacobian; of an ill-conditioned leg, the factor that the
-        articulated-body algorithm gives.
+        It is the whitened Jacobian. For an ill-conditioned leg without supports and loops it is a
+        factor from the articulated-body algorithm.
         """
         if self._delassus_factor is None:
             self._delassus_factor = self.whitened_jacobian
@@ -650,17 +659,17 @@ class Posture(ReprMixin):
 
     @cached_property
     def rounding_gain(self) -> float:
-        """How many times larger M's relative rounding can be in `delassus`; 1 of a sound leg."""
+        """Factor by which the relative rounding of M can grow in `delassus`; about 1 as a rule."""
         return rounding_gain(self.inertia, self._cholesky, self.whitened_jacobian.T)
 
     @property
     def is_ill_conditioned(self) -> bool:
-        """Whether the rounding of M can be seen in the Delassus matrix, 100 times or more."""
+        """Whether the rounding of M can grow by a factor of more than 100 in `delassus`."""
         return self._condition_bound > 1e3 and self.rounding_gain > 100.0  # the bound costs less
 
     @cached_property
     def articulated_bodies(self) -> ArticulatedBodies:
-        """The leg's bodies, which keep the digits that M loses; without supports and loops."""
+        """The articulated bodies of the leg without supports and loops; they do not need M."""
         workspace = self.leg.workspace
         return ArticulatedBodies(workspace.model, workspace.data, self.q)
 
@@ -670,7 +679,7 @@ class Posture(ReprMixin):
         Stiff joints hold; `without_stiff_joints` has the effective mass with these joints free.
 
         Args:
-            normal: n, any length but zero, shape `(3,)` [world frame].
+            normal: direction n, shape `(3,)` of any length but zero [world frame].
 
         Raises:
             InvalidInput: the normal has length 0.
@@ -680,23 +689,31 @@ class Posture(ReprMixin):
         return 1.0 / inverse if inverse else math.inf
 
     def point_velocity(self, v: ArrayLike) -> Array:
-        """Return the contact point's velocity :math:`J v`, shape `(3,)` [m/s, world frame]."""
+        """Return the velocity of the contact point, :math:`J v`, shape `(3,)` [m/s, world frame].
+
+        Args:
+            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+
+        Raises:
+            InvalidInput: v has another shape, or an entry that is not finite.
+        """
         return np.asarray(self.jacobian @ validation.vector("v", v, self.leg.nv))
 
     def joint_velocity(self, point_velocity: ArrayLike) -> Array:
-        r"""Return the joint velocity of least kinetic energy that moves the contact point so.
+        r"""Return the joint velocity of least kinetic energy at which the contact point moves so.
 
         It minimizes :math:`\frac12 v^T M v` under :math:`J v = w`, and is
         :math:`M^{-1} J^T (J M^{-1} J^T)^+ w`.
 
         Args:
-            point_velocity: w, shape `(3,)` [m/s, world frame].
+            point_velocity: velocity w of the contact point, shape `(3,)` [m/s, world frame].
 
         Returns:
             v, shape `(nv,)` [rad/s; m/s for prismatic joints].
 
         Raises:
-            InvalidInput: the leg cannot move its contact point in that direction here, or so fast.
+            InvalidInput: the leg cannot move its contact point in that direction in this posture,
+                or not so fast.
         """
         wish = validation.vector("point velocity", point_velocity, 3, unit="m/s")
         with np.errstate(over="ignore", invalid="ignore"):  # reported below
@@ -714,7 +731,7 @@ class Posture(ReprMixin):
         return v
 
     def try_joint_velocity(self, wish: ArrayLike) -> Array | None:
-        """Return what `joint_velocity` returns, or None if that is out of reach."""
+        """Return what `joint_velocity` returns, or None where it would raise `InvalidInput`."""
         wish = validation.vector("point velocity", wish, 3, unit="m/s")
         before = self.without_stiff_joints.whitened_jacobian
         left, gains, right = np.linalg.svd(before, full_matrices=False)
@@ -730,16 +747,16 @@ class Posture(ReprMixin):
     def solve(self, joint_impulse: ArrayLike) -> Array:
         r"""Return the velocity jump :math:`M^{-1} f` after a joint-space impulse f, shape `(nv,)`.
 
-        The impulses of supports and loops are added, if there are any. Without them, many impulses
-        may come as columns, shape `(nv, n)`.
+        For a leg with supports and loops, the jump includes the effect of their impulses. Without
+        them, f may have n columns, shape `(nv, n)`, and so has the result.
         """
         return self.respond(joint_impulse)[0]
 
     def respond(self, joint_impulse: ArrayLike) -> tuple[Array, Array]:
-        """Return what `solve` returns, and the impulses of supports and loops.
+        """Return the velocity jump that `solve` returns, and the impulses of supports and loops.
 
-        Those are stacked as in `Constraints.rows`, shape `(rows,)` [N s, N m s, world axes]; if
-        they are redundant, they are the smallest of all that do.
+        The impulses are stacked as in `constraint_projector.rows`, shape `(rows,)` [N s, N m s,
+        world axes]. Where several sets of them have the same effect, they are the smallest ones.
         """
         free, nv = self.constraint_projector is None, self.leg.nv
         if free and isinstance(joint_impulse, np.ndarray) and joint_impulse.shape[:-1] == (nv,):
@@ -758,7 +775,7 @@ class Posture(ReprMixin):
         """Return the joint velocity nearest to `v`, by kinetic energy, that constraints allow.
 
         Args:
-            v: shape `(nv,)` [rad/s; m/s for prismatic joints].
+            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
         """
         v = validation.vector("v", v, self.leg.nv)
         projector = self.without_stiff_joints.constraint_projector
@@ -770,7 +787,11 @@ class Posture(ReprMixin):
         return np.asarray(blas.dtrsv(self._cholesky, allowed, lower=1, trans=1))
 
     def check_velocity(self, v: Array) -> None:
-        """Raise `InvalidInput` if a joint velocity moves a support or opens a loop."""
+        """Raise `InvalidInput` if a joint velocity moves a support or opens a loop.
+
+        Args:
+            v: joint velocity, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        """
         projector = self.without_stiff_joints.constraint_projector
         violation = None if projector is None else projector.find_violation(v)
         if violation is not None:

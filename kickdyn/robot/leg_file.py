@@ -11,6 +11,7 @@ from kickdyn.robot.descriptions import find_description
 from kickdyn.robot.leg import Leg
 from kickdyn.robot.mjcf_file import is_mjcf, read_mjcf
 from kickdyn.robot.mjcf_model import sliding_joints
+from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import UrdfFile, read_document
 
 
@@ -67,5 +68,9 @@ def _prismatic(urdf: UrdfFile) -> set[str]:
 
 
 def _in_radians(values: Mapping[str, float], slides: Set[str]) -> dict[str, float]:
-    """Return values of joints [rad; m] from those in degrees, of the joints `slides` in m."""
-    return {name: x if name in slides else radians(x) for name, x in values.items()}
+    """Return values of joints [rad; m] from those in degrees, of the joints `slides` in m.
+
+    What a pattern matches of `slides` is named beside the pattern, with its value in m.
+    """
+    metres = expand_patterns(values, sorted(slides))
+    return {name: radians(x) for name, x in values.items() if name not in slides} | metres

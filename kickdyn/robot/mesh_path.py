@@ -69,9 +69,19 @@ class MeshFinder:
             return self._inside(name, here, [self._folder])
         except _MissingMesh:
             raise InvalidInput(
-                f"mesh {name!r} is missing: package {package!r} is unknown, name its folder in "
-                "package_dirs (--package-dir) or ROS_PACKAGE_PATH"
+                f"mesh {name!r} is missing: package {package!r} is unknown, for {self._searched()}"
+                "; name the package's folder, or the folder that contains it, in package_dirs= or "
+                "--package-dir, or in the environment variable ROS_PACKAGE_PATH"
             ) from None
+
+    def _searched(self) -> str:
+        """Return where a package was looked for in vain, as a clause."""
+        known = ", ".join(sorted({each for each, _ in self._around if each}))
+        return (
+            f"the folders above the robot's file are other packages ({known})"
+            if known
+            else f"no folder above the robot's file has a {MANIFEST}"
+        )
 
     def _inside(self, name: str, places: list[Path], roots: list[Path]) -> Path:
         """Return the real path of the first place that exists; refuse any outside the roots."""

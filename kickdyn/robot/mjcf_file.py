@@ -24,7 +24,7 @@ from kickdyn.core.xml_text import MAX_DEPTH, parse_xml
 from kickdyn.errors import InvalidInput, MjcfError
 from kickdyn.robot.mesh_path import MeshFinder
 from kickdyn.robot.mimic_joints import Mimic
-from kickdyn.robot.model_validation import listed
+from kickdyn.robot.names import listed
 from kickdyn.robot.urdf_file import MAX_BYTES
 from kickdyn.robot.urdf_validation import MAX_LINKS, MAX_MOVING_JOINTS, MAX_NAME
 from kickdyn.robot.visuals import RobotFile, Shape, Visual

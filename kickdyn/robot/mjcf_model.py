@@ -20,6 +20,7 @@ from kickdyn.robot.joint_table import lock_joints
 from kickdyn.robot.mimic_joints import Mimic
 from kickdyn.robot.mjcf_file import MjcfFile, body_name, quiet_mujoco
 from kickdyn.robot.model_validation import HUGE, check_model, frame_id
+from kickdyn.robot.names import expand_patterns
 from kickdyn.robot.urdf_file import check_base
 
 SAME = 1e-9
@@ -57,7 +58,7 @@ def build_mjcf_model(
         frame: a body, site or geom.
         base: `fixed` welds the root body to the world where the file places it, `floating` gives it
             a free joint, `root_joint` if the file has none.
-        locked: joints to lock at their values [rad; m for prismatic joints].
+        locked: joints to lock at their values [rad; m for prismatic joints], or patterns.
 
     Raises:
         MjcfError: gravity is not the ball's, a constraint that is not read, an inertia or limits
@@ -70,7 +71,9 @@ def build_mjcf_model(
     bodies, root = range(1, compiled.nbody), _root_of(compiled, frame)
     own = [body for body in bodies if root in (None, compiled.body_rootid[body])]
     try:
-        builder = _Builder(compiled, file.name, base, own, set(locked or ()))
+        names = [str(compiled.joint(joint).name) for joint in range(compiled.njnt)]
+        fixed = set(expand_patterns(dict.fromkeys(locked or (), 0.0), names))
+        builder = _Builder(compiled, file.name, base, own, fixed)
     except InvalidInput as fault:
         raise MjcfError(file.source, [str(fault)]) from None
     if root is None:  # no such frame, for which the error names those there are, or one at rest

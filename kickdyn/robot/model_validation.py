@@ -5,8 +5,6 @@ published robot may have massless virtual links between joints, or mass at a poi
 """
 
 import math
-from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from scipy.linalg import blas, lapack
 
 from kickdyn.core.validation import Array
 from kickdyn.errors import InvalidInput
+from kickdyn.robot.names import listed, lock_remedy, unknown
 
 MAX_CONDITION = 1e13
 """Condition number of the joint-space inertia from which it has no digits left."""
@@ -42,20 +41,6 @@ def frame_id(model: Any, name: str) -> int:
         raise InvalidInput(unknown("frame", name, model.name, names))
     bodies = [i for i in matches if model.frames[i].type != pin.FrameType.JOINT]
     return bodies[0] if bodies else matches[0]
-
-
-def listed(names: Sequence[str], most: int = 40) -> str:
-    """Return names in one line; what is beyond `most` is counted."""
-    rest = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + rest
-
-
-def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
-    """Return the line for a name that a model has not, with the nearest that it has."""
-    by_case = {known.lower(): known for known in reversed(names)}
-    near = get_close_matches(name.lower()[:200], list(by_case), 1) if isinstance(name, str) else []
-    hint = f"did you mean {by_case[near[0]]!r}? " if near else ""
-    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(names)}"
 
 
 def check_model(model: Any) -> None:
@@ -116,8 +101,7 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         if mass == 0.0 and not empty and largest < HUGE:
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass 0 kg, but moments): a body without "
-                "mass has no moments of inertia; correct it, or lock the joint (locked= of "
-                "from_urdf, or --lock)"
+                f"mass has no moments of inertia; {_either('correct it', model, [name])}"
             )
         if not (largest < HUGE and (mass > 0 or empty)):
             raise InvalidInput(
@@ -134,8 +118,8 @@ def _check_inertias(model: Any, names: list[str]) -> None:
             others = f", as do {listed(idle[1:])}" if idle[1:] else ""
             raise InvalidInput(
                 f"joint {name!r} moves an unsound inertia (mass {moved.mass:g} kg){others}: what "
-                f"moves with a joint must have {low:g} to {high:g} kg; give a link there mass and "
-                "inertia, or lock the joint (locked= of from_urdf, or --lock)"
+                f"moves with a joint must have {low:g} to {high:g} kg; "
+                + _either("give a link there mass and inertia", model, idle)
             )
     unsound: list[str] = []
     for name, body, moved in zip(names, bodies, composites, strict=True):
@@ -150,8 +134,13 @@ def _check_inertias(model: Any, names: list[str]) -> None:
         raise InvalidInput(
             f"joint {unsound[0]!r} moves an unsound inertia (principal moments {moments} kg m2)"
             f"{others}: none may be negative or exceed the sum of the others (triangle "
-            "inequality); correct it, or lock the joint (locked= of from_urdf, or --lock)"
+            "inequality); correct the inertias in the file"
         )
+
+
+def _either(remedy: str, model: Any, joints: list[str]) -> str:
+    """Return a remedy for the inertia of some joints, or to lock these joints if that is one."""
+    return ", or ".join(filter(None, [remedy, lock_remedy(model, joints)]))
 
 
 def _spread(inertia: Any) -> Array:
@@ -238,8 +227,9 @@ def singularity_fault(model: Any, inertia: Array, condition: float) -> str:
         if condition == math.inf
         else f"has condition {condition:.1g}, above {MAX_CONDITION:g}: no digits"
     )
-    joints = listed(find_singular_joints(model, inertia))
-    return f"{fault} (at fault: {joints}; lock them: Leg.locked, locked= of from_urdf, or --lock)"
+    joints = find_singular_joints(model, inertia)
+    remedy = lock_remedy(model, joints)
+    return f"{fault} (at fault: {'; '.join(filter(None, [listed(joints), remedy]))})"
 
 
 def find_singular_joints(model: Any, inertia: Array) -> list[str]:

@@ -4,7 +4,7 @@ import io
 import os
 import tempfile
 import threading
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -91,11 +91,11 @@ class UrdfFile(RobotFile):
 def read_urdf(
     path: str | PathLike[str],
     package_dirs: Iterable[str | PathLike[str]] = (),
-    locked: Container[str] = (),
+    locked: Iterable[str] = (),
 ) -> UrdfFile:
     """Read and check a URDF file, whose meshes may be in further folders.
 
-    Of joints to be locked, it does not matter whom they mimic.
+    Of joints to be locked, by names or patterns, it does not matter whom they mimic.
 
     Raises:
         UrdfError: with all faults of the file in one message.

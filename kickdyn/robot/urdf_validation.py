@@ -9,7 +9,7 @@ inertia of what moves together.
 import math
 import re
 from collections import Counter
-from collections.abc import Container
+from collections.abc import Iterable
 from difflib import get_close_matches
 from graphlib import CycleError, TopologicalSorter
 from xml.etree.ElementTree import Element
@@ -17,7 +17,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from kickdyn.robot.mimic_joints import Mimic
-from kickdyn.robot.model_validation import ROUNDING, listed
+from kickdyn.robot.model_validation import ROUNDING
+from kickdyn.robot.names import expand_patterns, listed
 
 MAX_LINKS = 3000
 """Pinocchio's parser overflows the stack at about 3,800 links in a row."""
@@ -43,10 +44,10 @@ _COUNTS = {
 """How many numbers there are in an attribute, by tag and key."""
 
 
-def find_faults(root: Element, locked: Container[str] = ()) -> list[str]:
+def find_faults(root: Element, locked: Iterable[str] = ()) -> list[str]:
     """Return one line per fault of the robot under `root`; none if Pinocchio may read it.
 
-    Whom joints mimic that are to be locked does not matter.
+    Whom joints mimic that are to be locked, by names or patterns, does not matter.
     """
     if root.tag == "mujoco":
         return ["is an MJCF, its root is <mujoco>: Leg.from_mjcf reads it"]
@@ -74,7 +75,8 @@ def find_faults(root: Element, locked: Container[str] = ()) -> list[str]:
     for name, joint in joints.items():
         _check_joint(f"joint {name!r}", joint, faults)
     _check_tree(links, joints, faults)
-    _check_mimics({n: j for n, j in joints.items() if n not in locked}, joints, faults)
+    fixed = expand_patterns(dict.fromkeys(locked, 0.0), joints)
+    _check_mimics({n: j for n, j in joints.items() if n not in fixed}, joints, faults)
     return faults
 
 

@@ -26,9 +26,11 @@ class Passage(NamedTuple):
     """How a ball passes a wall [m].
 
     Attributes:
-        above: from the top of the wall up to the ball's lower edge.
-        beside: from the edge of the wall outwards to the ball's side.
-        left: from the wall's middle to the ball's centre, positive to the left.
+        above: distance from the top of the wall up to the lower edge of the ball; below 0 the edge
+            is lower.
+        beside: distance from the edge of the wall outwards to the side of the ball; below 0 the
+            side is inside.
+        left: distance from the middle of the wall to the centre of the ball, positive to the left.
     """
 
     above: float
@@ -62,12 +64,14 @@ class Passage(NamedTuple):
 class Wall:
     """A wall of players across the line from the ball to its target, its middle on that line.
 
-    It does not stop the ball: a flight goes on behind it, and results say whether the ball hits it.
+    It does not stop the ball: the flight goes on behind it, and results say whether the ball hits
+    the wall.
 
     Args:
-        distance: from the ball's centre at its start, along the ground [m], above 0.
-        height: from the ground [m], above 0.
-        width: [m], above 0; without it that of five players.
+        distance: distance of the wall from the centre of the ball at its start, along the ground
+            [m], above 0.
+        height: height of the wall above the ground [m], above 0.
+        width: width of the wall [m], above 0; the default is that of five players.
 
     Raises:
         InvalidInput: a value that is not above 0 or not finite.
@@ -125,8 +129,10 @@ class Score(NamedTuple):
 
     Attributes:
         end: `in` or `short`; `over` the bar, `beside` the post; or `bar` or `post`, which it hits.
-        post: from the ball's side to the nearer post [m]; below 0 beyond it.
-        bar: from its upper edge up to the bar [m], likewise.
+        post: distance from the side of the ball to the nearer post [m]; below 0 where the ball is
+            beyond it.
+        bar: distance from the upper edge of the ball up to the bar [m]; below 0 where the ball is
+            above it.
     """
 
     end: str

@@ -50,30 +50,32 @@ class Scene(ReprMixin):
     """One kick, from the posture of the leg to the end of the ball's path.
 
     Args:
-        leg: with the frame that strikes the ball, its rotors, supports and loops.
+        leg: the leg, with the frame that strikes the ball, its rotors, supports and loops.
         q: configuration, shape `(nq,)` [rad; m for prismatic joints].
-        v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s].
-        ball: its centre is at `contact point + radius * normal`.
+        v: joint velocity just before the contact, shape `(nv,)` [rad/s; m/s for prismatic joints].
+        ball: the ball; its centre is at `contact point + radius * normal`.
         contact: normal, restitution (a number, a table over the speed of approach or a model),
             friction and offset of the contact.
         law: impact law, as for `strike`: `newton`, `stronge` or `paper`.
         contact_time: duration of a compliant contact, as for `collide` [s]. Without it and without
-            `stiffness`, the contact is an instant. A compliant contact has no law, and a
-            restitution of at least 0.01.
-        stiffness: of a compliant contact, instead of `contact_time`: `"pressure"` or a number
-            [N/m^1.5], as for `collide`.
-        dissipation: of a compliant contact, as for `collide`.
-        ball_velocity: of the ball's centre before the contact, shape `(3,)` [m/s, world frame].
-        ball_spin: before the contact, shape `(3,)` [rad/s, world frame].
-        air: None is the vacuum.
-        ground: where the flight ends; None ends it at the height of the launch. On a ground with a
-            surface the ball is followed to rest.
-        plane: a wall or a goal line that ends the path if the ball reaches it first.
-        wall: of players, on the line to the `point` of the plane; the ball flies on where it hits
-            it.
-        uncertainty: standard deviations of uncertain quantities, by the names and in the
-            units of `Impact.uncertainty`.
-        name: of the scene.
+            `stiffness`, the contact is an instant. A compliant contact has no impact law, and its
+            restitution must be at least 0.01.
+        stiffness: stiffness of a compliant contact, in place of `contact_time`: `"pressure"` or a
+            number [N/m^1.5], as for `collide`.
+        dissipation: dissipation of a compliant contact, as for `collide`.
+        ball_velocity: velocity of the centre of the ball before the contact, shape `(3,)`
+            [m/s, world frame].
+        ball_spin: angular velocity of the ball before the contact, shape `(3,)`
+            [rad/s, world frame].
+        air: the air; None is the vacuum.
+        ground: the ground, where the flight ends. None ends it at the height of the launch. On a
+            ground with a surface, the ball is followed to rest.
+        plane: a wall or a goal line, which ends the path if the ball reaches it first.
+        wall: a wall of players on the line from the ball to the `point` of the plane. The ball
+            flies on where it hits this wall.
+        uncertainty: standard deviations by the name of a source, in the units of
+            `Impact.uncertainty`; None means that none is known.
+        name: name of the scene.
 
     Raises:
         InvalidInput: a wrong type or shape, an entry that is not finite, or an invalid posture.
@@ -199,7 +201,7 @@ class Scene(ReprMixin):
 
     @property
     def environment(self) -> FlightEnvironment:
-        """What the ball flies through, and what ends its path."""
+        """The ball, the air and what ends the path, as data for the flight."""
         return FlightEnvironment(self.ball, self.air, self.ground, self.plane)
 
     @property
@@ -264,7 +266,8 @@ def compliant_contact_faults(law: ImpactLaw, restitution: Restitution) -> list[s
     lines = []
     if law != ImpactLaw.NEWTON:
         lines.append(
-            f"law is {law.value!r}: a contact that takes time has no law, leave one of them out"
+            f"law is {law.value!r}: a contact that takes time has no impact law; leave out law, "
+            "or the contact time and the stiffness"
         )
     least = least_restitution(restitution)
     if least < LEAST_RESTITUTION:

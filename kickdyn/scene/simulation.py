@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -17,10 +17,16 @@ from kickdyn.impact.impact_result import Impact
 from kickdyn.plane import Plane
 from kickdyn.restitution import describe_restitution, range_warnings
 from kickdyn.robot.standing import is_floating
-from kickdyn.scene.effects import EffectVerdict
-from kickdyn.scene.flight_end import ENDS
+from kickdyn.scene.effects import INCLUDED, EffectSize, EffectVerdict
 from kickdyn.scene.pitch import Passage, Score, passage_at, score_at
 from kickdyn.scene.scene import Scene
+
+_WORDS: dict[str, str] = {
+    FlightStatus.LANDED: "landed at",
+    FlightStatus.AT_PLANE: "reached the plane at",
+    FlightStatus.AT_REST: "came to rest at",
+}
+"""By status, how the path of the ball ends."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,23 +34,23 @@ class Simulation(Printed):
     """The result of a scene. `print` shows its error budget as a table.
 
     Attributes:
-        scene: as given.
-        tolerance: on the position of the end [m]; None where everything is modelled, except for
-            what the `verdicts` neglect.
-        impact: of an instant, or one that took time.
+        scene: the scene, as it was given.
+        tolerance: tolerance on the position of the end [m]; None where everything is modelled,
+            except for what the `verdicts` neglect.
+        impact: the impact, of an instant or of a finite contact time.
         launch: the ball as it leaves the foot.
-        end: where its path ends: on the ground, at the height of the launch, at the plane, or at
-            rest on a ground with a surface. Its time counts from the launch.
-        status: which of them: `landed`, `at-plane` or `at-rest`. Any other status, as of `Flight`
-            and `Course`, says why the path has no end; `end` is then its last state.
-        path: the flight or the course; None where large steps were used.
-        verdicts: on each effect of the scene.
+        end: the ball at the end of its path: on the ground, at the height of the launch, at the
+            plane, or at rest on a ground with a surface. Its time counts from the launch.
+        status: how the path ends: `landed`, `at-plane` or `at-rest`. Any other status, as of
+            `Flight` and `Course`, says why it has no end; `end` is then the last state.
+        path: the flight or the course; None where a flight in a few large steps was exact enough.
+        verdicts: the decision on each effect of the scene, with its bound and its reason.
         method: how the end was computed.
-        evaluations: of the accelerations in contact and flight, those for bounds and for
-            `end_deviation` included, but not those of `numerical_error`.
-        end_deviation: standard deviation of the end by the scene's `uncertainty`, to first order,
-            velocity and spin varying together [m]; nan where the scene has none, inf where the path
-            has no end.
+        evaluations: number of evaluations of the accelerations in contact and flight, with those
+            for bounds and for `end_deviation`, but without those of `numerical_error`.
+        end_deviation: standard deviation of the end that follows from the `uncertainty` of the
+            scene, to first order, velocity and spin varying together [m]; nan where the scene has
+            none, inf where the path has no end.
     """
 
     scene: Scene
@@ -59,6 +65,7 @@ class Simulation(Printed):
     evaluations: int
     end_deviation: float
     _numerical: Callable[[], float] = field(repr=False)
+    _measure: Callable[[Scene], Sequence[EffectSize]] = field(repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes, with the estimate in place of the function that makes it."""
@@ -66,34 +73,46 @@ class Simulation(Printed):
 
     @cached_property
     def numerical_error(self) -> float:
-        """Estimate of what the integrators miss at the end [m]; inf where there is none."""
+        """Estimate of the numerical error of the end [m]; inf where there is no estimate."""
         return self._numerical()
+
+    @cached_property
+    def effect_sizes(self) -> Mapping[str, float]:
+        """By effect: how far the end moves if only this effect is neglected [m].
+
+        It is computed when it is first read, as exactly as the integrators can: it takes about
+        three simulations with `tolerance=None` for a compliant contact, and milliseconds for an
+        instantaneous one. nan where the path has no end with or without the effect, or cannot be
+        computed.
+        """
+        sizes = {size.effect: size.end for size in self._measure(self.scene)}
+        return {verdict.effect: sizes.get(verdict.effect, math.nan) for verdict in self.verdicts}
 
     @property
     def model_error(self) -> float:
-        """Bound on what the neglected effects would change at the end [m]."""
+        """Bound on the distance by which the neglected effects would move the end [m]."""
         return math.fsum(v.bound for v in self.verdicts if not v.modelled)
 
     @property
     def error(self) -> float:
-        """Error of the end: `model_error` and `numerical_error` together [m].
+        """Error of the end, the sum of `model_error` and `numerical_error` [m].
 
-        It is at most `tolerance`, unless the integrators cannot reach that: see
-        `within_tolerance`.
+        It is at most `tolerance`, unless the integrators cannot reach that; then
+        `within_tolerance` is False.
         """
         return self.model_error + self.numerical_error
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether the error is within the tolerance; without one, whether the error is known."""
+        """Whether the error is within the tolerance; without one, whether the error is finite."""
         return self.error <= (sys.float_info.max if self.tolerance is None else self.tolerance)
 
     @property
     def end_text(self) -> str:
-        """Status and position of the end in words."""
+        """Status and position of the end, as text."""
         x, y, z = self.end.position.round(3) + 0.0  # no -0
-        status = self.status if self.status in ENDS else f"NO END, given up {self.status}"
-        return f"{status} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
+        words = _WORDS.get(self.status, f"NO END ({self.status}), computed as far as")
+        return f"{words} ({x:.3f}, {y:.3f}, {z:.3f}) m"
 
     @cached_property
     def passage(self) -> Passage | None:
@@ -126,7 +145,7 @@ class Simulation(Printed):
         return score_at(left, up, scene.ball.radius, arrives=arrives)
 
     def pitch_numbers(self) -> dict[str, Any]:
-        """Return `passage` and `score` as what JSON can hold, by the keys `wall`, `goal_mouth`."""
+        """Return `passage` and `score` as dictionaries for JSON, `wall` and `goal_mouth`."""
         passage, score = self.passage, self.score
         return {
             "wall": passage and {"above": passage.above, "beside": passage.beside},
@@ -135,7 +154,7 @@ class Simulation(Printed):
 
     @property
     def start_height(self) -> float:
-        """Height of the ball's lower edge over the ground as it leaves the foot [m]."""
+        """Height of the ball's lower edge over the ground at the launch [m]; 0 without a ground."""
         ground = self.scene.ground
         if ground is None:
             return 0.0
@@ -143,7 +162,7 @@ class Simulation(Printed):
 
     @property
     def pitch_text(self) -> str:
-        """How the ball passes the wall and meets the goal, in sentences; empty without both."""
+        """Sentences on how the ball passes the wall and meets the goal; empty without both."""
         said = []
         if self.scene.wall is not None:
             said.append(str(self.passage or "The ball lands before it reaches the wall."))
@@ -155,7 +174,7 @@ class Simulation(Printed):
 
     @property
     def frame_text(self) -> str:
-        """The frame of the positions, and where the ground is, as a sentence."""
+        """A sentence on the frame of the positions and on the height of the ground."""
         origin = "in the world frame" if is_floating(self.scene.leg) else "from the base of the leg"
         ground = self.scene.ground
         where = "" if ground is None else f"; the ground is at z = {ground.height:.3f} m"
@@ -173,7 +192,7 @@ class Simulation(Printed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the leg, and of coefficients of contact and air used outside their ranges."""
+        """Warnings of the leg, and of coefficients of contact and air outside their ranges."""
         impact = self.impact
         return (
             *self.scene.leg.warnings,
@@ -181,39 +200,70 @@ class Simulation(Printed):
             *(() if self.path is None else self.path.warnings),
         )
 
-    def __str__(self) -> str:
-        """Return the end and the error budget."""
-        if self.tolerance is None:
-            asked = "all modelled" + (f" but {', '.join(self.neglected)}" if self.neglected else "")
+    @property
+    def summary(self) -> str:
+        """The end, its error, the wall, the goal, notes and warnings, one line each."""
+        error = f"error {self.error:.2g} m" if math.isfinite(self.error) else "error unknown"
+        if self.tolerance is not None:
+            met = "within" if self.within_tolerance else "NOT WITHIN"
+            error += f", {met} the tolerance of {self.tolerance:g} m"
+        elif self.neglected:
+            left_out = [f"{v.effect} ({v.why})" for v in self.verdicts if not v.modelled]
+            error += f"; all effects are modelled except {', '.join(left_out)}"
         else:
-            asked = f"asked {self.tolerance:g} m"
-        asked += "" if self.within_tolerance else ", NOT MET"
-        error = f"{self.error:.2g} m" if math.isfinite(self.error) else "unknown"
-        lines = [
-            f"{self.end_text} after {self.end.time:.3f} s; error {error}, {asked}; {self.method}",
-            *filter(None, [self.pitch_text]),
-            self.frame_text,
-            f"{'effect':20}{'':12}{'bound m':>9}  why",
-        ]
+            error += "; all effects are modelled"
         impact = self.impact
         given, speed = impact.contact.restitution, impact.approach_speed
-        if used := describe_restitution(given, impact.restitution, speed):
-            lines.insert(1, used)
-        for effect, modelled, bound, why in self.verdicts:
-            size = "" if math.isnan(bound) else _size(bound)
-            lines.append(f"{effect:20}{'modelled' if modelled else 'neglected':12}{size:>9}  {why}")
-        numerics = self.numerical_error
-        size = _size(numerics) if numerics > 1e-12 else "rounding"
-        lines.append(f"{'numerics':32}{size:>9}")
+        lines = [
+            f"{self.end_text} after {self.end.time:.3f} s; {error}",
+            describe_restitution(given, impact.restitution, speed),
+            self.pitch_text,
+            self.frame_text,
+        ]
         if not math.isnan(self.end_deviation):
-            lines.append(f"{'uncertainty':32}{_size(self.end_deviation):>9}  standard deviation")
-        if any(v.modelled and v.bound == math.inf for v in self.verdicts):
-            lines.append("An effect whose bound is unknown is modelled, whatever the tolerance.")
+            lines.append(
+                f"The uncertainties of the scene give the end a standard deviation of "
+                f"{_size(self.end_deviation)} m."
+            )
         lines += [f"note: {note}" for note in self.scene.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
+        return "\n".join(filter(None, lines))
+
+    def __str__(self) -> str:
+        """Return the summary and a table of the effects."""
+        numerics = self.numerical_error
+        size = f"{_size(numerics)} m" if numerics > 1e-12 else "only rounding"
+        bounds = self.tolerance is not None
+        by_model = (
+            f"{_size(self.model_error)} m by neglected effects and " if self.neglected else ""
+        )
+        lines = [
+            self.summary,
+            f"The error is {by_model}{size} by numerical integration ({self.method}).",
+            f"{'effect':20}{'':12}{'size [m]':>9}" + ("   bound [m]" if bounds else ""),
+        ]
+        for effect, modelled, bound, why in self.verdicts:
+            kind = "modelled" if modelled else "neglected"
+            bounded = _size(bound) if math.isfinite(bound) else "-"
+            if why.startswith(INCLUDED):
+                bounded = why.removeprefix("neglected ")
+            line = f"{effect:20}{kind:12}{_size(self.effect_sizes[effect]):>9}"
+            lines.append(f"{line}   {bounded}" if bounds else line)
+        lines.append("size: how far the end moves if only this effect is neglected.")
+        if bounds:
+            lines.append(
+                "bound: what the size is at most, from a flight in four steps. Effects are "
+                "neglected as long as their bounds add up to less than half of the tolerance; what "
+                "has no bound (-) is modelled."
+            )
+        for why in {v.why: None for v in self.verdicts if v.modelled and v.bound == math.inf}:
+            names = [v.effect for v in self.verdicts if v.why == why]
+            lines.append(f"{', '.join(names)}: {why}.")
         return "\n".join(lines)
 
 
 def _size(metres: float) -> str:
-    """Return a length with two digits, `unknown` for inf, which is no bound at all."""
-    return f"{metres:.2g}" if metres < math.inf else "unknown"
+    """Return a length with two digits, `unknown` where it is not finite."""
+    if not math.isfinite(metres):
+        return "unknown"
+    return f"{metres:.0f}" if metres >= 10.0 else f"{metres:.2g}"

@@ -206,10 +206,8 @@ def difference(
     for name in wanted.dims:
         one, other = stored[name].values, wanted[name].values
         if not np.array_equal(one, other):
-            return (
-                f"its {name} has {len(one)} values from {one[0]:.6g} to {one[-1]:.6g}, this one's "
-                f"{len(other)} from {other[0]:.6g} to {other[-1]:.6g}, not all the same"
-            )
+            spans = [_span(each, wanted[name].attrs["units"]) for each in (one, other)]
+            return f"its {name} has {spans[0]}, this one's {spans[1]}, not all the same"
     for attribute, value in wanted.attrs.items():
         found = stored.attrs.get(attribute)
         if attribute not in ("finished", "warnings") and found != value:
@@ -219,6 +217,15 @@ def difference(
     if names[0] != names[1]:
         return f"its variables are {names[0]}, this one's {names[1]}"
     return None
+
+
+def _span(values: Array, unit: str) -> str:
+    """Return how many values of a joint there are and their ends, in its unit, and in degrees."""
+    low, high = float(values[0]), float(values[-1])
+    text = f"{len(values)} value{'s' * (len(values) != 1)} from {low:.6g} to {high:.6g} {unit}"
+    if unit != "rad":
+        return text
+    return f"{text} ({math.degrees(low):.6g} to {math.degrees(high):.6g} deg)"
 
 
 def _check_names(grid: Grid) -> None:

@@ -22,7 +22,7 @@ from kickdyn.view.kick_scene import LINE_WIDTH, POINTS, THIN, box_corners, set_s
 from kickdyn.view.leg_figure import draw_leg
 from kickdyn.view.marks import draw_ball, draw_curve, draw_distances, draw_dots, draw_ground
 
-COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x333333)
+COLOURS = (0xE63946, 0x2456D6, 0xF4A300, 0x6A2FB5, 0x0E8F8F, 0x8C5A2B, 0xD81E9B, 0x7FE3F5)
 MOST = len(COLOURS)  # flights or impacts of one picture
 X = np.array([1.0, 0.0, 0.0])
 MOST_DOTS, DOTS = 30, 0x111111
@@ -79,8 +79,11 @@ def draw_flights(
         )
         for colour, (name, path) in zip(COLOURS, paths.items(), strict=False)
     ]
+    begins = "launch"
     if measured:
+        begins = "first sample"
         rows.append((f"{colour_key(DOTS)} measured", f"about {MOST_DOTS} positions of each"))
+    rows.append(("distances, heights", f"from the {begins} of each"))
     return panel_of(title, [*rows, ("ground marks", f"every {stripe:g} m")])
 
 

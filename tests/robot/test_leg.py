@@ -54,7 +54,7 @@ def test_frame_must_exist_and_move(frame, said):
 
 
 def test_long_lists_of_names_are_cut():
-    with pytest.raises(kd.InvalidInput, match=r"j38, j39 and 21 more$"):
+    with pytest.raises(kd.InvalidInput, match=r"arm has toe, j0, .*j38 and 21 more$"):
         kd.Leg.from_model(arm(joints=60), "tow")
 
 

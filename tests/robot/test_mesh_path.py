@@ -93,8 +93,17 @@ def test_an_unknown_package_says_what_to_do(robot):
         MeshFinder(robot / "urdf").find("package://hand_description/meshes/hand.stl")
     assert str(caught.value) == (
         "mesh 'package://hand_description/meshes/hand.stl' is missing: package 'hand_description' "
-        "is unknown, name its folder in package_dirs (--package-dir) or ROS_PACKAGE_PATH"
+        "is unknown, for the folders above the robot's file are other packages "
+        "(robot_description); name the package's folder, or the folder that contains it, in "
+        "package_dirs= or --package-dir, or in the environment variable ROS_PACKAGE_PATH"
     )
+
+
+def test_without_a_manifest_it_says_so(tmp_path):
+    with pytest.raises(
+        kd.InvalidInput, match=r"no folder above the robot's file has a package\.xml"
+    ):
+        MeshFinder(tmp_path).find("package://hand_description/meshes/hand.stl")
 
 
 @pytest.mark.parametrize("given", ["hand_repo", ".", "../ws", "ws"])

@@ -57,7 +57,7 @@ def test_joints_that_move_nothing_together_are_named():
     leg = kd.Leg.from_model(chain(BODY, on_axis, joints="XZ"), "toe")
     with pytest.raises(
         kd.InvalidInput,
-        match=r"not positive definite.*at fault: j1; lock them: Leg.locked, locked=",
+        match=r"not positive definite.*at fault: j1; lock it by locked=\{'j1': 0\} in Python",
     ):
         leg.posture([0.1, 0.2])
     leg = kd.Leg.from_model(chain(BODY, NOTHING, NOTHING, on_axis, joints="XYXY"), "toe")

@@ -171,10 +171,10 @@ def test_what_is_there_is_not_overwritten(tmp_path):
             "postures": dict(reversed(POSTURES.items()))
         },
         "its joints are hip, knee, ankle, this one's hip": {"postures": {"hip": [0.0, 0.1]}},
-        "its hip has 7 values from 0 to 1.5708, this one's 1 from 0 to 0": {
+        r"its hip has 7 values from 0 to 1.5708 rad \(0 to 90 deg\), this one's 1 value from 0": {
             "postures": POSTURES | {"hip": 0.0}
         },
-        "its knee has 7 values from 0 to 0.523599, this one's .* not all the same": {
+        "its knee has 7 values from 0 to 0.523599 rad .*, this one's .* not all the same": {
             "postures": POSTURES | {"knee": inside}
         },
         "its ball_inertia_factor is": {"kick": replace(KICK, ball=kd.Ball(inertia_factor=0.4))},

@@ -1,0 +1,105 @@
+"""Names of joints and frames: which are meant, how they are listed, and how joints are locked."""
+
+import math
+import re
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from typing import Any
+
+from kickdyn.core import validation
+from kickdyn.errors import InvalidInput
+
+FOOT = ("toe", "sole", "foot", "ankle")
+"""What the names of frames contain that can kick a ball."""
+
+MOST_LOCKED = 12
+"""Names and patterns that `lock_remedy` spells out."""
+
+
+def listed(names: Sequence[str], most: int = 40) -> str:
+    """Return names in one line; what is beyond `most` is counted."""
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
+
+
+def unknown(kind: str, name: object, owner: str, names: Sequence[str]) -> str:
+    """Return the line for a name that a model has not.
+
+    It lists those that the model has; if they are many, the nearest ones and those of feet first.
+    """
+    by_case = {known.lower(): known for known in reversed(names)}
+    near = []
+    if isinstance(name, str):
+        near = [by_case[each] for each in get_close_matches(name.lower()[:200], by_case, 8)]
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    order = list(names)
+    if len(names) > 40:  # not all of them are listed
+        words = FOOT if kind == "frame" else ()
+        feet = [each for word in words for each in names if word in each.lower()]
+        order = list(dict.fromkeys([*near, *feet, *names]))
+    return f"{kind} {name!r} is unknown: {hint}{owner} has {listed(order)}"
+
+
+def expand_patterns(values: Mapping[str, float], names: Iterable[str]) -> dict[str, float]:
+    """Return the values of those among some names that `values` names.
+
+    A key of `values` that is none of the names is a pattern as of a shell, with `*`, `?` and
+    `[...]`. A name that is a key itself has the value of that key.
+
+    Raises:
+        InvalidInput: a value that is not finite, or a name that matches two patterns with different
+            values.
+    """
+    names = list(names)
+    found = {name: values[name] for name in names if name in values}
+    patterns = {key: value for key, value in values.items() if key not in found}
+    matched: dict[str, str] = {}
+    for pattern, value in patterns.items():
+        number = validation.number(f"joint {pattern}", value)
+        for name in names:
+            if name not in values and isinstance(pattern, str) and fnmatchcase(name, pattern):
+                other = matched.setdefault(name, pattern)
+                if found.setdefault(name, number) != number:
+                    raise InvalidInput(
+                        f"joint {name!r} matches {other!r} and {pattern!r}, which have different "
+                        "values: name the joint itself"
+                    )
+    return found
+
+
+def lock_remedy(model: Any, joints: Sequence[str]) -> str:
+    """Return how some joints of a `pin.Model` can be locked, as text that can be copied.
+
+    Each of them is locked at 0, or in the middle of its range if 0 is outside. Numbered joints are
+    named by a pattern if it matches no other joint. Empty if none of the joints has one degree of
+    freedom, or no other joint would be left.
+    """
+    names = list(model.names)
+    values: dict[str, tuple[float, str]] = {}
+    for joint in joints:
+        number = names.index(joint)
+        if model.nvs[number] == 1:
+            slides = model.joints[number].shortname().startswith("JointModelP")
+            at = model.idx_qs[number]
+            low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+            turns = model.nqs[number] == 2  # a continuous joint has no range
+            value = 0.0 if turns or low <= 0.0 <= high else float(f"{(low + high) / 2:.3g}")
+            values[joint] = value, f"{value if slides else math.degrees(value):.4g}"
+    if not values or len(values) == len(names) - 1:
+        return ""
+    entries: dict[str, tuple[float, str]] = {}
+    for joint, pair in values.items():
+        pattern = re.sub(r"\d+", "*", joint)
+        alike = [name for name in names if fnmatchcase(name, pattern)]
+        same = len(alike) > 1 and joint in alike and all(values.get(n) == pair for n in alike)
+        entries[pattern if same else joint] = pair
+    if len(entries) > MOST_LOCKED:
+        return "lock them by locked={joint: value} in Python, by --lock JOINT=VALUE in commands"
+    pronoun = "it" if len(values) == 1 else "them"
+    python = ", ".join(f"{name!r}: {value:g}" for name, (value, _) in entries.items())
+    options = " ".join(
+        f"--lock {shlex.quote(f'{name}={text}')}" for name, (_, text) in entries.items()
+    )
+    return f"lock {pronoun} by locked={{{python}}} in Python, by {options} in commands"

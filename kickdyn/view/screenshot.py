@@ -17,7 +17,8 @@ TIMEOUT = 120.0  # of Chromium [s]
 _FLAGS = (
     "--headless=new --no-sandbox --use-gl=angle --use-angle=swiftshader "
     "--enable-unsafe-swiftshader --hide-scrollbars --disable-background-networking "
-    "--disable-component-update --disable-sync --no-first-run --virtual-time-budget=3000 --window-size=1280,720"
+    "--disable-component-update --disable-sync --no-first-run "
+    "--virtual-time-budget=3000 --window-size=1280,720"
 )
 
 

@@ -447,7 +447,7 @@ class Leg(JointTable, ReprMixin):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines about irregularities of the file, none of which is repaired, and their consequences.
+        """Lines about irregularities of the file, none of which is repaired, and their effects.
 
         These are open loops, and joints between base and contact frame whose speed limit is 0.
         """

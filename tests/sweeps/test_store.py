@@ -350,7 +350,7 @@ def test_what_is_stopped_leaves_nothing_to_an_executor_of_the_caller(tmp_path):
             raise KeyboardInterrupt
 
     with ThreadPoolExecutor(1) as executor:
-        with pytest.raises(Unfinished, match=r"^interrupted: [12] of 7 chunks"):
+        with pytest.raises(Unfinished, match=r"^interrupted: \d+ of 294 postures"):
             stored(tmp_path / "s.zarr", executor=executor, progress=stop)
         done = computed(tmp_path / "s.zarr")
     assert computed(tmp_path / "s.zarr") <= done + 42 < 294

@@ -333,7 +333,7 @@ def _checked_objective(
     if swing:
         if objective not in (KickObjective.JOINT_SPEED, KickObjective.KINETIC_ENERGY):
             raise InvalidInput(
-                f"objective is {objective}: with swing=True it must be joint-speed or "
+                f"objective is {objective}: with swing=True (--swing) it must be joint-speed or "
                 "kinetic-energy"
             )
         if not limits:

@@ -469,8 +469,8 @@ def tracked() -> Iterator[Row]:
         ),
         "not comparable",
         f"fits made for this comparison; median and range of the {n} flights of at least 0.9 s "
-        "that `kd.segments` finds in the minute that comes with kickdyn; which samples the four flights "
-        "had is not known",
+        "that `kd.segments` finds in the minute that comes with kickdyn; which samples the four "
+        "flights had is not known",
     )  # fmt: skip
     yield Row(
         "A1", "C_D fitted to flights of a match", "0.125 to 0.183 (n = 4)",
